@@ -1,4 +1,4 @@
-"""Frozen constants of the mechanical system: plain named tuples, so that compiled kernels take them as they are.
+"""Constant parameters of the mechanical system, as named tuples for compiled kernels.
 
 `dim` is 2 in a plane and 3 in space; it is carried by the length of `Cable.gravity`, which the kernels know at compile
 time, and so is the number of turns of a body, 1 or 3. Vectors are x along the track, y to its left, z up.
@@ -35,7 +35,7 @@ SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive 
 
 @by_reference
 class Cable(NamedTuple):
-    """One cable, uniform but for the lengths of its elements (`mesh_fields`)."""
+    """Cable of uniform properties, with element lengths of its mesh (`mesh_fields`)."""
 
     element_count: int
     element_length: FloatArray  # l, (elements,) m, unstrained
@@ -61,7 +61,7 @@ class Cable(NamedTuple):
 
 
 def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
-    """The fields of `Cable` that describe its mesh, from the arc lengths (nodes,) in m of its nodes, the first at 0."""
+    """Mesh fields of `Cable`, from the arc lengths (nodes,) in m of its nodes, the first at 0."""
     lengths = np.diff(node_arc_length)
     if np.ptp(lengths) < 1e-9 * lengths[0]:
         lengths[:] = node_arc_length[-1] / lengths.size  # equal to the last bit
@@ -139,7 +139,7 @@ class Towers(NamedTuple):
 
 @by_reference
 class Counterweights(NamedTuple):
-    """What pulls each end of the cable with a constant force; a mass of 0 where there is none."""
+    """Counterweights at the ends of the cable, with constant pull; a mass of 0 without one."""
 
     direction: FloatArray  # (2, dim) unit vectors in which start and end are pulled
     mass: FloatArray  # (2,) kg, of the inertia along that direction
@@ -151,7 +151,7 @@ class Counterweights(NamedTuple):
 
 @by_reference
 class MovingCable(NamedTuple):
-    """A cable that moves along itself through its fixed ends: its drive, and the loop of which it is one strand."""
+    """Axially moving cable between fixed ends: its drive, and its loop as a single strand."""
 
     moving: bool
     loop_length: float  # m, unstrained; what is beyond the cable's own length is not simulated
@@ -186,7 +186,7 @@ class HaulRopes(NamedTuple):
 
 @by_reference
 class VehicleBuffers(NamedTuple):
-    """Who can meet whom on the rope; those of carriage c are the entries offset[c] to offset[c + 1]."""
+    """Possible buffer contacts of vehicles on the rope; carriage c has the entries offset[c] to offset[c + 1]."""
 
     offset: IntArray  # (carriages + 1,)
     other: IntArray  # (entries,) the carriage that it can meet
@@ -210,7 +210,7 @@ NO_BUFFERS = VehicleBuffers(
 
 @by_reference
 class Wind(NamedTuple):
-    """How the wind differs from place to place and from moment to moment; vectors are x, y, z, in a plane too."""
+    """Variation of the wind in space and time; vectors are x, y, z, in a plane too."""
 
     exponent: float  # -, of the power law of height; 0: the same at each
     reference_height: float  # m above the ground, where the wind is as given
@@ -245,7 +245,7 @@ STEADY = Wind(
 
 @by_reference
 class Air(NamedTuple):
-    """What the air does: quadratic drag on rope and bodies, and what of its wind is not steady and even."""
+    """Aerodynamic coefficients: quadratic drag of rope and bodies, and variation of the wind."""
 
     rope_drag: float  # kg/m^2, half of density, drag coefficient and diameter multiplied; 0 for none
     body_drag: FloatArray  # (bodies, dim²) kg/m, half of density and drag areas, a diagonal matrix in the axes of each
@@ -256,7 +256,7 @@ class Air(NamedTuple):
 
 @by_reference
 class Payloads(NamedTuple):
-    """Where each carriage can be loaded."""
+    """Loading place of each carriage: body and position."""
 
     body: IntArray  # (carriages,) number of the body, -1 where there is no room
     position: FloatArray  # (carriages, 2) m, from the centre of mass of the empty body in its axes
@@ -275,7 +275,7 @@ class Solver(NamedTuple):
 
 @by_reference
 class System(NamedTuple):
-    """Everything that does not change while the twin runs."""
+    """All constant parameters of one rope with its vehicles and supports."""
 
     cable: Cable
     carriages: Carriages

@@ -1,4 +1,4 @@
-"""What changes while the twin runs, and the scratch space of the solver: arrays only, so that kernels work in place."""
+"""State of one rope with its vehicles, and workspace of the solver: arrays that kernels change in place."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Motion(NamedTuple):
 
 @by_reference
 class Course(NamedTuple):
-    """What a drive asks for, or a rope has taken as it was asked; units as declared, and per second."""
+    """Reference motion of a drive, or prescribed travel of a rope; units as declared, and per second."""
 
     position: FloatArray
     velocity: FloatArray
@@ -53,7 +53,7 @@ class Course(NamedTuple):
 
 @by_reference
 class WindField(NamedTuple):
-    """The wind where it acts, in this step, and what it goes on from."""
+    """Present wind at elements and bodies, and the memory of its generators."""
 
     time: Annotated[FloatArray, Of(1, unit="s")]  # since the start or the last reset
     way: Annotated[FloatArray, Of(1, unit="m")]  # of wind gone by, at its mean speed
@@ -69,7 +69,7 @@ class WindField(NamedTuple):
 
 @by_reference
 class State(NamedTuple):
-    """Motion of the whole system at one time, and what its drives were told."""
+    """Motion of one rope with its vehicles at one time, and the commands of its drives."""
 
     nodes: Annotated[Motion, Of("node", 2, "dim", unit="m")]  # e: r in m, r_x (-)
     bodies: Annotated[
@@ -164,7 +164,7 @@ FIELDS = tuple(RANGES)
 
 @by_reference
 class Workspace(NamedTuple):
-    """Residual, tangent and what elimination leaves behind; contents have no meaning between steps."""
+    """Residual, tangent and factors of elimination; contents have no meaning between steps."""
 
     diagonal: Annotated[FloatArray, Of("node", 2, 2, "dim²")]  # matrices of r and r_x against r and r_x
     upper: Annotated[FloatArray, Of("element", 2, 2, "dim²")]  # couples node k to k + 1
@@ -248,7 +248,7 @@ class Workspace(NamedTuple):
 
 
 def sizes_of(system: System) -> dict[str, int]:
-    """What the names of sizes stand for, in the shapes of the records of a system."""
+    """Sizes by name, for the array shapes in the records of a system."""
     elements, dim = system.cable.element_count, len(system.cable.gravity)
     turns = turns_of(dim)
     return {
@@ -273,7 +273,7 @@ def sizes_of(system: System) -> dict[str, int]:
 
 
 def allocate_state(system: System) -> State:
-    """State of zeros with every joint at rest; `equilibrium` fills it."""
+    """Allocate a state of zeros with every joint at rest, input of `equilibrium`."""
     state = allocate(State, sizes_of(system))
     modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
     state.drive_mode[:] = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes)
@@ -284,17 +284,17 @@ def allocate_state(system: System) -> State:
 
 
 def allocate_workspace(system: System) -> Workspace:
-    """Scratch space of the size of `system`."""
+    """Allocate the workspace of the solver of `system`."""
     return allocate(Workspace, sizes_of(system))
 
 
 def first_phases(bodies: int) -> FloatArray:
-    """Phases (bodies,) in rad of the eddies at the start: those of neighbours are far from each other."""
+    """Initial vortex-shedding phases (bodies,) in rad, far apart for neighbouring bodies."""
     return 2.0 * np.pi * (0.6180339887498949 * np.arange(bodies, dtype=np.float64) % 1.0)
 
 
 def turns_of(dim: int) -> int:
-    """How many angles a body has."""
+    """Number of rotation angles of a body: 1 in a plane, 3 in space."""
     return 1 if dim == 2 else 3
 
 

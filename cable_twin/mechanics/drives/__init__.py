@@ -1,1 +1,1 @@
-"""What moves vehicles and ropes: references, haul ropes, ropes that move along themselves."""
+"""Drives of vehicles and ropes: references, haul ropes, axially moving ropes, stations."""

@@ -1,4 +1,4 @@
-"""The haul rope of a tramway: elastic between drive sheave and carriage, inside the Newton iteration.
+"""Haul rope of an aerial tramway: elastic between drive sheave and carriage, inside the Newton iteration.
 
 It pulls the carriage in space, along the track rope but not against it: what holds it is its station. So it has a
 coordinate w (m) of its own, the way of the carriage p in that direction, and the sheave one, u (m), how far it has paid
@@ -32,7 +32,7 @@ SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the 
 
 @kernel
 def rope_length(system, carriage, travel):
-    """Length (m) between the sheave and the place of `travel` (m), and its derivative by the travel."""
+    """Length (m) of a haul rope between sheave and a `travel` (m), and its derivative by the travel."""
     beyond = system.haul_ropes.beyond_track[carriage]
     length, by_travel = beyond + travel, 1.0
     if system.haul_ropes.station[carriage] == END:
@@ -42,7 +42,7 @@ def rope_length(system, carriage, travel):
 
 @kernel
 def rope_damping(system, carriage, length):
-    """Damping (N s/m) of the rope at a length (m), and its derivative by that."""
+    """Damping (N s/m) of a haul rope of a length (m), and its derivative by the length."""
     ropes = system.haul_ropes
     stiffness, ratio = ropes.axial_stiffness[carriage], ropes.damping_ratio[carriage]
     mass = carriage_mass(system.carriages, carriage)
@@ -52,7 +52,7 @@ def rope_damping(system, carriage, length):
 
 @kernel
 def rope_force(system, state, carriage):
-    """Force T (N) of the rope on w, towards larger ones, without inertia.
+    """Force T (N) of the haul rope on w, towards larger w, without inertia.
 
     Returns:
         T; its derivatives by w, by w_dot and by u (N/m, N s/m); zero but T where the rope is slack. That by u_dot is
@@ -75,7 +75,7 @@ def rope_force(system, state, carriage):
 
 @kernel
 def sheave_force(system, state, carriage):
-    """Force (N) of the drive on its sheave, towards larger u: what rope and inertia take."""
+    """Force (N) of the drive on its sheave, towards larger u: rope force and inertia."""
     ropes = system.haul_ropes
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
@@ -86,7 +86,7 @@ def sheave_force(system, state, carriage):
 
 @kernel
 def pull_on_carriage(system, state, carriage):
-    """Force (N) of the rope on w, with what moving its own mass takes."""
+    """Force (N) of the haul rope on w, less the inertia of the rope."""
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
     mass = system.haul_ropes.mass_per_length[carriage] * length / 6.0
@@ -95,14 +95,14 @@ def pull_on_carriage(system, state, carriage):
 
 @kernel
 def haul_direction(system, state, carriage):
-    """Direction d (dim,): w by the place of the carriage."""
+    """Haul direction d (dim,): derivative of w by the position of the carriage."""
     r_x = joint_tangent(system.cable, state, carriage)
     return scale(1.0 / dot(r_x, r_x), r_x)
 
 
 @kernel
 def leave_place(system, state, work):
-    """Keep where each hauled carriage is at the start of a step, before it is predicted."""
+    """Store the position of each hauled carriage at the start of a step, before prediction."""
     for carriage in range(state.drive_mode.size):
         if state.drive_mode[carriage] == HAULED:
             place = joint_position(system.cable, state, carriage)
@@ -115,7 +115,7 @@ def leave_place(system, state, work):
 
 @kernel
 def direct_haul(system, state, work):
-    """Choose the direction of each haul rope for a step, that of the predicted end, and so where w counts from."""
+    """Set direction and origin of w of each haul rope for a step, from the predicted configuration."""
     for carriage in range(state.drive_mode.size):
         if state.drive_mode[carriage] == HAULED:
             d = haul_direction(system, state, carriage)
@@ -125,7 +125,7 @@ def direct_haul(system, state, work):
 
 @kernel
 def take_up(state):
-    """Count the way of each haul rope from the arc length of its carriage again, and that of its sheave with it."""
+    """Reset w of each haul rope to the arc length of its carriage, and shift sheave and reference alike."""
     for carriage in range(state.drive_mode.size):
         if state.drive_mode[carriage] == HAULED:
             slid = state.hauled.position[carriage] - state.joints.position[carriage]
@@ -136,7 +136,7 @@ def take_up(state):
 
 @kernel
 def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
-    """Eliminate the sheave: leaves the force on w, its derivative, its change where the carriage stands, and the gap.
+    """Eliminate the sheave; leaves the force on w, its derivative, its change at a fixed carriage, and the gap.
 
     A sheave that follows its reference is there already; the row of any other is
     (drive inertia + l ρ / 3) u_ddot + l ρ / 6 w_ddot + T = drive force.
@@ -170,7 +170,7 @@ def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
 
 @kernel
 def recover_sheave(carriage, moved, work):
-    """Increments of w and u, once that (dim,) of the joint's place is known."""
+    """Increments of w and u, from the displacement (dim,) of the joint."""
     row = work.sheave_row[carriage]
     way = work.haul_gap[carriage] + dot(load(work.haul_direction[carriage], moved), moved)
     work.haul_increment[carriage] = way
@@ -179,7 +179,7 @@ def recover_sheave(carriage, moved, work):
 
 @kernel
 def hang_in_rope(system, state, carriage, force):
-    """Put the sheave where the rope has `force` (N) on w at rest; returns whether the rope can have it."""
+    """Place the sheave for a static `force` (N) of the haul rope on w; returns whether the rope can carry it."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
     s = state.joints.position[carriage]

@@ -1,4 +1,4 @@
-"""A start that is already in motion: the cable as it rests, and what is on it with its speed along it."""
+"""Initial motion: equilibrium of the cable with vehicles moving along it at their initial speeds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cable_twin.mechanics.rope.kink import has_kinks
 
 @kernel
 def set_going(system, state, carriage, speed):
-    """Let a carriage at rest move along the cable with `speed` (m/s): joint, sheave, reference and all its bodies."""
+    """Set a carriage at rest in motion along the cable at `speed` (m/s): joint, sheave, reference and all bodies."""
     cable = system.cable
     state.joints.velocity[carriage] = speed
     place = state.joints.position[carriage]

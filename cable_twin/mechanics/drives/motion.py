@@ -1,4 +1,4 @@
-"""What all drives do in a step: their references move, and none gives more than its limit."""
+"""Drives in a step: motion of their references, and force limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.mechanics.parameters import FORCE, HAULED, SPEED
 
 @kernel
 def move_drives(system, state, duration):
-    """Move ropes and references by `duration` (s), as the drives have it."""
+    """Advance moving ropes and drive references by `duration` (s)."""
     if system.moving_cable.moving:
         move_rope(system, state, duration)
     for carriage in range(system.carriages.fixed.size):
@@ -25,7 +25,7 @@ def move_drives(system, state, duration):
 
 @kernel
 def prescribe(state):
-    """Put all joints and sheaves that follow a reference where that is."""
+    """Set all driven joints and sheaves to their references."""
     reference = state.reference
     for carriage in range(state.drive_mode.size):
         mode = state.drive_mode[carriage]
@@ -38,7 +38,7 @@ def prescribe(state):
 
 @kernel
 def drive_force(system, state, carriage):
-    """Force (N) of a drive that follows its reference, on its joint or on the sheave of its haul rope."""
+    """Force (N) of a drive following its reference, on its joint or on the sheave of its haul rope."""
     if state.drive_mode[carriage] == HAULED:
         return sheave_force(system, state, carriage)
     return driven_force(system, state, carriage)
@@ -46,7 +46,7 @@ def drive_force(system, state, carriage):
 
 @kernel
 def find_saturated(system, state, before, work):
-    """Whether a drive takes more than its limit; `saturation` is what it may give then (N), and 0 for the others."""
+    """Find drives beyond their force limit, with the limit (N) in `saturation`, 0 for others; returns whether any."""
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
@@ -64,7 +64,7 @@ def find_saturated(system, state, before, work):
 
 @kernel
 def hold_at_limits(state, work):
-    """Give the drives that `find_saturated` has found their limit as a force."""
+    """Switch saturated drives, found by `find_saturated`, to force mode at their limit."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
             set_drive_mode(state, carriage, FORCE)
@@ -73,7 +73,7 @@ def hold_at_limits(state, work):
 
 @kernel
 def follow_again(state, work):
-    """Let the same drives go on from the speed that they have reached."""
+    """Switch saturated drives back to their references, from the speed reached."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
             set_drive_mode(state, carriage, SPEED)
@@ -82,7 +82,7 @@ def follow_again(state, work):
 
 @kernel
 def report_forces(system, state):
-    """Leave in `drive_force` what it takes to follow each reference."""
+    """Store in `drive_force` the force of each drive following its reference."""
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage] and follows_reference(state.drive_mode, state.sheave_mode, carriage):
             state.drive_force[carriage] = drive_force(system, state, carriage)

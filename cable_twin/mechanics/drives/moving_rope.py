@@ -1,4 +1,4 @@
-"""A cable that moves along itself on a mesh that stands still, and what is clamped to it.
+"""Axially moving cable on a fixed mesh, and vehicles clamped to it.
 
 The rope goes by as `rope.strand` has it. What is clamped to it is a driven joint, which keeps its place on the rope, on
 a loop of which the mesh is a part. What it does beyond the mesh is in `stations`.
@@ -49,7 +49,7 @@ def moving_rope_force(system, state):
 
 @kernel
 def move_rope(system, state, duration):
-    """Move the cable by `duration` (s) as its drive has it, and the references of all that is clamped to it.
+    """Advance the cable by `duration` (s) under its drive, and the references of all vehicles clamped to it.
 
     One whose ends run over bullwheels goes as those do, and has been moved by them.
     """
@@ -63,7 +63,7 @@ def move_rope(system, state, duration):
 
 @kernel
 def ramp_rope(system, state, duration):
-    """Move the start of the rope by `duration` (s) as its drive has it."""
+    """Advance the travel at the start of the rope by `duration` (s) towards the target speed of its drive."""
     moving = system.moving_cable
     limit, jerk = moving.acceleration_limit, moving.jerk_limit
     if state.rope_braking[0]:
@@ -73,7 +73,7 @@ def ramp_rope(system, state, duration):
 
 @kernel
 def carry_clamped(system, state):
-    """Move the references of all that is clamped to the rope with it.
+    """Update the references of all vehicles clamped to the rope, and park vehicles leaving the mesh.
 
     What leaves the mesh by that is taken off. What comes onto it stays off until `stations.attach_carriers`.
     """

@@ -1,4 +1,4 @@
-"""How a drive acts on a joint in the equations: the one place where they meet its mode.
+"""Action of a drive on its joint in the equations of motion: the only place that depends on the drive mode.
 
 A joint follows a reference, or it is free along the cable: then a force along it is given, or a haul rope pulls. What a
 drive on the joint gives, the cable takes; what a haul rope gives, its station.
@@ -21,21 +21,21 @@ from cable_twin.mechanics.parameters import HAULED, SPEED, IntArray, System
 
 @inlined_kernel
 def reference_gap(state, carriage, work):
-    """Way (m) that a joint is off its reference, where it has one."""
+    """Store the distance (m) from a driven joint to its reference as the increment of s."""
     if state.drive_mode[carriage] == SPEED:
         work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
 
 
 @inlined_kernel
 def reference_acceleration(state, carriage, work):
-    """The same at acceleration level (m/s²)."""
+    """Store the reference acceleration (m/s²) of a driven joint as the increment of s."""
     if state.drive_mode[carriage] == SPEED:
         work.sliding_increment[carriage] = state.reference.acceleration[carriage]
 
 
 @inlined_kernel
 def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
-    """Leave what the sliding joint needs: whether it is driven, the given force, and the pull of a haul rope."""
+    """Store the drive's input of the sliding joint: driven or not, given force, pull of a haul rope."""
     mode = state.drive_mode[carriage]
     work.driven[carriage] = mode == SPEED
     work.given_force[carriage] = state.drive_force[carriage] if mode != HAULED else 0.0
@@ -50,7 +50,7 @@ def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
 
 @inlined_kernel
 def recover_drive(state, carriage, moved, work):
-    """Increments of a haul rope and its sheave, once that (dim,) of the joint's place is known."""
+    """Increments of a haul rope and its sheave, from the displacement (dim,) of the joint."""
     if state.drive_mode[carriage] == HAULED:
         recover_sheave(carriage, moved, work)
 
@@ -69,7 +69,7 @@ def observe_haul(system, state, carriage):
 
 @kernel
 def joint_forces(system, state, carriage):
-    """Forces (dim,) in N on a carriage at its joint: of the cable, and of the rope that hauls it, 0 without one."""
+    """Forces (dim,) in N on a carriage at its joint: of the cable, and of its haul rope (0 without one)."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     pull = scale(0.0, force)
     if state.drive_mode[carriage] == HAULED:
@@ -82,7 +82,7 @@ def joint_forces(system, state, carriage):
 
 
 def hold_all(state: Any) -> IntArray:
-    """Hold every joint where it is, as driven ones at rest; the modes (carriages,) that they had."""
+    """Hold every joint as driven at rest; returns the previous modes (carriages,)."""
     modes = state.drive_mode.copy()
     state.drive_mode[:] = SPEED
     state.reference.position[:] = state.joints.position
@@ -90,7 +90,7 @@ def hold_all(state: Any) -> IntArray:
 
 
 def let_go(system: System, state: Any, modes: IntArray) -> None:
-    """Give the drives their modes back; each that holds its joint, by itself or by a rope, keeps the force of that."""
+    """Restore the drive modes; driven and hauled joints keep their holding force as drive force."""
     state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
     for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
         state.drive_force[carriage] *= np.linalg.norm(joint_tangent(system.cable, state, carriage))

@@ -1,4 +1,4 @@
-"""Drives and brakes: references that obey the limits and stay between the end stops, and what force there is for it.
+"""Drive references within limits and end stops, and available force of drives and brakes.
 
 A brake on the drive is a deceleration with a limited force: the reference is to rest within the step, and what that
 takes beyond the force of the brake is not given (`generalized_alpha.limited_step`). At rest the brake holds up to it.
@@ -17,7 +17,7 @@ ROUNDING = 1e-6  # of a step
 
 @kernel
 def braking_speed(distance, speed, deceleration, duration):
-    """Highest speed (m/s) after `duration` (s) from which a constant deceleration still stops within `distance` (m)."""
+    """Highest speed (m/s) after `duration` (s) with a stop within `distance` (m) at a constant deceleration."""
     half = 0.5 * duration
     room = half * half + 2.0 * (distance - half * speed) / deceleration
     return deceleration * (sqrt(room) - half) if room > half * half else 0.0
@@ -25,21 +25,21 @@ def braking_speed(distance, speed, deceleration, duration):
 
 @kernel
 def capped_speed(target, ahead, behind, speed, deceleration, duration):
-    """Speed (m/s) nearest to the target from which `deceleration` stops within so far ahead, or behind, in m."""
+    """Speed (m/s) nearest to the target with a stop by `deceleration` within distances (m) `ahead` and `behind`."""
     most = braking_speed(ahead, speed, deceleration, duration)
     return max(min(target, most), -braking_speed(behind, -speed, deceleration, duration))
 
 
 @kernel
 def follows_reference(drive_mode, sheave_mode, carriage):
-    """Whether a joint, or the sheave of its haul rope, goes as the reference does; modes are those of the state."""
+    """Return whether a joint, or the sheave of its haul rope, follows its reference in the given modes."""
     mode = drive_mode[carriage]
     return mode == SPEED or (mode == HAULED and sheave_mode[carriage] == SPEED)
 
 
 @kernel
 def force_limit(carriages, state, carriage, speed):
-    """Greatest force (N) of a drive, or of the brakes on it in an emergency stop, at a speed (m/s)."""
+    """Available force (N) of a drive at a speed (m/s), or of its brakes in an emergency stop."""
     if carriages.fixed[carriage]:
         return inf
     if state.drive_braking[carriage]:
@@ -86,14 +86,14 @@ def advance_reference(carriages, cable, state, carriage, duration):
 
 @kernel
 def follow(course, number, position, velocity, acceleration):
-    """Write one entry of a course: m, m/s, m/s²."""
+    """Set one entry of a reference motion: m, m/s, m/s²."""
     course.position[number], course.velocity[number] = position, velocity
     course.acceleration[number] = acceleration
 
 
 @kernel
 def ramp(course, number, target, limit, jerk, duration):
-    """Move one entry of a course by `duration` (s) towards the speed `target` (m/s).
+    """Advance one entry of a reference motion by `duration` (s) towards the speed `target` (m/s).
 
     The speed changes as fast as the acceleration `limit` (m/s²) allows, within the limit of the jerk (m/s³) where that
     is not inf; without one the position is the exact integral of the trapezoid.

@@ -1,4 +1,4 @@
-"""What is clamped to a moving rope in the stations: off the rope it hangs at rest, and there it comes on again.
+"""Stations of a moving rope: vehicles off the rope hang at rest, and are attached on their return.
 
 Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part.
 """
@@ -24,7 +24,7 @@ from cable_twin.mechanics.rope.strand import going_by, rest_stretch
 
 @kernel
 def loop_coordinate(system, state, carriage):
-    """Place (m) of what is clamped, along the mesh from its start on and round the loop as far as that start."""
+    """Place (m) of a clamped vehicle along mesh and loop, from the start of the mesh."""
     length = system.moving_cable.loop_length
     place = system.carriages.loop_place[carriage] - state.loop_start[0] + state.rope.position[0]
     return (place - length * floor(place / length)) / rest_stretch(system.cable, state)
@@ -32,7 +32,7 @@ def loop_coordinate(system, state, carriage):
 
 @kernel
 def park(system, state, carriage, place):
-    """Take a carriage off the cable: it hangs at rest in the station that is nearer to its place (m) on the loop."""
+    """Detach a carriage and hang it at rest in the station nearest to its place (m) on the loop."""
     cable = system.cable
     beyond = place - cable.unstrained_length
     station = (
@@ -43,7 +43,7 @@ def park(system, state, carriage, place):
 
 @kernel
 def hang_in_station(system, state, carriage, station):
-    """Take a carriage off the cable: it hangs at rest at the end of it that is at the arc length `station` (m)."""
+    """Detach a carriage and hang it at rest at the end of the cable with the arc length `station` (m)."""
     cable = system.cable
     state.attached[carriage] = False
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
@@ -59,7 +59,7 @@ def hang_in_station(system, state, carriage, station):
 
 @kernel
 def attach_carriers(system, state):
-    """Put what has come onto the mesh on the cable: hanging from its joint, upright, and moving as that does.
+    """Attach all carriers that have reached the mesh: upright, moving with the rope.
 
     Within one step of the end of the mesh its weight is on the held end but for some centimetres of arm, so that no
     other carriage feels more of it than the wave that a load makes that rolls onto a rope.
@@ -74,14 +74,14 @@ def attach_carriers(system, state):
 
 @kernel
 def attach(system, state, carriage, place):
-    """Put one carriage on the cable at the arc length `place` (m)."""
+    """Attach one carriage to the moving cable at the arc length `place` (m)."""
     speed, rate = going_by(system.cable, state, place)
     put_on(system, state, carriage, place, speed, rate)
 
 
 @kernel
 def put_on(system, state, carriage, place, speed, rate):
-    """Put a carriage on the cable at an arc length (m): hanging upright, and moving along it at `speed` (m/s)."""
+    """Attach a carriage to the cable at an arc length (m): upright, moving along the cable at `speed` (m/s)."""
     cable = system.cable
     state.attached[carriage] = True
     state.joints.position[carriage] = place

@@ -1,4 +1,4 @@
-"""What a command changes at a drive, be it on the joint itself or on the sheave of a haul rope."""
+"""Switching of drive modes and references, on the joint itself or on the sheave of a haul rope."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cable_twin.mechanics.parameters import HAULED
 
 @kernel
 def set_drive_mode(state, carriage, mode):
-    """Put a drive into FREE, FORCE or SPEED, be it on the joint itself or on the sheave of a haul rope."""
+    """Set the mode FREE, FORCE or SPEED of a drive, on the joint itself or on the sheave of a haul rope."""
     if state.drive_mode[carriage] == HAULED:
         state.sheave_mode[carriage] = mode
     else:
@@ -18,7 +18,7 @@ def set_drive_mode(state, carriage, mode):
 
 @kernel
 def take_over(state, carriage):
-    """Let the reference go on from the place (m) and speed (m/s) of the joint or sheave that is to follow it."""
+    """Start the reference of a drive from the present place (m) and speed (m/s) of its joint or sheave."""
     moving = state.joints.position[carriage], state.joints.velocity[carriage]
     if state.drive_mode[carriage] == HAULED:
         moving = state.sheaves.position[carriage], state.sheaves.velocity[carriage]

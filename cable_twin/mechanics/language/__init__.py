@@ -1,1 +1,1 @@
-"""What the mechanics are written in: vectors, lanes, memory, records by reference, compilation."""
+"""Programming layer of the mechanics: vectors, SIMD lanes, memory, records by reference, compilation."""

@@ -1,4 +1,4 @@
-"""Records by their addresses: so that one kernel takes as many of a kind as there are, each a pointer in an array."""
+"""Tables of record addresses: one kernel takes any number of records of a type."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _intrinsic: Any = intrinsic  # its stub asks for the typing context in a call
 
 
 class Addresses:
-    """Addresses of records that stay where they are as long as this object lives.
+    """Addresses of records, which stay in place for the lifetime of this object.
 
     Attributes:
         table: (rows, columns) integers, for kernels.
@@ -29,7 +29,7 @@ class Addresses:
         self.table: NDArray[np.int64] = np.array([[_address(one) for one in row] for row in self._packed], np.int64)
 
     def write(self, row: int, column: int, record: Any) -> None:
-        """Put another record in its place.
+        """Replace one record of the table.
 
         Raises:
             TypeError: it is of another type: kernels would read it as what it is not.

@@ -1,4 +1,4 @@
-"""Named tuples of parameters and states, handed to kernels and between them as one pointer.
+"""Named tuples of parameters and states, passed to kernels and between kernels as one pointer.
 
 numba passes a tuple by value, a state as some 400 words in every call and in every variable. Here the words are written
 once, by `pack`, and a kernel reads of them what it names. No kernel writes to them (what their arrays hold is another
@@ -27,11 +27,11 @@ _WORD = ir.IntType(32)
 
 
 class Known(int):
-    """A whole number, or a condition, that is part of the type of the record that it is in: see `known`."""
+    """Compile-time constant in a record: an integer or condition that is part of the record's type, see `known`."""
 
 
 class KnownType(types.Type):
-    """Type that numba has for one value."""
+    """Type of one compile-time constant in numba."""
 
     def __init__(self, value: int) -> None:
         self.value = value
@@ -47,7 +47,7 @@ def _typeof_known(value: Known, context: Any) -> KnownType:
 
 
 class RecordType(types.Type):
-    """numba's type of a named tuple that is passed by reference."""
+    """Type of a named tuple passed by reference in numba."""
 
     def __init__(self, record: Any, kinds: tuple[types.Type, ...]) -> None:
         self.names: tuple[str, ...] = record._fields
@@ -62,7 +62,7 @@ _RECORDS: set[type] = set()
 
 
 def by_reference(record: type) -> type:
-    """Class decorator for a named tuple."""
+    """Class decorator: pass a named tuple by reference to kernels."""
     _RECORDS.add(record)
 
     @typeof_impl.register(record)
@@ -74,7 +74,7 @@ def by_reference(record: type) -> type:
 
 @register_model(RecordType)
 class _RecordModel(models.PrimitiveModel):
-    """An address, whose words only `read_field` spells out: their type is longer than most kernels."""
+    """Data model of a record: an opaque address, since its full type is longer than most kernels."""
 
     def __init__(self, manager: Any, kind: RecordType) -> None:
         super().__init__(manager, kind, cgutils.voidptr_t)
@@ -91,7 +91,7 @@ class _Fields(AttributeTemplate):
 
 @lower_getattr_generic(RecordType)
 def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer: ir.Value, name: str) -> ir.Value:
-    """Call a function of its own for each field: it is written once in a module, and LLVM puts it in place."""
+    """Read a field through one inlined function per field and module, for short compiled code."""
     known = record.kinds[record.names.index(name)]
     if isinstance(known, KnownType):
         return context.get_constant(types.int64, known.value)
@@ -113,7 +113,7 @@ def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer:
 def _load(
     builder: ir.IRBuilder, pointer: ir.Value, path: list[ir.Constant], kind: ir.Type, leave_out: Set[int] = frozenset()
 ) -> ir.Value:
-    """Load word by word: LLVM splits a load of several words and forgets that they do not change."""
+    """Load a value word by word, since LLVM loses the invariance of a load of several words."""
     if isinstance(kind, ir.LiteralStructType | ir.ArrayType):
         parts = kind.elements if isinstance(kind, ir.LiteralStructType) else [kind.element] * kind.count
         value = ir.Constant(kind, None if leave_out else ir.Undefined)
@@ -128,12 +128,12 @@ def _load(
 
 
 class Packed:
-    """A record as kernels take it: its words, and what owns the arrays and the words that those point to."""
+    """Record in the layout of kernels: its words, and the owners of all memory they point to."""
 
     __slots__ = ("_numba_type_", "_owners", "_words", "address")
 
     def __init__(self, record: Any) -> None:
-        """Write the words of a record of a `by_reference` class, and of the records in it.
+        """Write the words of a record of a `by_reference` class, and of its inner records.
 
         Raises:
             TypeError: one line: a field is nothing that a record holds.
@@ -168,7 +168,7 @@ _FORMS = {types.boolean: "?", types.int64: "q", types.float64: "d"}
 
 
 def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
-    """Words of one field, as `struct` lays them out."""
+    """Words of one field, in the layout of `struct`."""
     if isinstance(kind, types.Array):  # an array of numba: two owners, nobody here, then what follows
         sizes = (*field.shape, *field.strides)
         return f"PPqqP{len(sizes)}q", (0, 0, field.size, field.itemsize, field.__array_interface__["data"][0], *sizes)
@@ -184,7 +184,7 @@ def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
 
 
 def pack(record: Any) -> Any:
-    """What kernels take for a record, to be kept where they are called often; the record itself with the JIT off.
+    """Pack a record for calls of kernels, worth keeping for frequent calls; the record itself without JIT.
 
     What its arrays hold may change, which arrays they are may not. Anything that is no record stays as it is.
 

@@ -1,4 +1,4 @@
-"""How every kernel is compiled: once, without the interpreter lock, and kept on disk.
+"""Compilation of kernels: once, without the interpreter lock, and cached on disk.
 
 No `fastmath`: with the arithmetic of IEEE 754 as written, results do not depend on what the compiler inlines where,
 so that a fresh compilation, a cached one and another process agree to the last bit.
@@ -33,7 +33,7 @@ ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
 
 @functools.cache
 def cache_directory(folder: Path) -> Path | None:
-    """Where compiled kernels of a folder are kept: one directory for each version of all that they may call.
+    """Cache directory of the compiled kernels of a folder, one for each version of their sources.
 
     That is the mechanics and their own folder, which `test_architecture` sees to; numba itself asks only whether the
     file of a kernel has changed, not those of the kernels that it calls. None, and a line that says so, where they
@@ -74,7 +74,7 @@ def cache_directory(folder: Path) -> Path | None:
 
 
 def refuse_shared(directory: Path) -> None:
-    """Refuse a directory in which others may put compiled kernels, which are code that this process would run.
+    """Refuse a directory writable by others, who could place code in the cache of this process.
 
     What only the group of this user may write is closed to it: some systems make all directories so.
 
@@ -102,7 +102,7 @@ OVERLOAD: Any = {"error_model": "numpy", **_AS_PART}
 
 
 class Kernel:
-    """A function that is compiled twice, as needed: to be called from Python, and to be called from other kernels.
+    """Compiled function with two entry points, each compiled on demand: for Python and for other kernels.
 
     What turns Python objects into the dozens of arrays of a state and back is larger than most kernels; one that only
     others call is compiled without it, and without machine code of its own (`parts`).
@@ -111,7 +111,7 @@ class Kernel:
     def __init__(
         self, function: Callable[..., Any], compiler: type[WholeCompiler] = WholeCompiler, **options: Any
     ) -> None:
-        """Compile nothing yet; each kind is kept in a directory of its own, as numba tells them apart by that alone."""
+        """Set up compilation without compiling, with a cache directory for each kind of entry point."""
         functools.update_wrapper(self, function)
         self.py_func = function
         with _kept_in(function, FROM_PYTHON) as keeps:
@@ -126,28 +126,28 @@ class Kernel:
 
     @property
     def title(self) -> str:
-        """Its name, as `kept_kernels` has it."""
+        """Name of the kernel in `kept_kernels`."""
         return title_of(self.py_func)
 
     @property
     def kinds_loaded(self) -> set[tuple[str, str]]:
-        """Kind and title of what this process has loaded from the cache."""
+        """Kind and title of the compiled code that this process has loaded from the cache."""
         both = {FROM_PYTHON: self._from_python, FROM_KERNELS: self._from_kernels}
         return {(kind, self.title) for kind, compiled in both.items() if any(compiled.stats.cache_hits.values())}
 
     def is_kept(self, arguments: tuple[Any, ...]) -> bool:
-        """Whether it is in the cache, to be called from Python with arguments of these types."""
+        """Return whether the cache holds the kernel for calls from Python with arguments of these types."""
         cache = self._from_python._cache
         return isinstance(cache, KernelCache) and cache.has(tuple(numba.typeof(pack(one)) for one in arguments))
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it, compiled on the first call for these types or loaded from the cache."""
+        """Call the kernel, compiled on the first call for its argument types or loaded from the cache."""
         return self._from_python(*map(pack, arguments))
 
 
 @contextlib.contextmanager
 def _kept_in(function: Callable[..., Any], kind: str) -> Iterator[bool]:
-    """Have what is decorated meanwhile kept in a directory of its kind, where there is one."""
+    """Context in which decorated functions are cached in the directory of their kind."""
     config: Any = numba.config
     before, directory = config.CACHE_DIR, _directory_of(function)
     config.CACHE_DIR = f"{directory}/{kind}"  # read by numba while it decorates, and only then
@@ -168,34 +168,34 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def brief_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`kernel` that runs once, and not for long: a first start is not to wait for better machine code of it."""
+    """Kernel for a single short run, compiled faster with less optimisation."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, BriefCompiler)
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`kernel` whose compiled code becomes part of its callers: for what is called in every iteration."""
+    """Kernel inlined into its callers, for calls in every iteration."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, forceinline=True)
 
 
 def as_python(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`function`, a kernel that calls no other, uncompiled: for a few numbers now and then while the twin runs."""
+    """Uncompiled function of a kernel without calls of other kernels, for rare calls on a few numbers."""
     return function.py_func if isinstance(function, Kernel) else function
 
 
 def keeps_kernels() -> bool:
-    """Whether what is compiled is there for other processes."""
+    """Return whether compiled kernels are cached for other processes."""
     return cache_directory(MECHANICS) is not None
 
 
 def title_of(function: Callable[..., Any]) -> str:
-    """Name of a kernel's function among the files of its cache."""
+    """Name of a kernel's function among the files of the cache."""
     return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
 
 def kept_kernels(since: float) -> set[tuple[str, str]]:
-    """What of the mechanics has come into the cache since a time (s, of the clock): kind and title.
+    """Kind and title of all kernels of the mechanics cached since a time (s, of the clock).
 
     Kinds are `FROM_PYTHON` and `FROM_KERNELS`. A kernel is there before for other types, of a plane or of one rope.
     """

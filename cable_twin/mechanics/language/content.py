@@ -1,4 +1,4 @@
-"""What a function is, as a short text: two functions have the same one only where they compile to the same code.
+"""Fingerprint of a function: a short text, equal only for functions that compile to equal code.
 
 numba names compiled code after the module, the qualified name, the types of the arguments and a running number, which
 is another one in each process; and what it keeps of a function, it finds by the bytes of its instructions and by what
@@ -23,7 +23,7 @@ _PLAIN = (int, float, complex, bool, str, bytes, type(None), tuple, frozenset)
 
 
 def content_of(function: Any) -> str:
-    """Of its instructions and constants, of what its closure and its defaults hold, and of all that it names.
+    """Fingerprint of a function, from its instructions, constants, closure, defaults and all names used.
 
     Kernels, overloads and intrinsics that it calls are followed; of anything else that is no number, the name counts.
     """
@@ -57,7 +57,7 @@ def _code(code: CodeType) -> Iterator[str]:
 
 
 def _names(code: CodeType) -> set[str]:
-    """Names that it, and what it defines, takes from elsewhere."""
+    """Global names used by a code object and its inner functions."""
     inner = (_names(constant) for constant in code.co_consts if isinstance(constant, CodeType))
     return set(code.co_names).union(*inner)
 
@@ -75,7 +75,7 @@ def _value(value: Any) -> str:
 
 
 def _overloads_of(function: FunctionType) -> list[Any]:
-    """What stands for a plain function in kernels."""
+    """Overloads registered in numba for a plain function."""
     registered = builtin_registry.globals
     for value, kind in registered[_READ[0] :]:
         if isinstance(value, FunctionType):

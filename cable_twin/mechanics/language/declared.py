@@ -1,4 +1,4 @@
-"""Records of arrays that are declared once: shape, unit, range and first value of each beside its name.
+"""Records of declared arrays: shape, unit, range and initial value of each array beside its name.
 
 All arrays of a record are in one block of memory, in the order of their declaration: to copy a record is to copy that.
 """
@@ -22,7 +22,7 @@ R = TypeVar("R")
 
 
 class Of:
-    """Declares an array, or all arrays of a record, within `Annotated[type, Of(...)]`.
+    """Declaration of an array, or of all arrays of a record, in `Annotated[type, Of(...)]`.
 
     Args:
         shape: numbers, or names of sizes as "node", "vehicle".
@@ -36,7 +36,7 @@ class Of:
 
 
 class Declared(NamedTuple):
-    """One array of a record."""
+    """Declaration of one array of a record, with its name and type."""
 
     name: str  # as "wind", of a record in it as "nodes.position"
     type: Any  # of its numbers
@@ -48,7 +48,7 @@ class Declared(NamedTuple):
 
 @cache
 def declared(record: Any) -> tuple[Declared, ...]:
-    """All arrays of a record, in their order.
+    """Declarations of all arrays of a record, in order.
 
     Raises:
         TypeError: one is declared without a shape.
@@ -74,7 +74,7 @@ def _declared(record: Any, within: str, outer: tuple[Of, ...]) -> Iterator[Decla
 
 
 def allocate(record: type[R], sizes: Mapping[str, int]) -> R:
-    """Make a record with the values that its arrays begin with.
+    """Allocate a record with the initial values of its arrays.
 
     Args:
         record: a named tuple whose fields are declared.
@@ -90,7 +90,7 @@ def allocate(record: type[R], sizes: Mapping[str, int]) -> R:
 
 
 def with_arrays(record: type[R], arrays: Arrays) -> R:
-    """Make a record with a copy of arrays by their names.
+    """Allocate a record with copies of given arrays by name.
 
     Raises:
         KeyError: one is missing.
@@ -103,7 +103,7 @@ def with_arrays(record: type[R], arrays: Arrays) -> R:
 
 
 def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ...]]]) -> R:
-    """A record of zeros."""
+    """Record of zeros in one block of memory."""
     offsets, size = [], 0
     for kind, shape in shapes.values():
         offsets.append(size)
@@ -114,7 +114,7 @@ def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ..
 
 
 def _views(record: type[R], block: NDArray[Any], within: str = "") -> R:
-    """The record whose arrays are in a block."""
+    """Record with its arrays as views of a block of memory."""
     fields: list[Any] = []
     for name, kind in _kinds(cast(Any, record)):
         if kind is not None:
@@ -128,12 +128,12 @@ def _views(record: type[R], block: NDArray[Any], within: str = "") -> R:
 
 @cache
 def _kinds(record: Any) -> tuple[tuple[str, Any], ...]:
-    """Names of the fields of a record, with the class of those that are records."""
+    """Field names of a record, each with its class if it is a record, else None."""
     return tuple((name, kind if hasattr(kind, "_fields") else None) for name, kind in get_type_hints(record).items())
 
 
 def arrays_of(record: Any, within: str = "") -> dict[str, NDArray[Any]]:
-    """All arrays of a record by name, those of the records in it as in "nodes.position"."""
+    """All arrays of a record by name, of inner records by dotted names such as "nodes.position"."""
     found: dict[str, NDArray[Any]] = {}
     for name, field in zip(record._fields, record, strict=True):
         if isinstance(field, tuple):
@@ -144,17 +144,17 @@ def arrays_of(record: Any, within: str = "") -> dict[str, NDArray[Any]]:
 
 
 def clone(record: R) -> R:
-    """Independent copy of a record that has its memory."""
+    """Independent copy of a record with one block of memory."""
     return Kept(record).record
 
 
 def write(source: Any, target: Any) -> None:
-    """Write all arrays of a record into those of another one of the same shapes, without a kernel."""
+    """Copy all arrays of a record into another one of equal shapes, without a kernel."""
     target.memory[:] = source.memory
 
 
 class Kept:
-    """A copy of a record, whose arrays are looked for only where somebody asks for them."""
+    """Copy of a record's memory, with the arrays created on demand."""
 
     __slots__ = ("_kind", "_layout", "_record", "memory")
 
@@ -165,7 +165,7 @@ class Kept:
 
     @property
     def record(self) -> Any:
-        """The record; what is written into its arrays is kept as well."""
+        """Record on the copied memory; writing to its arrays changes the copy."""
         if self._record is None:
             block = np.empty(1, self._layout)
             block.view(np.uint8)[:] = self.memory

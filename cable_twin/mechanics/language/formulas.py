@@ -1,4 +1,4 @@
-"""Formulas of few numbers, written once in Python: where a kernel names one, its instructions are put in place.
+"""Traced formulas: Python functions of few numbers, inlined instruction by instruction into kernels.
 
 numba runs the Python of a formula while it compiles a kernel, with stand-ins for the numbers that note what is done
 with them. So a formula may be of any Python that does not ask for the value of a number: loops and conditions on
@@ -34,7 +34,7 @@ _INSTRUCTIONS = {  # of integers and of all others; division of integers is of w
 
 
 def formula(function: _Function) -> _Function:
-    """`function` of numbers, lanes, arrays, and tuples of them: plain Python, and known to kernels as well.
+    """Decorator: trace a function of numbers, lanes, arrays and tuples into the kernels that call it.
 
     It takes its arguments by their places, reads and writes entries of arrays by indices that are not negative, and
     gives numbers and tuples of them.
@@ -64,7 +64,7 @@ def formula(function: _Function) -> _Function:
 
 
 class _Number:
-    """A number of which the kind is known; with a place where instructions go, its value in the compiled code."""
+    """Traced number: its type, and its value in the compiled code once instructions are generated."""
 
     __slots__ = ("kind", "place", "value")
 
@@ -72,7 +72,7 @@ class _Number:
         self.kind, self.value, self.place = kind, value, place
 
     def cast(self, kind: types.Type) -> ir.Value | None:
-        """Its value as one of another kind."""
+        """Cast the value to another type."""
         if self.place is None:
             return None
         context, builder = self.place
@@ -121,7 +121,7 @@ class _Number:
         return self._with("truediv", other, turned=True)
 
     def square_root(self) -> Any:
-        """Its square root, or that of each lane."""
+        """Square root of the number, or of each lane."""
         if self.place is None:
             return self
         context, builder = self.place
@@ -132,14 +132,14 @@ class _Number:
         return _Number(self.kind, builder.call(root, [self.value]), self.place)
 
     def beside(self, other: Any) -> Any:
-        """Both floats, of a pair."""
+        """Pair of this number and another one, as floats."""
         if self.place is None:
             return _Number(PAIR, None, None)
         floats = [number.cast(types.float64) for number in (self, other)]
         return _Number(PAIR, put_beside(self.place[1], floats), self.place)
 
     def lane(self, number: int) -> Any:
-        """One float of a pair."""
+        """Float of one lane of a pair."""
         value = None if self.place is None else take_lane(self.place[1], self.value, number)
         return _Number(types.float64, value, self.place)
 
@@ -159,7 +159,7 @@ class _Number:
 
 
 class _Array:
-    """An array, or what some indices leave of it.
+    """Traced array, or a sub-array by leading indices.
 
     Where it starts is worked out once, for all its entries: by numba's own way a third of the instructions of a kernel
     were of that.
@@ -184,7 +184,7 @@ class _Array:
         return entry
 
     def _start(self) -> ir.Value:
-        """Pointer to its first entry."""
+        """Pointer to the first entry of the array."""
         if self._where is None:
             context, builder = self.place
             if self.before is None or self.index is None:
@@ -216,7 +216,7 @@ class _Array:
 
 
 def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
-    """What a formula gets for an argument."""
+    """Traced stand-in for an argument of a formula."""
     if isinstance(kind, types.BaseTuple):
         kinds: Any = kind
         parts = [None] * len(kind) if place is None else cgutils.unpack_tuple(place[1], value, len(kind))
@@ -241,7 +241,7 @@ def _as_number(value: Any, place: Any) -> _Number:
 
 
 def _kind_of(outcome: Any) -> types.Type:
-    """Type that numba has for what a formula gives."""
+    """Type in numba of the result of a formula."""
     if outcome is None:
         return types.none
     if isinstance(outcome, tuple):
@@ -250,7 +250,7 @@ def _kind_of(outcome: Any) -> types.Type:
 
 
 def _value_of(outcome: Any, kind: Any, place: Any) -> ir.Value:
-    """The same in the compiled code."""
+    """Value in the compiled code of the result of a formula."""
     context, builder = place
     if outcome is None:
         return context.get_dummy_value()
@@ -268,7 +268,7 @@ def square_root(value: Any) -> Any:
 
 @formula
 def beside(one: Any, other: Any) -> Any:
-    """Pairs of the numbers of two tuples of one form, with which a formula does the same at once."""
+    """Pair up the numbers of two tuples of one structure, for formulas on both at once."""
     if isinstance(one, tuple):
         return tuple(beside(*both) for both in zip(one, other, strict=True))
     return one.beside(other) if isinstance(one, _Number) else np.array([one, other])
@@ -276,13 +276,13 @@ def beside(one: Any, other: Any) -> Any:
 
 @formula
 def first_of(pairs: Any) -> Any:
-    """What a tuple of pairs holds at their first places."""
+    """First numbers of a tuple of pairs."""
     return _lanes_of(pairs, 0)
 
 
 @formula
 def second_of(pairs: Any) -> Any:
-    """What it holds at their second places."""
+    """Second numbers of a tuple of pairs."""
     return _lanes_of(pairs, 1)
 
 

@@ -1,4 +1,4 @@
-"""Four numbers side by side in one register: one formula for four elements at once.
+"""SIMD lanes: four numbers in one register, for one formula on four elements at once.
 
 A value of lanes takes the place of a float in the formulas of an element, which are written for either. Each lane has
 the arithmetic of IEEE 754 that a float would have, so the results are the same to the last bit. With the JIT off,
@@ -26,14 +26,14 @@ WIDTH = 4  # lanes; a processor with registers of two numbers takes two
 
 
 class LanesType(types.Type):
-    """numba's type of `width` floats that are computed together."""
+    """SIMD type in numba of `width` floats."""
 
     def __init__(self, width: int) -> None:
         self.width, self.vector = width, ir.VectorType(ir.DoubleType(), width)
         super().__init__(name=f"lanes{width}")
 
     def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
-        """A number stands for the same in all lanes."""
+        """Allow conversion of a number to lanes, equal in all of them."""
         return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
 
 
@@ -58,7 +58,7 @@ def _repeat(context: Any, builder: ir.IRBuilder, source: Any, target: Any, value
 
 
 def put_beside(builder: ir.IRBuilder, numbers: Sequence[ir.Value]) -> ir.Value:
-    """Floats of compiled code as the lanes of one value."""
+    """Combine floats of compiled code into the lanes of one value."""
     lanes = ir.Constant(ir.VectorType(ir.DoubleType(), len(numbers)), ir.Undefined)
     for lane, number in enumerate(numbers):
         lanes = builder.insert_element(lanes, number, ir.Constant(_WORD, lane))
@@ -66,12 +66,12 @@ def put_beside(builder: ir.IRBuilder, numbers: Sequence[ir.Value]) -> ir.Value:
 
 
 def take_lane(builder: ir.IRBuilder, lanes: ir.Value, lane: int) -> ir.Value:
-    """One of them."""
+    """Extract the float of one lane."""
     return builder.extract_element(lanes, ir.Constant(_WORD, lane))
 
 
 def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:
-    """Make an operator of Python, between lanes or lanes and a number, one instruction."""
+    """Define a Python operator between lanes, or lanes and a number, as one instruction."""
 
     @infer_global(function)
     class _Typing(ConcreteTemplate):
@@ -95,7 +95,7 @@ for _plain, _in_place, _instruction in (
 
 @_intrinsic
 def _read(typingctx, coordinates, first, like):
-    """Lanes of both ends of elements from `first` on; past the last element, those of the last one.
+    """Lanes of both ends of elements from `first` on; past the last element, lanes repeat the last one.
 
     What a node has is loaded at once, as it stands in memory, and then turned into lanes.
     """
@@ -148,7 +148,7 @@ def _gather(coordinates, first, like):
 
 @_intrinsic
 def _read_numbers(typingctx, numbers, first):
-    """Lanes of numbers[first + lane]; past the last one, that one."""
+    """Lanes of numbers[first + lane]; past the last number, lanes repeat the last one."""
 
     def generate(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
         array = context.make_array(kinds.args[0])(context, builder, values[0])
@@ -165,7 +165,7 @@ def _read_numbers(typingctx, numbers, first):
 
 
 def gather_numbers(numbers: Any, first: int) -> Any:
-    """Lanes of `WIDTH` entries of `numbers` (elements,) from `first` on; past the last one, that one is repeated."""
+    """Lanes of `WIDTH` entries of `numbers` (elements,) from `first` on; the last one is repeated past the end."""
     return numbers[np.minimum(first + np.arange(WIDTH), numbers.size - 1)]
 
 
@@ -191,7 +191,7 @@ def _read_row(typingctx, rows, row, first):
 
 
 def gather_vectors(rows: Any, first: int, like: tuple[float, ...]) -> tuple[Any, ...]:
-    """Vectors (dim,) of lanes of `WIDTH` columns of `rows` (dim, n) from `first` on, which are all there."""
+    """Vectors (dim,) of lanes of `WIDTH` columns of `rows` (dim, n) from `first` on, all within `rows`."""
     return tuple(rows[axis, first : first + WIDTH] for axis in range(len(like)))
 
 

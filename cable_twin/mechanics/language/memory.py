@@ -1,4 +1,4 @@
-"""Arrays as plain rows of numbers: copied at once, or for loops that treat all entries alike."""
+"""Arrays as flat rows of numbers, for block copies and elementwise loops."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def combine_arrays(start, weight, rate, target):
 
 @inlined_kernel
 def clear_array(target):
-    """Write zeros."""
+    """Set all entries of an array to zero."""
     there = flat(target)
     for i in range(there.size):
         there[i] = 0.0

@@ -1,4 +1,4 @@
-"""What type an operation on numbers and arrays has, asked once in a process.
+"""Cached type inference of operations on numbers and arrays, resolved once in a process.
 
 numba tries all that an operator may mean, of texts, lists and sets as well, each time that it meets one.
 """
@@ -18,12 +18,12 @@ _found: dict[tuple[Any, ...], Any] = {}
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class FindTypes(NopythonTypeInference):
-    """numba's pass, with what is known of operations before."""
+    """Type inference pass of numba, with cached types of operations."""
 
     _name = "find_types"
 
     def run_pass(self, state: Any) -> bool:
-        """As numba calls it."""
+        """Run numba's type inference with the caching context."""
         context = state.typingctx
         state.typingctx = _WithFound(context)
         try:
@@ -33,7 +33,7 @@ class FindTypes(NopythonTypeInference):
 
 
 class _WithFound:
-    """A context of types that remembers."""
+    """Typing context with a cache of operations."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -42,7 +42,7 @@ class _WithFound:
         return getattr(self._context, name)
 
     def resolve_function_type(self, function: Any, arguments: tuple[Any, ...], named: Any) -> Any:
-        """Signature of an operation, or of anything else that is called; None where there is none."""
+        """Signature of an operation or call; None without one."""
         meant = getattr(function, "typing_key", function)
         if named or getattr(meant, "__module__", "") not in MODULES or not all(isinstance(a, PLAIN) for a in arguments):
             return self._context.resolve_function_type(function, arguments, named)

@@ -82,7 +82,7 @@ def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
 
 @kernel
 def set_upright(row: Any, along: Vector) -> None:
-    """Put the coordinates of a body upright: its axes are those of the world, in space with its x along the cable.
+    """Set the coordinates of a body upright: world axes, in space rotated about z to put x along the cable.
 
     `along` (dim,) is the direction of that; of the two ways, x points to where x of the world rises.
     """
@@ -112,7 +112,7 @@ def move_bodies(positions: Any, increments: Any, like: Vector) -> None:
 
 @kernel
 def make_unit(positions: Any, like: Vector) -> None:
-    """Make the quaternions of bodies in space unit ones again."""
+    """Normalise the quaternions of bodies in space."""
     if len(like) == 3:
         for body in range(positions.shape[0]):
             turn_row(positions[body], (0.0, 0.0, 0.0))
@@ -120,7 +120,7 @@ def make_unit(positions: Any, like: Vector) -> None:
 
 @kernel
 def grow_turn(turned, turn):
-    """Bring a rotation vector Δ (3,) up to date for another turn θ about the axes of the world; what it grows by.
+    """Update a rotation vector Δ (3,) by a further rotation θ about the axes of the world; returns its growth.
 
     exp(Δ + δ) = exp(θ) exp(Δ): quaternions are multiplied, and the logarithm taken of the product.
     """
@@ -165,7 +165,7 @@ def _angles(row):
 
 @kernel
 def turn_between(first: Any, last: Any, like: Vector) -> Turn:
-    """Turn (turns,) in rad that takes the coordinates `first` of a body to `last`, less than half a turn."""
+    """Rotation (turns,) in rad from the coordinates `first` to `last` of a body, less than half a turn."""
     if len(like) == 2:
         return (last[2] - first[2],)
     return _turn_between(first, last)

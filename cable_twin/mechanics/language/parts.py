@@ -1,4 +1,4 @@
-"""How numba compiles a kernel that only kernels call: to bitcode, which becomes machine code within its callers alone.
+"""Linking of kernels: kernels called by kernels are kept as bitcode, and become machine code in their callers.
 
 numba would optimise each kernel, and translate it, anew in every caller and in that one's callers, up to the one that
 Python calls. Here this is done once, in that one: half of the time that LLVM takes in a first start. The machine code
@@ -57,10 +57,10 @@ PASSES = (
 
 
 class _Library(JITCodeLibrary):
-    """Machine code of a kernel and of all that it calls."""
+    """Machine code of a kernel together with all called kernels."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Without those that it only names: numba makes ready for each of them as well, in vain."""
+        """Optimise defined functions only, without numba's preparation of mere declarations."""
         ll_module.data_layout = self._codegen._data_layout
         for function in ll_module.functions:
             if not function.is_declaration:
@@ -68,7 +68,7 @@ class _Library(JITCodeLibrary):
                 passes.run(function, builder)
 
     def finalize(self) -> None:
-        """Take in the parts, each once, and translate all."""
+        """Link all parts, each once, and generate machine code."""
         libraries = dict.fromkeys(self._linking_libraries)
         self._linking_libraries = [one for one in libraries if not isinstance(one, _PartLibrary)]
         for bitcode in reversed(_parts_of(libraries)):  # callers first: what nobody calls is not taken in
@@ -77,7 +77,7 @@ class _Library(JITCodeLibrary):
 
 
 class _BriefLibrary(_Library):
-    """A kernel in whose optimisation numba's first round is the only one.
+    """Machine code of a kernel after numba's first round of optimisation only.
 
     Its parts are its own: what is loaded after it with parts of the same names would get these in place of better ones.
     """
@@ -93,14 +93,14 @@ class _BriefLibrary(_Library):
 
 
 class _NoCode:
-    """In place of the generator of a part's machine code, of which there is none."""
+    """Placeholder for the machine code generator of a bitcode part."""
 
     def set_env(self, name: str, env: Any) -> None:
-        """Nothing refers to it."""
+        """Ignore the environment of a part, which has no references to it."""
 
 
 class _PartLibrary(_Library):
-    """Bitcode of a kernel, and apart from it that of all that it calls: put together where Python calls one.
+    """Bitcode of a kernel and, separately, of all called kernels, linked into the kernel that Python calls.
 
     Attributes:
         parts: the bitcode of each, itself the last.
@@ -110,7 +110,7 @@ class _PartLibrary(_Library):
     parts: tuple[bytes, ...] = ()
 
     def finalize(self) -> None:
-        """Keep it as it is."""
+        """Keep the bitcode of the part and of its callees, without machine code."""
         self._raise_if_finalized()
         libraries = dict.fromkeys(self._linking_libraries)
         for library in libraries:
@@ -123,7 +123,7 @@ class _PartLibrary(_Library):
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """All of it in one module, for a library of numba itself that calls it."""
+        """Bitcode of the part and all its callees in one module, for a calling library of numba."""
         self._ensure_finalized()
         if self._shared_module is None:
             self._shared_module = llvm.parse_bitcode(self.parts[-1])
@@ -132,35 +132,35 @@ class _PartLibrary(_Library):
         return self._shared_module
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Null: it is called by nobody."""
+        """Return a null pointer, as a part has no entry point for calls."""
         self._ensure_finalized()
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, ...]]:
-        """As numba keeps it in a file."""
+        """Serialise the part for numba's cache files."""
         self._ensure_finalized()
         return self.name, "part", self.parts
 
     @classmethod
     def of(cls, codegen: Any, name: str, parts: tuple[bytes, ...]) -> _PartLibrary:
-        """Make one of what `serialize_using_object_code` gave."""
+        """Restore a part from the output of `serialize_using_object_code`."""
         library = cls(codegen, name)
         library.parts, library._finalized = parts, True
         return library
 
 
 def _parts_of(libraries: Iterable[JITCodeLibrary]) -> tuple[bytes, ...]:
-    """Bitcode of all parts among libraries and of what those call, each once, after those that it calls."""
+    """Bitcode of all parts among libraries and of the parts they call, each once, callees first."""
     return tuple(dict.fromkeys(chain.from_iterable(one.parts for one in libraries if isinstance(one, _PartLibrary))))
 
 
 class WholeCompiler(CompilerBase):
-    """Compiles what Python calls: numba's passes without those for closures, array expressions and object mode."""
+    """Compiler of kernels called from Python, without passes for closures, array expressions and object mode."""
 
     library: type[_Library] = _Library  # that it makes
 
     def define_pipelines(self) -> list[PassManager]:
-        """As numba asks for them; a name with the content in it is that of no other function, in any process."""
+        """Define the compiler passes, and a function name unique across processes by its fingerprint."""
         self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         self.state.library.enable_object_caching()
         self.state.func_id.unique_id = content_of(self.state.func_id.func)
@@ -172,22 +172,22 @@ class WholeCompiler(CompilerBase):
 
 
 class BriefCompiler(WholeCompiler):
-    """Compiles what Python calls, and what does not run for long."""
+    """Compiler of kernels called from Python for a short run."""
 
     library = _BriefLibrary
 
 
 class PartCompiler(WholeCompiler):
-    """Compiles what kernels call."""
+    """Compiler of kernels called by kernels."""
 
     library = _PartLibrary
 
 
 class _PartFile(CompileResultCacheImpl):
-    """A part as numba keeps it."""
+    """Cache entry of a bitcode part in numba."""
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Make of it what compiling it gave."""
+        """Rebuild the compilation result of a part from its cache entry."""
         (name, _, parts), function, env, signature, *_ = payload
         library = _PartLibrary.of(target_context.codegen(), name, parts)
         return compile_result(
@@ -204,17 +204,17 @@ class _PartFile(CompileResultCacheImpl):
 
 
 class KernelCache(FunctionCache):
-    """Where numba keeps what Python calls, found by its content."""
+    """Cache of kernels called from Python, indexed by fingerprint."""
 
     def has(self, types: tuple[Any, ...]) -> bool:
-        """Whether it is there for arguments of these types."""
+        """Return whether the cache holds code for arguments of these types."""
         try:
             return self._index_key(types, cpu_target.target_context.codegen()) in self._cache_file._load_index()
         except Exception:  # as in `load_overload`, which tells
             return False
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What is there for these types; None where a file has other code than its index says.
+        """Load the code for these types; None for a file whose code differs from its index.
 
         numba writes the index first, so that two starts at once of scenarios of different types may leave that.
         """
@@ -235,7 +235,7 @@ class KernelCache(FunctionCache):
 
 
 class PartCache(KernelCache):
-    """Where numba keeps parts."""
+    """Cache of bitcode parts."""
 
     _impl_class = _PartFile  # type: ignore[assignment]
 

@@ -1,4 +1,4 @@
-"""Ranges of the arrays of a record, declared beside them: for states that come from files and not from the solver."""
+"""Declared ranges of the arrays of a record, for checks of states read from files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LATEST = 2**53  # solver steps, of which a float still counts each
 
 
 class Range(NamedTuple):
-    """Least and most of the numbers of an array; a text stands for a size that is given with them."""
+    """Least and greatest value of an array; a text stands for a size given at the check."""
 
     least: float | str
     most: float | str
@@ -24,7 +24,7 @@ CLOCK = Range(0, LATEST)
 
 
 def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
-    """Ranges of all arrays of a named tuple by name, those of records in it as in "nodes.position".
+    """Ranges of all arrays of a named tuple by name, of inner records by dotted names such as "nodes.position".
 
     A field is declared as `Annotated[array type, ..., Range(...)]`, with several of them for columns of its last axis.
     Floats without one have `ANY`; conditions have none.
@@ -50,7 +50,7 @@ def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
 def range_faults(
     arrays: Mapping[str, NDArray[Any]], ranges: Mapping[str, tuple[Range, ...]], sizes: Mapping[str, float]
 ) -> Iterator[str]:
-    """A line for each array that holds what it may not.
+    """One line for each array with values out of range.
 
     Args:
         arrays: by name.

@@ -1,4 +1,4 @@
-"""Turns of bodies: one angle about y in a plane, three in space; which of them is part of their type, as in `vectors`.
+"""Rotations of bodies: one angle about y in a plane, three in space, distinguished by type as in `vectors`.
 
 A turn is a tuple of 1 or 3 angles in rad about the axes of the world, so are a spin in rad/s and a moment in N m. What
 belongs to it in the coordinates of a body is the pitch in a plane, and a unit quaternion x, y, z, w in space.
@@ -21,13 +21,13 @@ Turn = tuple[float, ...]
 
 @formula
 def no_turn(like: Vector) -> Turn:
-    """The turn that is none, of the space of the vector `like`."""
+    """Zero rotation in the space of the vector `like`."""
     return (0.0,) if len(like) == 2 else (0.0, 0.0, 0.0)
 
 
 @formula
 def cross(turn: Turn, arm: Vector) -> Vector:
-    """What a turn (or spin) does to an arm (dim,), θ x a."""
+    """Cross product θ x a of a rotation (or angular velocity) and an arm (dim,)."""
     if len(arm) == 2:
         return turn[0] * arm[1], -turn[0] * arm[0]
     return (
@@ -47,7 +47,7 @@ def moment(arm: Vector, force: Vector) -> Turn:
 
 @formula
 def by_turn(arm: Vector) -> Matrix:
-    """Matrix (dim x turns) of θ x a by the turn θ; its transpose is that of a x F by F."""
+    """Matrix (dim x turns) of θ x a by the rotation θ; its transpose is the matrix of a x F by F."""
     if len(arm) == 2:
         return arm[1], -arm[0]
     return 0.0, arm[2], -arm[1], -arm[2], 0.0, arm[0], arm[1], -arm[0], 0.0
@@ -73,7 +73,7 @@ def gyration(
     rate_factor: float,
     stiffness_factor: float,
 ):
-    """Moment J ω_dot + ω x J ω of a body about its centre, and its derivative by a turn θ of it.
+    """Inertia moment J ω_dot + ω x J ω of a body about its centre, and its derivative by a rotation θ.
 
     Args:
         inertia: J (turns²) about the axes of the world.
@@ -91,7 +91,7 @@ def gyration(
 
 @formula
 def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
-    """The same with three angles.
+    """Inertia moment J ω_dot + ω x J ω of a body in space, and its derivative by a rotation θ (3,).
 
     A turn θ of the body is the addition T⁻¹ θ to the rotation vector Δ of the step, with
     T⁻¹ = 1 - [Δ]/2 + [Δ]²/12 - ... (Brüls, Cardona, Arnold 2012, in the axes of the world); it turns J as well.
@@ -115,7 +115,7 @@ def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_fa
 
 @formula
 def inverse_of(a: Matrix) -> Matrix:
-    """Inverse of a matrix of turns, of one entry or nine."""
+    """Inverse of a matrix (turns x turns), of one entry in a plane or nine in space."""
     if len(a) == 1:
         return (1.0 / a[0],)
     return _inverse_in_space(a)
@@ -141,7 +141,7 @@ def _inverse_in_space(a):
 
 @formula
 def turn_in_space(turn: Turn) -> Turn:
-    """A turn, spin or moment as one of three angles."""
+    """Three components of a rotation, angular velocity or moment."""
     return (0.0, turn[0], 0.0) if len(turn) == 1 else turn
 
 

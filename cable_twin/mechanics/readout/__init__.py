@@ -1,1 +1,1 @@
-"""What can be read from a state."""
+"""Readout of a state: shape, tension, reactions, energies and clearances."""

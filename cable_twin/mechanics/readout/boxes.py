@@ -1,4 +1,4 @@
-"""Distance of two boxes, turned as they like: of corners from the other box and of edges from each other, so exact."""
+"""Exact distance of two boxes of any orientation: from corner-box and edge-edge distances."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CORNERS, AXES = 8, 3
 
 @kernel
 def place_corners(half, corners):
-    """Put the corners (8, 3) of a box with half lengths (3,) around 0 along the axes; bit k of a number is axis k."""
+    """Write the corners (8, 3) of an axis-aligned box with half lengths (3,) around 0; bit k is axis k."""
     for corner in range(CORNERS):
         for axis in range(AXES):
             corners[corner, axis] = half[axis] if corner & (1 << axis) else -half[axis]
@@ -19,7 +19,7 @@ def place_corners(half, corners):
 
 @kernel
 def box_distance(centre, axes, half, corners):
-    """Distance (m) of two boxes, 0 where they overlap.
+    """Distance (m) between two boxes; 0 in overlap.
 
     Args:
         centre: (2, 3) m.
@@ -57,7 +57,7 @@ def box_distance(centre, axes, half, corners):
 
 @kernel
 def turn_into(corners, corner, centre, axes, half, box):
-    """Put one corner of the other box where it is in the axes of `box`, around the middle of that."""
+    """Transform one corner of the other box into the axes and centre of `box`."""
     other = 1 - box
     for axis in range(AXES):
         value = 0.0
@@ -72,7 +72,7 @@ def turn_into(corners, corner, centre, axes, half, box):
 
 @kernel
 def distance_from(half, corners):
-    """Distance (m) of the nearest of the corners (8, 3) of a box from one of half lengths (3,); 0 where edges cross it.
+    """Least distance (m) of corners (8, 3) to a box of half lengths (3,); 0 for crossing edges.
 
     Both are in the axes of the latter.
     """
@@ -91,7 +91,7 @@ def distance_from(half, corners):
 
 @kernel
 def crosses(half, start, end):
-    """Whether a straight line from `start` to `end` (3,) has a part in a box of half lengths (3,) around 0."""
+    """Return whether the segment from `start` to `end` (3,) intersects a box of half lengths (3,) around 0."""
     first, last = 0.0, 1.0
     for axis in range(AXES):
         way = end[axis] - start[axis]
@@ -106,13 +106,13 @@ def crosses(half, start, end):
 
 @inlined_kernel
 def within(share):
-    """A share, at least 0 and at most 1."""
+    """Clamp a share to 0..1."""
     return min(max(share, 0.0), 1.0)
 
 
 @kernel
 def segment_distance(start, end, other_start, other_end):
-    """Distance (m) of two straight lines, each from a start to an end (3,)."""
+    """Distance (m) between two line segments, each from a start to an end (3,)."""
     own, cross, others, own_apart, others_apart = 0.0, 0.0, 0.0, 0.0, 0.0
     for axis in range(AXES):
         way, other = end[axis] - start[axis], other_end[axis] - other_start[axis]

@@ -1,4 +1,4 @@
-"""What can be read from a state: shape, tension, reactions, energy. Nothing here changes the motion."""
+"""Columns of a frame, read from a state without changing it: shape, tension, reactions, energy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STOPPING = 3  # beside the modes FREE, FORCE and SPEED, in `command_kind`: an em
 
 @by_reference
 class Columns(NamedTuple):
-    """All that a frame shows, one row a thing, in the order of the scenario; NaN where something has no such number.
+    """Quantities of a frame, one row per object in the order of the scenario; NaN where an object lacks a quantity.
 
     Everything is in space: a planar system has y = 0 and turns about y only.
     """
@@ -98,7 +98,7 @@ class Columns(NamedTuple):
 
 @kernel
 def observe(system, state, sections, places, rest_loads, columns):
-    """Fill the columns of a frame.
+    """Fill the columns of a frame from a state.
 
     Args:
         system: parameters.
@@ -160,7 +160,7 @@ def observe_vehicles(system, state, columns):
 
 @kernel
 def observe_command(system, state, carriage, columns):
-    """Fill the columns of what the drive of a carriage is told, what it follows and what it may give."""
+    """Fill the columns of a carriage's drive: command, present motion and force limit."""
     kind, limit, told_speed, told_force, place, speed = nan, nan, nan, nan, nan, nan
     if not system.carriages.fixed[carriage] and not system.carriages.clamped[carriage]:
         place, speed, mode = (
@@ -185,7 +185,7 @@ def observe_command(system, state, carriage, columns):
 
 @kernel
 def observe_bodies(system, state, columns):
-    """Fill the columns of all bodies: where each is without its payload."""
+    """Fill the columns of all bodies, with positions of their empty centres of mass."""
     for body in range(columns.body_angles.shape[0]):
         row, like = state.bodies.position[body], system.cable.gravity
         spin = spin_of(state.bodies.velocity, body, like)
@@ -223,7 +223,7 @@ def observe_supports(system, state, sections, rest_loads, columns):
 
 @inlined_kernel
 def observe_groove(system, state, tower, columns, row):
-    """Fill the columns of what the grooves of a tower bear, -1 for none."""
+    """Fill the columns of lateral force and derailment of a tower; NaN for tower -1."""
     columns.tower_lateral[row], columns.tower_lateral_ratio[row] = nan, nan
     columns.tower_derailed[row], columns.tower_derailed_time[row] = nan, nan
     if tower >= 0:

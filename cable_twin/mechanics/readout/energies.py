@@ -1,4 +1,4 @@
-"""Energy of a rope and all that is on it."""
+"""Energies of a rope with its vehicles, supports and drives."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cable_twin.mechanics.rope.strand import rest_stretch
 
 @kernel
 def energies(system, state):
-    """Kinetic, elastic and gravitational energy (J) of the cable, what is on it, supports, drives and haul ropes.
+    """Kinetic, elastic and gravitational energy (J) of cable, vehicles, supports, drives and haul ropes.
 
     Gravitational energy is zero at the origin; that of a counterweight, the potential of its force, at travel 0.
     """

@@ -1,4 +1,4 @@
-"""How high rope and vehicles are above the ground.
+"""Clearance of rope and vehicles over the ground in a plane.
 
 The ground is straight between its points and goes on level beyond its ends. Rope and outlines are taken at their points
 and, between them, above the points of the ground: all that a minimum of straight lines over straight lines can be at.
@@ -16,7 +16,7 @@ from cable_twin.mechanics.parameters import FloatArray, IntArray
 
 @by_reference
 class Ground(NamedTuple):
-    """The ground, the vehicles that may touch it, and how high they were when somebody looked."""
+    """Ground profile, outlines of vehicles, and last measured clearances."""
 
     terrain: FloatArray  # (points, 2) m, x rising
     first_body: IntArray  # (vehicles + 1,) number of the first body of each vehicle
@@ -28,7 +28,7 @@ class Ground(NamedTuple):
 
 @kernel
 def look_at_ground(ground, rope, attached, body_position, body_angles):
-    """Fill `ground.lowest` with what is least above the ground of rope and vehicles, those in a station left out.
+    """Fill `ground.lowest` with the least height of rope and vehicles over the ground, without vehicles in stations.
 
     Args:
         ground: takes the result.
@@ -50,7 +50,7 @@ def look_at_ground(ground, rope, attached, body_position, body_angles):
 
 @inlined_kernel
 def place_outline(ground, body, position, pitch):
-    """Put the outline of a body at `position` (3,) in m and turned by `pitch` (rad) into `ground.line`; its points."""
+    """Write the outline of a body at `position` (3,) in m and `pitch` (rad) to `ground.line`; returns its points."""
     first, line, c, s = ground.first_corner[body], ground.line, cos(pitch), sin(pitch)
     count = ground.first_corner[body + 1] - first
     for point in range(count):
@@ -61,7 +61,7 @@ def place_outline(ground, body, position, pitch):
 
 @kernel
 def find_lowest(terrain, line, count, lowest):
-    """Put height and place of what is least above the ground into `lowest` (3,), where that is not lower yet.
+    """Update `lowest` (3,) with the least height of a line over the ground, and its place.
 
     Of equal heights that of the first point counts, and points of the line count before those between them.
 

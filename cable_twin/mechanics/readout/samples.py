@@ -1,4 +1,4 @@
-"""The rope at some of its places: where it is."""
+"""Sampled shape of the rope."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def store_in_space(vector, row):
 
 @by_reference
 class Places(NamedTuple):
-    """Places on a rope, with what never changes about them."""
+    """Sample places on a rope, with their elements and shape functions."""
 
     arc_length: FloatArray  # (n,) m
     element: IntArray  # (n,) that holds each
@@ -38,7 +38,7 @@ class Places(NamedTuple):
 
 
 def places_on(cable: Cable, arc_lengths: FloatArray) -> Places:
-    """Places at `arc_lengths` (n,) in m."""
+    """Sample places at `arc_lengths` (n,) in m."""
     count = arc_lengths.size
     places = Places(
         arc_length=np.array(arc_lengths, dtype=np.float64),
@@ -53,7 +53,7 @@ def places_on(cable: Cable, arc_lengths: FloatArray) -> Places:
 
 @kernel
 def find_places(cable, places):
-    """Fill what follows from the arc lengths."""
+    """Fill elements and shape functions of sample places from their arc lengths."""
     for k in range(places.arc_length.size):
         point = point_at(cable, places.arc_length[k])
         places.element[k] = point.element
@@ -72,7 +72,7 @@ def sample_positions(cable, state, places, positions):
 
 @kernel
 def sample_shape(system, state, places, positions):
-    """The same, with the kinks under vehicles that elements round off where they are sharp."""
+    """Fill `positions` (n, 3) in m at all places, with sharp kinks under vehicles if joints are compliant."""
     cable, arc_lengths, rising = system.cable, places.arc_length, places.rising
     sample_positions(cable, state, places, positions)
     for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
@@ -93,7 +93,7 @@ def sample_shape(system, state, places, positions):
 
 @inlined_kernel
 def first_from(numbers, least):
-    """Place of the first of rising numbers that is no less than `least`."""
+    """Index of the first of rising numbers not below `least`."""
     low, high = 0, numbers.size
     while low < high:
         middle = (low + high) // 2
@@ -106,7 +106,7 @@ def first_from(numbers, least):
 
 @kernel
 def bend_down(cable, state, arc_length, way, position):
-    """Put a point (3,) in m of the rope by `way` (dim,) in m beside its element, where it is not further away yet."""
+    """Displace a sample (3,) in m by the kink `way` (dim,) in m from its element, unless displaced further already."""
     like, base = cable.gravity, position_on_cable(cable, state, arc_length)
     now = load(position, like) if len(like) == 3 else (position[0], position[2])
     moved = subtract(base, now)
@@ -116,7 +116,7 @@ def bend_down(cable, state, arc_length, way, position):
 
 @kernel
 def sample_joints(system, state, positions):
-    """Fill `positions` (vehicles, 3) in m with the places where vehicles hang on the rope, in their kinks."""
+    """Fill `positions` (vehicles, 3) in m with the joints of vehicles on the rope, at their sharp kinks."""
     cable = system.cable
     for carriage in range(system.carriages.fixed.size):
         place = position_on_cable(cable, state, state.joints.position[carriage])

@@ -1,4 +1,4 @@
-"""Forces in sections of the rope, from which its tension is read, and the reactions of its supports.
+"""Section forces of the rope, tension from section forces, and reactions of supports.
 
 The strain of a cubic swings over three elements beside a load. What an element exerts on the positions of its nodes
 does not: that is in balance with what is beside it, node by node, as Newton's method has it. So the force G in the
@@ -38,7 +38,7 @@ SMALL = 1e-160
 
 @by_reference
 class Sections(NamedTuple):
-    """Forces in a rope, for a readout: what `recover_sections` finds."""
+    """Section forces and point loads of a rope, filled by `recover_sections`."""
 
     node_force: FloatArray  # (nodes, dim) N, G at each node: of what is after it on what is before
     node_tension: FloatArray  # (nodes,) N
@@ -51,7 +51,7 @@ class Sections(NamedTuple):
 
 
 def allocate_sections(system: System, given: int = 0) -> Sections:
-    """Scratch of the size of `system`, on which other ropes may exert so many forces."""
+    """Allocate the section forces of `system`, with room for `given` forces of other ropes."""
     elements, dim = system.cable.element_count, len(system.cable.gravity)
     places = given + system.cable.load_arc_length.size + system.carriages.fixed.size + system.towers.stiffness.size
     return Sections(
@@ -68,7 +68,7 @@ def allocate_sections(system: System, given: int = 0) -> Sections:
 
 @inlined_kernel
 def give(sections, arc_length, force):
-    """Let another rope exert a force (dim,) in N at an arc length (m)."""
+    """Add a force (dim,) in N of another rope at an arc length (m)."""
     number = sections.given[0]
     sections.given[0] = number + 1
     sections.place[number] = arc_length
@@ -77,13 +77,13 @@ def give(sections, arc_length, force):
 
 @inlined_kernel
 def own_count(system):
-    """How many point loads a rope has of its own: given ones, vehicles, contacts of towers."""
+    """Number of a rope's own point loads: given loads, vehicles, contacts of towers."""
     return system.cable.load_arc_length.size + system.carriages.fixed.size + system.towers.stiffness.size
 
 
 @inlined_kernel
 def own_place(system, state, number):
-    """Arc length (m) of one of them; NaN of a vehicle that is not on the rope."""
+    """Arc length (m) of one of a rope's own point loads; NaN for a vehicle off the rope."""
     loads, carriages = system.cable.load_arc_length.size, system.carriages.fixed.size
     if number < loads:
         return system.cable.load_arc_length[number]
@@ -94,7 +94,7 @@ def own_place(system, state, number):
 
 @kernel
 def own_force(system, state, number):
-    """Force (dim,) in N of one of them on the rope."""
+    """Force (dim,) in N on the rope of one of its own point loads."""
     loads, carriages = system.cable.load_arc_length.size, system.carriages.fixed.size
     if number < loads:
         return load(system.cable.load_force[number], system.cable.gravity)
@@ -105,7 +105,7 @@ def own_force(system, state, number):
 
 @kernel
 def recover_sections(system, state, sections):
-    """Find the forces and tensions in a rope, with the forces that other ropes have given."""
+    """Compute the section forces and nodal tensions of a rope, including the given forces of other ropes."""
     cable, like, last = system.cable, system.cable.gravity, system.cable.element_count - 1
     strand = strand_now(system, state)
     for first in range(0, cable.element_count, WIDTH):
@@ -134,7 +134,7 @@ def recover_sections(system, state, sections):
 
 @kernel
 def add_point_load(cable, sections, number):
-    """Hang a point load on its element, and give the node before it its share; the end of the rope has the rest."""
+    """Register a point load on its element, and add its shares to the section forces at the nodes."""
     point = point_at(cable, sections.place[number])
     force = load(sections.force[number], cable.gravity)
     sections.following[number], sections.first[point.element] = sections.first[point.element], number
@@ -145,7 +145,7 @@ def add_point_load(cable, sections, number):
 
 @kernel
 def find_node_tensions(system, state, sections):
-    """Find the tension at all nodes, from the forces in the sections there."""
+    """Compute the tension at all nodes from their section forces."""
     like, going = system.cable.gravity, momentum_of(system, state)
     for node in range(system.cable.element_count + 1):
         section, r_s = load(sections.node_force[node], like), load(state.nodes.position[node, 1], like)
@@ -155,7 +155,7 @@ def find_node_tensions(system, state, sections):
 
 @inlined_kernel
 def momentum_of(system, state):
-    """How a rope goes by, for `with_momentum`: whether at all, ρA / λ (kg/m), u at its start (m/s), and per m."""
+    """Momentum flux terms of a rope for `with_momentum`: moving or not, ρA / λ (kg/m), u at start (m/s), du/ds."""
     cable, speed = system.cable, state.rope.velocity
     if not (system.moving_cable.moving and flows(system, state)):
         return False, 0.0, 0.0, 0.0
@@ -165,7 +165,7 @@ def momentum_of(system, state):
 
 @inlined_kernel
 def with_momentum(system, going, arc_length, r_s, section):
-    """The force in a section (dim,) in N at an arc length (m), with ρA u² / λ r_s of a rope that goes by."""
+    """Section force (dim,) in N at an arc length (m), plus the momentum flux ρA u² / λ r_s of a moving rope."""
     if system.moving_cable.moving and going[0]:
         speed = going[2] + going[3] * arc_length
         return add_scaled(going[1] * speed * speed, r_s, section)
@@ -174,7 +174,7 @@ def with_momentum(system, going, arc_length, r_s, section):
 
 @inlined_kernel
 def signed_size(section, r_s):
-    """Length of a force (dim,) in N, negative where it pushes along r_s (dim,)."""
+    """Length (N) of a section force (dim,), negative in compression along r_s (dim,)."""
     tension = sqrt(dot(section, section))
     if tension == inf:  # the square was too large a number, in a motion that blows up
         small = scale(SMALL, section)
@@ -184,7 +184,7 @@ def signed_size(section, r_s):
 
 @kernel
 def tensions_beside(system, state, sections, element, arc_length):
-    """Tension (N) at an arc length (m) on an element that bears loads: before and after a load that is there."""
+    """Tension (N) at an arc length (m) on an element with point loads: before and after a load at this place."""
     cable, like = system.cable, system.cable.gravity
     on_element, before, at = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     number = sections.first[element]
@@ -207,7 +207,7 @@ def tensions_beside(system, state, sections, element, arc_length):
 
 @kernel
 def sample_tensions(system, state, sections, places, tensions):
-    """Fill `tensions` (n,) in N at all places, before a load that is there; needs the sections.
+    """Fill `tensions` (n,) in N at all places, before a load at the place; needs the section forces.
 
     Between nodes without a load it is next to a line.
     """
@@ -222,7 +222,7 @@ def sample_tensions(system, state, sections, places, tensions):
 
 @kernel
 def tension_range(system, state, sections, lowest, highest):
-    """Write the `lowest` and `highest` (2,) tension of the rope, in N, and its arc length (m); needs the sections.
+    """Write `lowest` and `highest` (2,) tension (N) of the rope and its arc length (m); needs the section forces.
 
     Nodes count, and both sides of every load but the contacts of towers, over which it changes little by little.
     """
@@ -242,7 +242,7 @@ def tension_range(system, state, sections, lowest, highest):
 
 @inlined_kernel
 def take_tension(tension, arc_length, lowest, highest):
-    """Let a tension (N) at a place (m) count."""
+    """Update lowest and highest tension with a tension (N) at an arc length (m)."""
     if tension < lowest[0]:
         lowest[0], lowest[1] = tension, arc_length
     if tension > highest[0]:
@@ -251,13 +251,13 @@ def take_tension(tension, arc_length, lowest, highest):
 
 @inlined_kernel
 def first_contact(system, sections):
-    """Number, among point loads, of the first contact of a tower."""
+    """Index, among point loads, of the first tower contact."""
     return sections.given[0] + system.cable.load_arc_length.size + system.carriages.fixed.size
 
 
 @kernel
 def tower_force(system, sections, tower):
-    """Force (dim,) in N of a tower on the rope; needs the sections."""
+    """Force (dim,) in N of a tower on the rope; needs the section forces."""
     total = scale(0.0, system.cable.gravity)
     before = first_contact(system, sections)
     for contact in range(system.towers.contact_offset[tower], system.towers.contact_offset[tower + 1]):

@@ -1,4 +1,4 @@
-"""How far rope and vehicles in space are from the ground, which may lean, and from the masts of towers.
+"""Clearance of rope and vehicles in space over sloping ground, and to the masts of towers.
 
 The ground goes straight from the profile under the track (y = 0) to one on each side of it and level beyond them, as it
 does beyond their ends. A body is its outline in the middle, and that of its box at half its width on both sides.
@@ -20,7 +20,7 @@ BOX_START, BOX_POINTS = 1, 6  # of the points of an outline: its box, between wh
 
 @by_reference
 class Surroundings(NamedTuple):
-    """Ground, masts and vehicles, and how near these were when somebody looked."""
+    """Ground profiles, masts, outlines of vehicles, and last measured clearances."""
 
     middle: FloatArray  # (points, 2) m, profile under the track, x rising; none without a ground
     left: FloatArray  # (points, 2) m, profiles on both sides
@@ -38,7 +38,7 @@ class Surroundings(NamedTuple):
 
 @kernel
 def look_around(around, rope, attached, body_position, body_orientation):
-    """Fill `lowest` and `nearest` with what is least of rope and vehicles, those in a station left out.
+    """Fill `lowest` and `nearest` with the least clearances of rope and vehicles, without vehicles in stations.
 
     Args:
         around: takes the result.
@@ -67,7 +67,7 @@ def look_around(around, rope, attached, body_position, body_orientation):
 
 @kernel
 def place_outline_in_space(around, body, side, position, turn):
-    """Put the outline of a body, or of the left (1) or right side (-1) of its box, where that is; its points.
+    """Write the outline of a body, or of the left (1) or right side (-1) of its box, in space; returns its points.
 
     `position` (3,) is in m, `turn` (4,) its quaternion.
     """
@@ -113,7 +113,7 @@ def ground_height(around, x, y):
 
 @kernel
 def find_least(around, line, count, lowest):
-    """Put height and place of what is least above the ground into `lowest` (3,), where that is not lower yet."""
+    """Update `lowest` (3,) with the least height of a line over the ground, and its place."""
     for point in range(count):
         take_height(around, line[point, 0], line[point, 1], line[point, 2], lowest)
         if point > 0:
@@ -123,7 +123,7 @@ def find_least(around, line, count, lowest):
 
 @kernel
 def take_between(around, profile, start, end, lowest):
-    """Take in what of a straight line is above the points of a profile."""
+    """Update `lowest` with the height of a segment over the points of a ground profile."""
     way = end[0] - start[0]
     for corner in range(profile.shape[0] if way != 0.0 else 0):
         share = (profile[corner, 0] - start[0]) / way
@@ -134,7 +134,7 @@ def take_between(around, profile, start, end, lowest):
 
 @kernel
 def take_height(around, x, y, z, lowest):
-    """Take in the height of a point."""
+    """Update `lowest` with the height of a point over the ground."""
     height = z - ground_height(around, x, y)
     if height < inf and not height >= lowest[0]:
         lowest[0], lowest[1], lowest[2] = height, x, z
@@ -142,7 +142,7 @@ def take_height(around, x, y, z, lowest):
 
 @kernel
 def find_nearest(masts, line, count, nearest):
-    """Put distance (m) and number of the mast that is nearest to a line into `nearest` (2,), where none is nearer."""
+    """Update `nearest` (2,) with the least distance (m) of a line to a mast, and the index of the mast."""
     for mast in range(masts.shape[0]):
         x, y = masts[mast, 0], masts[mast, 1]
         for point in range(1, count):
