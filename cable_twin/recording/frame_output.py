@@ -108,7 +108,7 @@ class FrameOutput:
         return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, taken, split)
 
     def record(self, frame: Prepared) -> None:
-        """Record a frame, after the begin of a new file where due; waits while the backlog exceeds its limit."""
+        """Record a frame, after the start of a new file where due; waits while the backlog exceeds its limit."""
         if self.run is None:
             return
         recorder = self.run.recorder

@@ -59,7 +59,7 @@ class View(Protocol):
 
 
 class _Beginning(NamedTuple):
-    """Begin of the first or of a further file."""
+    """Start of the first or of a further file."""
 
     epoch_ns: int
     stamp_ns: int
@@ -213,7 +213,7 @@ class Recorder:
         return bool(self._sinks)
 
     def begin(self, epoch_ns: int, simulated_time: float, scenario: bytes, full_state: FullState | None = None) -> None:
-        """Queue the begin of the run with its initial state, before the first frame; returns at once.
+        """Queue the start of the run with its initial state, before the first frame; returns at once.
 
         Args:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
@@ -235,7 +235,7 @@ class Recorder:
         return self._log.size >= self._split_size or self._log_sink.gone
 
     def split(self, full_state: FullState) -> None:
-        """Queue the begin of a new file for all later items; returns at once.
+        """Queue the start of a new file for all later items; returns at once.
 
         Args:
             full_state: The simulation at the time of the next frame, which is handed over afterwards.

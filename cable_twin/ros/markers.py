@@ -201,7 +201,7 @@ class Markers:
         return markers
 
     def _legend(self) -> list[Marker]:
-        """Markers of the colour scale of several ropes: a text for each rope above the begin of the track."""
+        """Markers of the colour scale of several ropes: a text for each rope above the start of the track."""
         x, y, _ = self._columns.rope_position.min(axis=0)
         top, high = float(self._columns.rope_position[:, 2].max()), 0.012 * self._span
         markers = []

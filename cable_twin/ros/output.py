@@ -81,7 +81,7 @@ class Output:
         self.record(self._once, epoch_ns)
 
     def send_once(self, messages: Messages) -> None:
-        """Publish latched messages, and record them at the begin of the run."""
+        """Publish latched messages, and record them at the start of the run."""
         self._once = messages
         for topic, data in messages:
             self._publishers[topic](data)

@@ -58,7 +58,7 @@ class WorldServices:
         return told(response)
 
     async def load_world(self, request: Any, response: Any) -> Any:
-        """Build another scenario; the twin then closes its logs and restarts paused at its begin."""
+        """Build another scenario; the twin then closes its logs and restarts paused at its start."""
         resource = request.world_resource
         if not resource.uri and not resource.resource_string:
             return told(response, NO_RESOURCE, "nothing given; allowed: uri, or YAML as resource_string")

@@ -32,7 +32,7 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float | None:
-        """Remaining time (s) at the mean speed so far; None near begin and end, where an estimate means nothing."""
+        """Remaining time (s) at the mean speed so far; None near start and end, where an estimate means nothing."""
         return self.elapsed * (1.0 - self.share) / self.share if KNOWN[0] < self.share < KNOWN[1] else None
 
 
@@ -111,7 +111,7 @@ class _Watch(event.Listener):
         return next(named, "")
 
     def on_start(self, event: Any) -> None:
-        """Record the begin of a compilation."""
+        """Record the start of a compilation."""
         self.begun = self.begun or monotonic()
         self._under_way = [*self._under_way, event.data["dispatcher"].py_func.__name__]
 
