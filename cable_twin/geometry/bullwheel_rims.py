@@ -1,4 +1,4 @@
-"""The rims of bullwheels, as lines."""
+"""Rims of bullwheels as polylines."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _ends(scenario: Scenario, name: str) -> FloatArray:
 
 
 def _around(scenario: Scenario, name: str) -> FloatArray:
-    """Rim (n, 3) in m from the middle."""
+    """Rim (n, 3) in m of a bullwheel relative to its centre."""
     sheave, ends = scenario.sheaves[name], _ends(scenario, name)
     before = sheave.joins[0].partition(".")[0]
     along = ends[0] - scenario.placed(before, scenario.ropes[before].start.position)

@@ -20,7 +20,7 @@ SIDES = np.array([sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)])  #
 
 
 class Bar(NamedTuple):
-    """A straight part of a body, in its axes x and z from the centre of mass without payload."""
+    """Straight part of a body, in its axes x and z from the centre of mass without payload."""
 
     start: tuple[float, float]  # m
     end: tuple[float, float]  # m
@@ -88,7 +88,7 @@ def body_solid(body: Body) -> Solid:
 
 
 def _block(size: FloatArray, centre: tuple[float, float], pitch: float) -> Solid:
-    """A box of a size (3,) in m around a centre x, z (m), turned about y (rad): four vertices a side."""
+    """Box of a size (3,) in m around a centre x, z (m), rotated about y (rad): four vertices a side."""
     vertices, triangles = [], []
     for number, normal in enumerate(SIDES):
         others = [axis for axis in range(3) if normal[axis] == 0.0]

@@ -21,7 +21,7 @@ SLOWEST = 0.1  # m/s: a command to stop what is slower is no stop, as a vehicle 
 
 @dataclass(slots=True)
 class Stop:
-    """A braking to standstill, under way or done."""
+    """Braking to standstill, under way or completed."""
 
     kind: str
     time: float  # s, of the command
@@ -186,7 +186,7 @@ class CarriedStops:
             yield limited(duration, "stopping_time")
 
     def _has_places(self, snapshot: Snapshot) -> bool:
-        """Whether a frame shows where any of them is: frames of a log need not."""
+        """Return whether a frame holds positions of the vehicles; frames of a log may have none."""
         if snapshot.layout is not self._layout:
             self._layout = snapshot.layout
             self._heights = self._layout.places.joint_position[self._rows, 2].tolist()
@@ -233,12 +233,12 @@ class CarriedStops:
                 )
 
     def _on(self, snapshot: Snapshot) -> BoolArray:
-        """Which of them (vehicles,) are on the rope."""
+        """Mask (vehicles,) of vehicles on the rope."""
         on: BoolArray = snapshot.columns.attached[self._rows] == 1.0
         return on
 
     def _steps(self, snapshot: Snapshot) -> FloatArray:
-        """Ways (vehicles,) in m along the rope since the last frame; NaN of what was not on it all the time."""
+        """Travel (vehicles,) in m along the rope since the last frame; NaN for vehicles off the rope in any of both."""
         assert self._last is not None
         moved = snapshot.columns.joint_position[self._rows] - self._last.columns.joint_position[self._rows]
         steps = np.sum(moved * along_rope(snapshot, self._rows), axis=1)

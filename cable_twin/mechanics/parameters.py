@@ -83,7 +83,7 @@ def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
 
 @by_reference
 class Carriages(NamedTuple):
-    """All carriages; body k of carriage c is row body_offset[c] + k, the first one hangs from the cable."""
+    """Carriages as chains of bodies; body k of carriage c is row body_offset[c] + k, the first hangs from the cable."""
 
     body_offset: IntArray  # (carriages + 1,)
     mass: FloatArray  # (bodies,) kg
@@ -172,7 +172,7 @@ STANDING = MovingCable(
 
 @by_reference
 class HaulRopes(NamedTuple):
-    """The haul rope of each carriage: an elastic rope between the drive sheave in a station and the joint."""
+    """Haul rope of each carriage: elastic, between the drive sheave in a station and the joint."""
 
     axial_stiffness: FloatArray  # (carriages,) N, 0 where the drive acts on the carriage itself
     mass_per_length: FloatArray  # (carriages,) kg/m
@@ -264,7 +264,7 @@ class Payloads(NamedTuple):
 
 @by_reference
 class Solver(NamedTuple):
-    """Time integration."""
+    """Parameters of time integration."""
 
     step: float  # h, s
     spectral_radius: float  # rho_inf of generalized-alpha, -

@@ -1,4 +1,4 @@
-"""The air: `air`, with wind, gusts and turbulence."""
+"""Wind, gusts and turbulence: section `air` of a scenario file."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Turbulence(Section):
 
 
 class Air(Section):
-    """The air: acts on ropes with a diameter and on bodies with a drag area; without any, a wind is refused."""
+    """Air acting on ropes with a diameter and bodies with a drag area; wind without either is refused."""
 
     density: float = quantity("kg/m^3", "density of the air, by default of 15 degrees at sea level", 1.225, ge=0)
     wind: Place = quantity(

@@ -178,7 +178,7 @@ def _level_left(scenario: Scenario, along: FloatArray) -> FloatArray:
 
 
 def _groove_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (towers, dim): where the middle groove of each tower opens, across the line, and along the line.
+    """Unit vectors (towers, dim) of the opening of each tower's middle groove across the line, and along the line.
 
     Grooves open upwards, downwards of a hold-down, or as near to `groove_direction` as they can; the line goes between
     the directions to the supports before and after it, as sheaves on their balances and well placed saddles do.
@@ -196,14 +196,14 @@ def _groove_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
 
 
 def _corners(scenario: Scenario) -> FloatArray:
-    """Places (towers + 2, dim) in m of start, towers and end."""
+    """Positions (towers + 2, dim) in m of start, towers and end."""
     cable = scenario.cable
     places = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
     return np.array([scenario.vector(place) for place in places])
 
 
 def _contacts(scenario: Scenario, tower: Tower, up: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (contacts, dim) in m of the contacts of a tower and the normals there, evenly along a circle.
+    """Positions (contacts, dim) in m and normals of the contacts of a tower, evenly spaced on a circle.
 
     The middle one is the top of the tower, with its normal `up` (dim,) and its tangent `along` (dim,).
     """

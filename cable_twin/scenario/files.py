@@ -176,7 +176,7 @@ def _find(source: Any) -> Path:
 
 
 def _read(file: Path) -> tuple[Any, list[Fault]]:
-    """Content of a YAML 1.2 file, in which 1e6 is a number, and a fault for every key given twice."""
+    """Content of a YAML 1.2 file (1e6 is a number), and a fault for every key given twice."""
     try:
         text = limited_text(file.expanduser())
     except FileNotFoundError:

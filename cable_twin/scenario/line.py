@@ -15,7 +15,7 @@ ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]  # whate
 
 
 class Load(Section):
-    """A constant load at a point of the cable."""
+    """Constant load at a point of the cable."""
 
     arc_length: float = quantity("m", "unstrained arc length from the start", ge=0)
     force: Place = quantity("N", "force on the cable as x, z, in space as x, y, z", (0.0, 0.0))

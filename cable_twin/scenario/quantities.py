@@ -46,7 +46,7 @@ def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> 
 
 
 def in_space(vector: tuple[float, ...]) -> tuple[float, ...]:
-    """A vector x, z or x, y, z as one of three numbers."""
+    """Vector of three numbers from x, z or x, y, z."""
     return vector if len(vector) == 3 else (vector[0], 0.0, vector[1])
 
 

@@ -1,4 +1,4 @@
-"""The reference of scenario files, made from the schema: a page for people, a JSON schema for editors.
+"""Reference of scenario files generated from the schema: a page for readers, a JSON schema for editors.
 
 python -m cable_twin.scenario.reference        writes both into docs/ anew
 """
@@ -53,7 +53,7 @@ class Entry(NamedTuple):
 
 
 class Table(NamedTuple):
-    """The keys of one kind of section."""
+    """Keys of one kind of section."""
 
     places: tuple[str, ...]  # dotted keys of the sections of this kind, "" for the whole file
     meaning: str
@@ -111,7 +111,7 @@ def explained(key: str) -> list[Entry]:
 
 
 def page() -> str:
-    """The reference as Markdown."""
+    """Scenario reference as Markdown."""
     parts = [HEAD]
     for table in tables():
         title = ", ".join(f"`{place}`" for place in table.places if place) or "The whole file"
@@ -122,7 +122,7 @@ def page() -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON schema of a scenario file."""
+    """JSON schema of a scenario file."""
     schema = Scenario.model_json_schema()
     definitions, drive = schema["$defs"], BullwheelDrive.model_json_schema(ref_template="#/$defs/{model}")
     definitions |= drive.pop("$defs", {}) | {"BullwheelDrive": drive}
@@ -173,7 +173,7 @@ def _models(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
 
 
 def _entries(model: type[BaseModel]) -> Iterator[Entry]:
-    """The keys of one model."""
+    """Entries of the keys of one model."""
     for name, field in model.model_fields.items():
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         unit, source = str(extra.get("unit", "")), str(extra.get("source", ""))

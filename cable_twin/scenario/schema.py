@@ -286,7 +286,7 @@ class Scenario(Section):
 
     @property
     def loop_length(self) -> float:
-        """Unstrained length (m) of the loop of a moving cable; without carriers, there and back."""
+        """Unstrained length (m) of the loop of a moving cable; without carriers, twice the length of the cable."""
         if (where := self._strand or self._rides) is not None:
             return where.loop_length
         for strand in self.strands.values():
@@ -297,7 +297,7 @@ class Scenario(Section):
 
     @property
     def spacing(self) -> float:
-        """Unstrained distance (m) of one carrier to the next; 0 without carriers."""
+        """Unstrained distance (m) between successive carriers; 0 without carriers."""
         if self.carriers is None:
             return 0.0
         return self.carriers.spacing or self.loop_length / self.carriers.count

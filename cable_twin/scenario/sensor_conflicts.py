@@ -41,7 +41,7 @@ def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _vehicles(scenario: Scenario) -> dict[str, list[str]]:
-    """Names of the bodies of all vehicles, also where the scenario has other faults."""
+    """Body names of all vehicles, also for a scenario with other faults."""
     found = {name: [*vehicle.bodies] for name, vehicle in scenario.carriages.items()}
     carriers = scenario.carriers
     if carriers is None or not isinstance(carriers.count, int):

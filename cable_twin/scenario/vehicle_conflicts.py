@@ -133,7 +133,7 @@ def _clamped(scenario: Scenario, name: str, carriage: Carriage) -> Iterator[Faul
 
 
 def _moving_cable(scenario: Scenario) -> Iterator[Fault]:
-    """Drive and carriers of a cable that moves along itself."""
+    """Faults of drives and carriers of an axially moving cable."""
     for name, drive in scenario.drives.items():
         path = ("drives", name)
         yield from name_faults(path)

@@ -33,7 +33,7 @@ def orientation(row: Any, like: Vector) -> Matrix:
 
 @formula
 def _of_quaternion(x, y, z, w):
-    """Rotation matrix (9,) of a quaternion of any length but 0."""
+    """Rotation matrix (9,) of a quaternion of any non-zero length."""
     f = 2.0 / (x * x + y * y + z * z + w * w)
     return (
         1.0 - f * (y * y + z * z),
@@ -50,7 +50,7 @@ def _of_quaternion(x, y, z, w):
 
 @kernel
 def turn_row(row, turn):
-    """Turn the coordinates of a body in space by a rotation vector (3,) about the axes of the world."""
+    """Rotate the coordinates of a body in space by a rotation vector (3,) about the axes of the world."""
     a, b, d, c = _quaternion(turn)
     x, y, z, w = row[3], row[4], row[5], row[6]
     p = c * x + a * w + b * z - d * y
@@ -63,7 +63,7 @@ def turn_row(row, turn):
 
 @formula
 def quaternion_rate(row, spin):
-    """Rate (4,) in 1/s of the quaternion of a body in space at a spin (3,) about the axes of the world: ω q / 2."""
+    """Rate (4,) in 1/s of a body's quaternion at an angular velocity (3,) about the axes of the world: ω q / 2."""
     a, b, c = 0.5 * spin[0], 0.5 * spin[1], 0.5 * spin[2]
     x, y, z, w = row[3], row[4], row[5], row[6]
     return a * w + b * z - c * y, b * w + c * x - a * z, c * w + a * y - b * x, -a * x - b * y - c * z
@@ -95,7 +95,7 @@ def set_upright(row: Any, along: Vector) -> None:
 
 @kernel
 def _half_heading(along):
-    """Half the angle (rad) about z to the direction `along` (3,), or to the other way round."""
+    """Half the angle (rad) about z to the direction `along` (3,) or its opposite, whichever has positive x."""
     sign = 1.0 if along[0] >= 0.0 else -1.0
     return 0.5 * atan2(sign * along[1], sign * along[0]) if along[0] != 0.0 or along[1] != 0.0 else 0.0
 

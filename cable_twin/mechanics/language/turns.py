@@ -55,7 +55,7 @@ def by_turn(arm: Vector) -> Matrix:
 
 @formula
 def moment_by_turn(arm: Vector, force: Vector) -> Matrix:
-    """Matrix (turns x turns) of the moment (θ x a) x F by the turn θ of the arm: a Fᵀ - (a·F) 1."""
+    """Matrix (turns x turns) of the moment (θ x a) x F by the rotation θ of the arm: a Fᵀ - (a·F) 1."""
     along = [x * f for x, f in zip(arm, force, strict=True)]
     if len(arm) == 2:
         return (-sum(along),)

@@ -84,7 +84,7 @@ def outer(c: float, a: Vector, b: Vector) -> Matrix:
 
 @formula
 def product(a: Matrix, b: Matrix, inner: Vector) -> Matrix:
-    """Product of two matrices of any shapes, row by row; a row of `a` is as long as `inner`."""
+    """Product of two matrices of any shapes, row by row; rows of `a` have the length of `inner`."""
     count = len(inner)
     rows, columns = len(a) // count, len(b) // count
     return tuple(
@@ -138,7 +138,7 @@ def transpose(a: Matrix) -> Matrix:
 
 @formula
 def flipped(a: Matrix, row: Vector) -> Matrix:
-    """Transpose of a matrix of any shape whose rows are as long as `row`."""
+    """Transpose of a matrix of any shape, with rows of the length of `row`."""
     columns = len(row)
     return tuple(a[i * columns + j] for j in range(columns) for i in range(len(a) // columns))
 
@@ -159,6 +159,6 @@ def block(c: float, a: Matrix, d: float) -> Matrix:
 
 @formula
 def unit_matrix(row: Vector) -> Matrix:
-    """The unit matrix whose rows are as long as `row`."""
+    """Unit matrix of the size of the vector `row`."""
     count = len(row)
     return tuple(1.0 if i == j else 0.0 for i in range(count) for j in range(count))

@@ -67,7 +67,7 @@ def moment_by_slope(turn, r_x):
 
 @formula
 def spin_by_slope(turning, r_x):
-    """Derivative (turns x dim) of the spin G w by r_x, for a rate w (dim,) of the slope."""
+    """Derivative (turns x dim) of the angular velocity G w by r_x, for a rate w (dim,) of the slope."""
     per_square = 1.0 / dot(r_x, r_x)
     turned = outer(-2.0 * per_square * per_square, moment(r_x, turning), r_x)
     return add_scaled(-per_square, flipped(by_turn(turning), no_turn(r_x)), turned)

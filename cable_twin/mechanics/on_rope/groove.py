@@ -52,7 +52,7 @@ def with_groove(
 
 @formula
 def side_force(stiffness, friction, aside, speed):
-    """Force (N) of a groove on a rope that is `aside` (m) and moves sideways at `speed` (m/s)."""
+    """Lateral force (N) of a groove on a rope offset by `aside` (m) and moving sideways at `speed` (m/s)."""
     return -stiffness * aside - friction * speed / square_root(speed * speed + CREEP * CREEP)
 
 

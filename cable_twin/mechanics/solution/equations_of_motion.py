@@ -61,7 +61,7 @@ from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiago
 
 @inlined_kernel
 def measure_gaps(system, state, work, place):
-    """Residual of all constraints at position level, in m: joints of the carriages and driven joints.
+    """Measure the residual of all constraints at position level, in m: carriage joints and driven joints.
 
     With `place` true, joints are first put on the element that holds them. What a joint yields is a part of its gap.
     """
@@ -159,7 +159,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
 
 @inlined_kernel
 def add_loads(cable, state, stiffness_factor, work):
-    """Point forces along the cable, and moments on its ends, which turn the slope there: M ∂pitch/∂r_x.
+    """Add point forces along the cable, and moments on the slopes of its ends: M ∂pitch/∂r_x.
 
     Beside `continuum`, the tangent of a moment is left out. It balances what the tangent of bending leaves out there: M
     times the second derivative of the turn. One without the other is wrong by more the shorter the elements are.

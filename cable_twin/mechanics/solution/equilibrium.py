@@ -26,7 +26,7 @@ GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
 
 
 def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The bare cable between two held ends.
+    """Elastic catenary of the bare cable between two held ends.
 
     Args:
         system: parameters.

@@ -1,4 +1,4 @@
-"""The real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), full Newton.
+"""Real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), full Newton.
 
 One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, of all ropes at once, with the updates of `newmark`.
 """

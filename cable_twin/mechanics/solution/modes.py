@@ -85,12 +85,12 @@ def _places(carriages: list[Hanging], nodal: int) -> list[IntArray]:
 
 
 def _diagonal(values: FloatArray) -> csc_array:
-    """Diagonal matrix, which may have no rows."""
+    """Diagonal matrix, possibly without rows."""
     return coo_array((values, (np.arange(values.size),) * 2), shape=(values.size,) * 2).tocsc()
 
 
 def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
-    """Block-diagonal matrix of two, either of which may have no rows."""
+    """Block-diagonal matrix of two matrices, each possibly without rows."""
     a, b = coo_array(a), coo_array(b)
     rows = np.concatenate([a.row, b.row + a.shape[0]])
     columns = np.concatenate([a.col, b.col + a.shape[1]])
@@ -174,7 +174,7 @@ def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]
 
 
 def _nodal_matrix(work: Workspace) -> csc_array:
-    """The block-tridiagonal matrix of a workspace."""
+    """Block-tridiagonal matrix of a workspace, as a sparse matrix."""
     nodes, dim = work.diagonal.shape[0], round(work.diagonal.shape[3] ** 0.5)
     size = 2 * dim
     entries, rows, columns = [], [], []

@@ -317,7 +317,7 @@ def stop_wheel(sheaves, motion, sheave):
 
 @kernel
 def observe_bullwheels(sheaves, motion, driven, numbers, columns):
-    """Fill the columns of all bullwheels, and of the drives `numbers` (n,), which are on the wheels `driven` (n,)."""
+    """Fill the columns of all bullwheels, and of the drives `numbers` (n,) of the wheels `driven` (n,)."""
     for sheave in range(sheaves.inertia.size):
         rim, rope = motion.rim, motion.rope
         columns.sheave_position[sheave], columns.sheave_speed[sheave] = rope.position[sheave], rope.velocity[sheave]
@@ -341,7 +341,7 @@ def observe_bullwheels(sheaves, motion, driven, numbers, columns):
 
 @kernel
 def force_of_drive(sheaves, motion, sheave):
-    """Force (N) of a drive at the rim; 0 of a wheel without one, and while a brake stops it."""
+    """Force (N) of a drive at the rim of a bullwheel; 0 without a drive, and under its brake."""
     if not sheaves.driven[sheave] or (motion.braking[sheave] and sheaves.brake_force[sheave] > 0.0):
         return 0.0
     if motion.mode[sheave] == FORCE and not motion.braking[sheave]:

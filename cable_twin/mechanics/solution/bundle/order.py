@@ -54,7 +54,7 @@ def order_of(
     along: list[FloatArray] | None = None,
     lines: list[int] | None = None,
 ) -> Order:
-    """Order of elimination: ropes go on side by side from connector to connector.
+    """Elimination order of all nodes: ropes advance side by side from connector to connector.
 
     Args:
         nodes: number of nodes of each rope that something holds to another one, 0 of each other rope.

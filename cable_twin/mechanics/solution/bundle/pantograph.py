@@ -19,7 +19,7 @@ SEARCHES = 4  # Newton steps for the place above the head, from the one before
 
 @kernel
 def find_place(cable, nodes, arc_length, x):
-    """Arc length (m) at which a rope is at `x` (m) along the track, sought from `arc_length` on."""
+    """Arc length (m) of a rope at `x` (m) along the track, by Newton's method from `arc_length`."""
     like = cable.gravity
     for _ in range(SEARCHES):
         point = point_at(cable, arc_length)

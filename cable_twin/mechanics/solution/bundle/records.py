@@ -103,7 +103,7 @@ class Bullwheels(NamedTuple):
 
 @by_reference
 class Order(NamedTuple):
-    """In which order the nodes of all ropes are eliminated, and when each connector has both its nodes at the front."""
+    """Elimination order of the nodes of all ropes, and number of nodes eliminated before each connector is added."""
 
     rope: IntArray  # (nodes of all,)
     node: IntArray  # (nodes of all,)
@@ -179,7 +179,7 @@ class BundleState(NamedTuple):
 
 @by_reference
 class BundleWork(NamedTuple):
-    """Scratch of the solver; contents have no meaning between steps."""
+    """Workspace of the solver for couplings; contents have no meaning between steps."""
 
     fill: Annotated[
         FloatArray, Of("member", "member", 2, 2, "dim²")
