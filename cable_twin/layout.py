@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from math import inf, nan, prod
+from math import inf, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cable_twin.column_shapes import SHAPES
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.records import FloatArray
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, most_by_friction
 
 IntArray = NDArray[np.int64]
 ENDS = ("start", "end")  # the first two supports of every rope
@@ -62,6 +62,7 @@ class Layout:
         joints: (joints, 2) numbers of a rope and of a vehicle that may be on it: of carriers, one a strand.
         tensioned: names of the bullwheels that something tensions.
         arms: (drives,) m, radius of the bullwheel of each drive.
+        drive_limits: (drives,) N, force of each at which the rope slips on its bullwheel; NaN of a moving cable.
         grips: (sheaves,) friction times wrap of each, which the logarithm of the ratio of its tensions cannot exceed.
         laterals: m, by which a plane shows each rope to the left, with what is on it, by name.
         loop_offsets: (ropes,) m, place on its loop of the start of each rope that is a strand of one, else 0.
@@ -149,6 +150,7 @@ class Layout:
         self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
         self.tensioned: tuple[str, ...] = ()
         self.arms, self.grips = np.full(len(self.drives), np.nan), np.full(len(self.sheaves), np.nan)
+        self.drive_limits = np.full(len(self.drives), np.nan)
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
         self._shares: dict[str, _Share] = {}
@@ -181,6 +183,9 @@ class Layout:
         wheels = scenario.sheaves
         layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
         layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
+        layout.drive_limits[:] = [
+            most_by_friction(scenario, name) if one.sheave else np.nan for name, one in scenario.drives.items()
+        ]
         layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
         for row, (name, own) in enumerate(layout.alone.items()):
             layout._shares[name] = layout._share_of(row, name)
@@ -287,7 +292,7 @@ class Layout:
     def force_used(self, c: Columns) -> FloatArray:
         """Used share (..., names) of the force limit: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
-        return self.of_commanded(share, np.full_like(c.drive_position, nan))
+        return self.of_commanded(share, np.abs(c.moving_cable_force) / self.drive_limits)
 
     def off_loop(self, columns: Columns) -> None:
         """Convert places on the loop, in the columns of a frame, into places on the present rope of each vehicle."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, floor, isfinite, sin
+from math import floor, isfinite
 from zlib import crc32
 
 import numpy as np
@@ -128,13 +128,18 @@ class _Running:
         before, self._before = self._before, (time, velocity)
         if before is None:
             return ()
-        x, y, z = ((velocity - before[1]) / (time - before[0])).tolist()
-        z += self._gravity
-        pitch = float(columns.body_angles[self._row, 1])
-        along = x * cos(pitch) - z * sin(pitch), y, x * sin(pitch) + z * cos(pitch)
-        turn = columns.body_angular_velocity[self._row]
+        felt, turn = (velocity - before[1]) / (time - before[0]), columns.body_angular_velocity[self._row]
+        felt[2] += self._gravity
+        along, turn = (_in_axes(vector, columns.body_orientation[self._row]) for vector in (felt, turn))
         turns = (float(turn[k]) + sensor.rate_bias + sensor.rate_noise * draws[k] for k in range(3))
-        return (*turns, *(self._spoiled(along[k], draws[3 + k]) for k in range(3)))
+        return (*turns, *(self._spoiled(float(along[k]), draws[3 + k]) for k in range(3)))
+
+
+def _in_axes(vector: FloatArray, turn: FloatArray) -> FloatArray:
+    """A vector (3,) in the axes of a body that is turned by a quaternion x, y, z, w."""
+    twice = 2.0 * np.cross(turn[:3], vector)
+    turned: FloatArray = vector - turn[3] * twice + np.cross(turn[:3], twice)
+    return turned
 
 
 def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:

@@ -32,7 +32,7 @@ BELOW_RECORDING = (
     "units",
 )
 ALLOWED = {
-    "mechanics": (),
+    "mechanics": ("units",),
     "printable": (),
     "rates": (),
     "units": (),

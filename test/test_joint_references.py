@@ -10,7 +10,8 @@ from test_moving_cable_twin import SHORT
 
 from cable_twin.gym import RopewayEnv
 from cable_twin.messages import JOINT_REFERENCES, MessageEncoder, decode, topics
-from cable_twin.scenario import load_scenario
+from cable_twin.plotted_signals import SIGNALS
+from cable_twin.scenario import limits_of, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.snapshot import COMMANDED
 
@@ -88,7 +89,13 @@ def test_a_moving_rope_has_its_command_and_ramp(scenario):
     assert [*rows] == ["haul_rope", "haul_rope/command", "haul_rope/limit"]  # chairs take no commands
     assert rows["haul_rope"] == [drive.position, drive.speed, 0.0]
     assert rows["haul_rope/command"] == [SPEED, 2.0, 0.0]
-    assert rows["haul_rope/limit"] == [0.0, 0.0, 0.0]
+    share, _, limit = rows["haul_rope/limit"]
+    if scenario is SHORT:  # moves as it is told, whatever that takes
+        assert (share, limit) == (0.0, 0.0)
+    else:
+        assert limit == limits_of(simulation.scenario, "haul_rope").force
+        assert share == pytest.approx(abs(drive.force) / limit) != 0.0
+        assert SIGNALS["force_limit_used"].values(simulation.layout, simulation.snapshot.columns)[0] == share
     simulation.emergency_stop()
     assert references(simulation)["haul_rope/command"] == [STOP, 0.0, 0.0]
     if scenario is SHORT:

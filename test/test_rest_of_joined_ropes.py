@@ -91,9 +91,9 @@ def test_a_loop_without_tensioning_is_told_the_length_with_which_it_touches_its_
 def test_a_loop_is_told_the_pull_with_which_it_touches_its_towers():
     changes = FEW | {"towers.tower_2.position": [150.0, 29.0]}
     said = refusal("chairlift", changes)
-    found = re.search(r"tower_2_up\.position: .* above its top .* a pull of at most (\S+) N of sheaves\.return", said)
+    found = re.search(r"tower_2_up\.position: .* above its top .* a pull of at most (\S+) kN of sheaves\.return", said)
     assert found, said
-    less = load_scenario("chairlift", changes | {"sheaves.return.counterweight.mass": float(found[1]) / 9.81})
+    less = load_scenario("chairlift", changes | {"sheaves.return.counterweight.mass": 1e3 * float(found[1]) / 9.81})
     wheels, systems = build_bullwheels(less), build_ropes(less)
     strands, motion = dict(enumerate(systems.values())), bullwheels_at_rest(2)
     rest_in_closed_form(wheels, motion, strands)
@@ -133,7 +133,7 @@ def test_the_weight_of_one_rope_may_be_lifted_by_its_vehicle_to_where_it_has_tra
     within = Simulation(load_scenario(scenario, limited)).snapshot.supports["end"].travel
     assert within == pytest.approx(loaded, abs=1e-9)
     said = refusal(scenario, {**place, "cable.end.travel": [-1.5, loaded - 0.05]})
-    assert f"cable.end.travel: the counterweight of 49050 N would rest at {loaded:.3f} m, it is too heavy" in said
+    assert f"cable.end.travel: the counterweight of 49.05 kN would rest at {loaded:.3f} m, it is too heavy" in said
     assert said.endswith("as with a cable that is about 0.05 m shorter")
     shorter = scenario["cable"]["unstrained_length"] - 0.051
     changes = {**place, "cable.end.travel": [-1.5, loaded - 0.05], "cable.unstrained_length": shorter}
@@ -147,5 +147,5 @@ def test_the_weight_of_a_track_rope_may_be_lifted_by_what_hangs_on_it_to_where_i
     lifted = supports["track_up/start"].travel, supports["track_down/end"].travel
     assert lifted == pytest.approx((-0.85, -0.36), abs=0.02)
     said = refusal("bicable", changes | {"ropes.track_down.end.travel": [-3.0, -0.5]})
-    assert f"ropes.track_down.end.travel: the counterweight of 686700 N would rest at {lifted[1]:.3f} m" in said
+    assert f"ropes.track_down.end.travel: the counterweight of 686.7 kN would rest at {lifted[1]:.3f} m" in said
     assert f"allowed: between -3 and -0.5 m, as with a cable that is about {lifted[1] + 0.5:.3g} m shorter" in said

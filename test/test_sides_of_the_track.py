@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, radians, sin
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.texts import statuses_of_message
 from cable_twin.recording.logged_supports import LoggedSupports
+from cable_twin.ros.description import robot_description
 from cable_twin.scenario import load_scenario, masts, tower_axes
+from cable_twin.sensors import Sensors
 from cable_twin.simulation import Simulation
 from verification import JIT
 
@@ -132,3 +135,42 @@ def test_a_log_gives_back_forces_and_ratios_of_its_towers():
     np.testing.assert_allclose(read.tower_lateral, shown.tower_lateral, rtol=1e-3)
     np.testing.assert_allclose(read.tower_lateral_ratio, shown.tower_lateral_ratio, rtol=5e-3)
     assert np.isnan(read.tower_lateral_ratio[simulation.layout.support_rows["tower_2_up"]])
+
+
+@needs_kernels
+def test_what_hangs_and_what_measures_it_is_blown_to_one_side_on_both_strands():
+    """A wind to the left: chairs, their pins that are left of the clamp, IMUs, load cells, and the axes in the URDF."""
+    pins = {"carriers.bodies.chair.upper_pivot": [0.0, 0.05, 2.6]}
+    imus = {f"sensors.box_{number}": {"kind": "imu", "of": f"chair_{number}", "rate": 100.0} for number in (5, 20)}
+    cells = {f"sensors.cell_{rope}": {"kind": "load_cell", "of": f"tower_3_{rope}"} for rope in ("up", "down")}
+    scenario = load_scenario("chairlift", LIFT | pins | imus | cells)
+    simulation = Simulation(scenario)
+    sensors, measured = Sensors(scenario, simulation.layout), {}
+    for frame in range(1, 5):
+        for one in sensors.take(simulation.advance_to(0.01 * frame)):
+            measured[one.sensor] = one.values
+    c, layout = simulation.snapshot.columns, simulation.layout
+    rows = [layout.vehicle_rows[name] for name in ("chair_5", "chair_20")]
+    strands = [list(layout.ropes)[int(c.vehicle_rope[row])] for row in rows]
+    assert strands == ["up", "down"]
+    for row, name in zip(rows, ("chair_5", "chair_20"), strict=True):
+        roll, beside = c.body_angles[row, 0], c.body_position[row] - c.joint_position[row]
+        assert beside[1] > 0.03  # blown to the left
+        assert beside[1] == pytest.approx(2.6 * sin(roll) - 0.05 * cos(roll), abs=0.02)  # its pin is left of its middle
+        turns, felt = np.split(np.array(measured[f"box_{name.partition('_')[2]}"]), 2)
+        assert felt[1] == pytest.approx(9.81 * sin(roll), rel=0.05)
+        assert np.linalg.norm(felt) == pytest.approx(9.81, rel=0.02)
+        assert np.abs(turns).max() < 0.05
+    for rope in ("up", "down"):
+        assert measured[f"cell_{rope}"][1] < 0.0  # it is held to the right
+    robot = ElementTree.fromstring(robot_description(scenario))
+    axes = {
+        joint.get("name"): joint.find("axis").get("xyz")
+        for joint in robot.iter("joint")
+        if joint.find("axis") is not None
+    }
+    assert axes["chair_5_chair"] == axes["chair_20_chair"] == "0 1 0"
+    places = {
+        joint.get("name"): [*map(float, joint.find("origin").get("xyz").split())] for joint in robot.iter("joint")
+    }
+    assert places["chair_5_chair_centre"] == places["chair_20_chair_centre"] == [0.0, -0.05, -2.6]

@@ -6,9 +6,10 @@ from math import inf, nan
 
 import numpy as np
 import pytest
+from bent_line import BENT
 
 from cable_twin.scenario import ScenarioError, load_scenario
-from cable_twin.simulation import Simulation, SnapshotError
+from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
 CABIN = {"mass": 300.0, "inertia": 100.0, "inertia_tensor": [90.0, 100.0, 60.0], "upper_pivot": [0.0, 2.0]}
 SPAN = {
@@ -89,3 +90,24 @@ def test_an_orientation_that_is_none_is_found_in_a_snapshot(tmp_path, part, leng
     assert str(caught.value) == (
         f"{path}: {part}/bodies.position: the quaternion of body 0 has a length of {length:.3g}; allowed: 1"
     )
+
+
+def test_a_groove_that_pushes_its_rope_out_at_rest_is_refused_for_several_ropes_too():
+    """One rope by itself and the first of two say the same."""
+    tower = {**BENT["towers"]["tower"], "derailment_ratio": 0.05}
+    alone = {**BENT, "towers": {"tower": tower}}
+    with pytest.raises(ScenarioError) as one:
+        load_scenario(alone)
+    other = {**BENT["cable"], **{end: {"position": [x, 60.0, 0.0]} for end, x in (("start", 0.0), ("end", 200.0))}}
+    both = {"name": "two", "ropes": {"first": BENT["cable"], "second": other}, "solver": BENT["solver"]}
+    with pytest.raises(ScenarioError) as several:
+        load_scenario({**both, "towers": {"tower": {**tower, "rope": "first"}}})
+    assert "pushes sideways with" in str(one.value)
+    assert str(several.value).partition("towers.")[2] == str(one.value).partition("towers.")[2]
+
+
+def test_strands_that_would_be_pushed_out_of_their_grooves_at_rest_are_refused():
+    coarse = {f"ropes.{rope}.elements": 60 for rope in ("up", "down")}
+    aside = {"space": 3, "towers.tower_3.position": [290.0, 3.0, 66.0], "towers.tower_3.derailment_ratio": 0.1}
+    with pytest.raises(EquilibriumError, match=r"towers\.tower_[23]_up\.position: .*pushes sideways with .* kN"):
+        Simulation(load_scenario("chairlift", coarse | aside))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+import cable_twin
 from cable_twin.figure_messages import describe
 from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.figure_table import verdict_lines
 from cable_twin.units import rounded, with_unit
+
+PACKAGE = Path(cable_twin.__file__).parent
 
 
 @pytest.mark.parametrize(
@@ -53,3 +58,15 @@ def test_what_a_comparison_comes_to_says_which_run_is_beyond():
     near = replace(runs[1][0], value=5.1, uncertainty=0.2, place="x 3 m")
     assert verdict_lines([[near]])[1] == "  sag: not decided: 5.1 m, at most 5 m, at 1.00 s, x 3 m"
     assert verdict_lines([[KeyFigure("speed", 1.0, "m/s", 0.0)]]) == []
+
+
+def test_messages_write_forces_and_energies_in_one_place():
+    """No message has its own number for a unit whose values are large: 6.74e+03 N is 6.74 kN."""
+    own = re.compile(r"\{[^{}]*:(\.\d)?[eg]\} (N|N m|W|J)\b|:\.[23]g\} m(?![\w/])")
+    wrong = {
+        f"{path}:{number}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+        if own.search(line)
+    }
+    assert wrong == set()

@@ -3,7 +3,8 @@
 NAME has the reference that the drive follows, ramped within its limits: place (m), speed (m/s) and commanded force (N);
 where it follows no ramp, place and speed are its own. NAME/command has the kind of the command (by its number in
 `COMMANDED`) as position, the commanded speed (m/s) and force (N). NAME/limit has the share of the force limit in use as
-position (1 in saturation) and that limit (N) as effort; both are 0 where there is no limit.
+position (1 in saturation) and that limit (N) as effort; both are 0 where there is no limit. That of a bullwheel's drive
+is the force at which the rope would slip on it.
 """
 
 from __future__ import annotations
@@ -42,6 +43,12 @@ class ReferencesMessage:
             for number, name in enumerate(layout.commanded)
             if name in layout.vehicle_rows
         ]
+        first = len(layout.commanded) - len(layout.drives)
+        self._on_bullwheels = [  # the same of drives, whose limits do not change
+            (first + row, limit, int(columns.moving_cable_force[row]))
+            for row, limit in enumerate(layout.drive_limits.tolist())
+            if limit > 0.0
+        ]
 
     def fill(self, stamp_ns: int) -> bytes:
         """Encoded message with a stamp (ns)."""
@@ -51,6 +58,8 @@ class ReferencesMessage:
         for number, limit, force in self._limited:
             if (most := frame.item(limit)) > 0.0:  # there is one
                 shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
+        for number, most, force in self._on_bullwheels:
+            shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
         return self._template.fill(stamp_ns)
 
 

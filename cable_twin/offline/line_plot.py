@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ mpl.use("Agg")  # no screen needed
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from cable_twin.geometry.clearance import heights_over_ground
 from cable_twin.offline.line_places import Line
@@ -133,23 +135,37 @@ def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, Floa
         tensions: (places, samples) at its places, in the unit of the result.
     """
     layout, low, high = _layout(line), tensions.min(axis=0), tensions.max(axis=0)
-    for vehicle in range(len(layout.vehicles)):
-        for rope, part in enumerate(layout.ropes.values()):
-            arc, own = layout.arc_lengths[part], tensions[:, part]
-            on = [c.attached[vehicle] > 0.0 and int(c.vehicle_rope[vehicle]) == rope for c in line.columns]
-            places = np.array([c.arc_length[vehicle] for c in line.columns])
-            sides = np.array([_sides(arc, *pair) for pair in zip(own, places, strict=True)])
-            for first in range(len(places) - 1):
-                here, there = places[first : first + 2]
-                if not (on[first] and on[first + 1]) or here == there:
-                    continue
-                passed = np.flatnonzero((arc >= min(here, there)) & (arc <= max(here, there)))
-                share = (arc[passed] - here) / (there - here)
-                between = sides[first] + share[:, None] * (sides[first + 1] - sides[first])
-                passed += part.start
-                low[passed] = np.minimum(low[passed], between.min(axis=1))
-                high[passed] = np.maximum(high[passed], between.max(axis=1))
+    for rope, places, on in _loads(line):
+        part = layout.ropes[rope]
+        arc, own = layout.arc_lengths[part], tensions[:, part]
+        sides = np.array([_sides(arc, *pair) for pair in zip(own, places, strict=True)])
+        for first in range(len(places) - 1):
+            here, there = places[first : first + 2]
+            if not (on[first] and on[first + 1]) or here == there:
+                continue
+            passed = np.flatnonzero((arc >= min(here, there)) & (arc <= max(here, there)))
+            share = (arc[passed] - here) / (there - here)
+            between = sides[first] + share[:, None] * (sides[first + 1] - sides[first])
+            passed += part.start
+            low[passed] = np.minimum(low[passed], between.min(axis=1))
+            high[passed] = np.maximum(high[passed], between.max(axis=1))
     return low, high
+
+
+def _loads(line: Line) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
+    """Yield what makes the tension of a rope jump: its name, arc lengths (places,) in m, and where it is on the rope.
+
+    A vehicle is on the rope that carries it, and, where it is clamped to haul ropes, on these too.
+    """
+    layout = _layout(line)
+    for vehicle, name in enumerate(layout.vehicles):
+        at = np.array([c.arc_length[vehicle] for c in line.columns])
+        ropes = np.array([c.vehicle_rope[vehicle] if c.attached[vehicle] > 0.0 else np.nan for c in line.columns])
+        for number, rope in enumerate(layout.ropes):
+            yield rope, at, ropes == number
+        clamps = line.scenario.carriages[name].clamped_to if name in line.scenario.carriages else {}
+        for rope, place in clamps.items():  # it goes with the material of the rope
+            yield rope, place + (line.places if line.moved in line.scenario.drives else 0.0 * at), ~np.isnan(ropes)
 
 
 def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, float]:

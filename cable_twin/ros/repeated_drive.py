@@ -8,7 +8,6 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Mapping
 from typing import Any
 
 from cable_twin.command_messages import applied_command_from_message
@@ -64,6 +63,8 @@ class Driver:
 
     def find_twin(self) -> str | None:
         """Wait for the twin and check the command against its scenario; returns the error message."""
+        from cable_twin.scenario import command_fault, load_scenario  # noqa: PLC0415 - takes a second, while it is sought
+
         deadline = time.monotonic() + self._options.wait
         while not (self._publisher.get_subscription_count() and self._scenario is not None and self._heard):
             self._spin(0.05)
@@ -73,7 +74,8 @@ class Driver:
                 if self._scenario is not None:
                     return f"the twin on {self._topic} does not advance: if it is paused, `drive --resume` continues it"
                 return nobody_listens(self._node, self._topic, self._options.wait)
-        return refusal(self._scenario, self._options.name, self._kind, self._value)
+        scenario = load_scenario(self._scenario)
+        return command_fault(scenario, self._kind.name, self._kind.unit, self._options.name, self._value)
 
     def run(self) -> str | None:
         """Send commands until the end, and stop the drive in every case; returns the error message."""
@@ -201,28 +203,3 @@ class Driver:
 
     def _note_answer(self) -> None:
         self._answered, self._applied = time.monotonic(), True
-
-
-def refusal(scenario: Mapping[str, Any], name: str, kind: Kind, value: float) -> str | None:
-    """Expected refusal of a command to a carriage or drive by a resolved scenario; None for a valid command."""
-    carriages = {
-        key: one.get("drive", {})
-        for key, one in scenario["carriages"].items()
-        if one.get("joint") != "clamped" and not one.get("clamped_to")  # go with the cable, are pulled by one
-    }
-    drives = carriages | scenario.get("drives", {})
-    if name not in drives and (ropes := scenario["carriages"].get(name, {}).get("clamped_to")):
-        return f"'{name}' is clamped to {' and '.join(ropes)}, which pulls it; drive: {', '.join(drives) or 'none'}"
-    if name not in drives:
-        return f"the twin has no carriage or drive '{name}' to command; it has: {', '.join(drives) or 'none'}"
-    if kind.name == "force" and name not in carriages and drives[name].get("sheave") is None:
-        return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
-    limit = drives[name].get("limits", {}).get(kind.name)
-    if limit is None and kind.name == "force":  # imported here, as it takes a second
-        from cable_twin.scenario import limits_of, load_scenario  # noqa: PLC0415
-
-        own = limits_of(load_scenario(scenario), name)
-        limit = own.force if own is not None else None
-    if limit is not None and abs(value) > limit:
-        return f"{kind.name} of '{name}' is {value:g} {kind.unit}; allowed are -{limit:g} to {limit:g} {kind.unit}"
-    return None

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 from cable_twin.printable import LONGEST_MESSAGE, printable
 from cable_twin.ros.command_line import Ending
 from cable_twin.ros.middleware import discovery_time
+from cable_twin.units import with_unit
 
 SCENARIO, ROBOT, DIAGNOSTICS = "/scenario", "/robot_description", "/diagnostics"
 UNLIMITED = 1e9  # m, m/s or N, for what has no limit: a URDF has to have a number
@@ -78,7 +79,7 @@ def limits_in(description: str) -> dict[str, str]:
             given = {key: float(value) for key, value in joint.find("limit").attrib.items()}  # type: ignore[union-attr]
             speed, force = given["velocity"], given["effort"]
             told = [f"{speed:g} m/s"] if speed < UNLIMITED else []
-            told += [f"{1e-3 * force:.4g} kN" if force >= 1e3 else f"{force:g} N"] if 0.0 < force < UNLIMITED else []
+            told += [with_unit(force, "N")] if 0.0 < force < UNLIMITED else []
             found[joint.get("name", "")] = f"up to {', '.join(told)}" if told else ""
     except (ElementTree.ParseError, AttributeError, KeyError, ValueError):
         return {}  # not of a twin

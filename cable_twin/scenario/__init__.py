@@ -2,7 +2,15 @@
 
 from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
 from cable_twin.scenario.build_vehicles import vehicle_buffer
-from cable_twin.scenario.command_limits import CommandLimits, command_limits, limits_of, places_of
+from cable_twin.scenario.command_limits import (
+    CommandLimits,
+    command_fault,
+    command_limits,
+    limits_of,
+    most_by_friction,
+    places_of,
+    unknown_name,
+)
 from cable_twin.scenario.files import (
     ScenarioError,
     config_directory,
@@ -25,6 +33,7 @@ __all__ = [
     "assignment",
     "build_payloads",
     "build_system",
+    "command_fault",
     "command_limits",
     "config_directory",
     "full_key",
@@ -32,11 +41,13 @@ __all__ = [
     "limits_of",
     "load_scenario",
     "masts",
+    "most_by_friction",
     "parse_scenario",
     "places_of",
     "scenario_lines",
     "scenario_names",
     "tower_axes",
+    "unknown_name",
     "vehicle_buffer",
     "wind_unfelt",
 ]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from math import exp, inf
+from math import exp, inf, isfinite
 from typing import NamedTuple
 
+from cable_twin.printable import printable
 from cable_twin.scenario.build_vehicles import stop_stroke
 from cable_twin.scenario.schema import Scenario
+from cable_twin.units import rounded
 
 SAFETY = 4.5  # -, of a haul rope in operation
 BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assumed
@@ -38,6 +40,47 @@ def limits_of(scenario: Scenario, name: str) -> CommandLimits | None:
     if carriage is None or carriage.joint != "sliding" or carriage.clamped_to:
         return None
     return CommandLimits(_or_none(carriage.drive.limits.speed), _or_none(carriage.drive.limits.force))
+
+
+def command_fault(scenario: Scenario, kind: str, unit: str, name: str, value: float) -> str | None:
+    """Why a twin refuses a speed or force for a drive or carriage, in a line; None where it takes it.
+
+    Args:
+        scenario: what runs.
+        kind: "speed" or "force".
+        unit: of the value, m/s or N.
+        name: what is commanded.
+        value: what it is told.
+    """
+    if (limits := limits_of(scenario, name)) is None:
+        return _not_commanded(scenario, name)
+    if (limit := limits.of(kind)) == 0.0:
+        return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
+    if not isfinite(value):
+        return f"{kind} of '{name}' is {value} {unit}; a finite number is needed"
+    if abs(value) > limit:
+        most = rounded(limit, 6)
+        return f"{kind} of '{name}' is {rounded(value, 6)} {unit}; allowed are -{most} to {most} {unit}"
+    return None
+
+
+def _not_commanded(scenario: Scenario, name: str) -> str:
+    """Reason why something takes no commands of speed and force."""
+    if name not in scenario.vehicles:
+        return unknown_name(scenario, name)
+    carriage, drives = scenario.vehicles[name], ", ".join(scenario.drives) or "none in this scenario"
+    if carriage.joint == "clamped":
+        return f"'{name}' moves with the cable and takes no command; drive: {drives}"
+    if carriage.clamped_to:
+        return f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"
+    return f"'{name}' is fixed to the cable and takes no command"
+
+
+def unknown_name(scenario: Scenario, name: str) -> str:
+    """What is said where a command names nothing that the scenario has."""
+    own = [other for other, one in scenario.vehicles.items() if one.joint != "clamped" and not one.clamped_to]
+    known = ", ".join([*scenario.drives, *own]) or "none in this scenario"
+    return f"unknown carriage or drive '{printable(name)}'; known: {known}"
 
 
 def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
@@ -73,4 +116,12 @@ def _or_none(limit: float | None) -> float:
     return inf if limit is None else limit
 
 
-__all__ = ["CommandLimits", "command_limits", "limits_of", "most_by_friction", "places_of"]
+__all__ = [
+    "CommandLimits",
+    "command_fault",
+    "command_limits",
+    "limits_of",
+    "most_by_friction",
+    "places_of",
+    "unknown_name",
+]

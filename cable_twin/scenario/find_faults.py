@@ -45,7 +45,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
             return None, [fault for path, fault in found.items() if path[0] != "cable" or "cable" in data]
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
-    faults = list(_implausible(scenario)) or ([] if scenario.ropes else list(rest_faults(scenario)))
+    faults = list(_implausible(scenario)) or list(rest_faults(scenario))
     faults.sort(key=lambda fault: "joins" not in fault.path)  # what is joined wrongly has faults elsewhere
     return (None if faults else scenario), faults
 

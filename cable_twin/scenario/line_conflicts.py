@@ -10,7 +10,7 @@ from cable_twin.scenario.end_supports import EndSupport
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.line import MOST_ELEMENTS, Cable, Grading
 from cable_twin.scenario.schema import Scenario
-from cable_twin.units import with_unit
+from cable_twin.units import rounded, with_unit
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
 HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place
@@ -147,8 +147,11 @@ def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
     if pull > LARGEST_STRAIN * cable.axial_stiffness:
         yield Fault(
             (*path, "mass" if end.force is None else "force"),
-            f"given a pull of {pull:.6g} N, a strain of {100.0 * pull / cable.axial_stiffness:.3g} %; allowed: at most "
-            f"{LARGEST_STRAIN * cable.axial_stiffness:.6g} N, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
+            f"given a pull of {with_unit(pull, 'N', 6)}, a strain of "
+            f"{rounded(100.0 * pull / cable.axial_stiffness, 3)} %; "
+            "allowed: at most "
+            f"{with_unit(LARGEST_STRAIN * cable.axial_stiffness, 'N', 6)}, for a strain of "
+            f"{rounded(100.0 * LARGEST_STRAIN, 3)} %",
         )
     if end.travel is not None and end.travel[0] >= end.travel[1]:
         yield refuse((*path, "travel"), list(end.travel), "the least travel, then a greater one, in m")
@@ -192,9 +195,9 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
         yield refuse(
             ("cable", "unstrained_length"),
             cable.unstrained_length,
-            f"at least {way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {100.0 * LARGEST_STRAIN:.3g} %",
-            detail=f" for ends that are {way:.6g} m{over}, which needs a strain of {100.0 * strain:.3g} % and a "
-            f"tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}",
+            f"at least {way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {rounded(100.0 * LARGEST_STRAIN, 3)} %",
+            detail=f" for ends that are {way:.6g} m{over}, which needs a strain of {rounded(100.0 * strain, 3)} % "
+            f"and a tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}",
         )
 
 

@@ -8,11 +8,13 @@ from math import atan2, degrees
 
 import numpy as np
 
+from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.build import build_system, tower_axes
 from cable_twin.scenario.fault import Fault, KeyPath, refuse, show
 from cable_twin.scenario.line import Tower
 from cable_twin.scenario.schema import Scenario
+from cable_twin.units import with_unit
 
 MOST_TURN = 60.0  # degrees in plan at a tower; sheaves turn a rope by a few, and stations by more
 ALONG = 0.9  # cosine to the rope from which on a groove opens along it
@@ -65,14 +67,32 @@ def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.nda
 
 
 def rest_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers in space whose grooves cannot hold the bare cable in equilibrium."""
-    if scenario.dim == 2 or not scenario.towers:
-        return
-    system = build_system(scenario)
-    try:
-        loads = rest_over_supports(system).load()
-    except EquilibriumError:
-        return  # which is said where it is to be laid
+    """Faults of towers in space whose grooves cannot hold the bare ropes in equilibrium.
+
+    Strands of a loop share its tension: `groove_faults` checks them where that tension is known.
+    """
+    for name in scenario.cables:
+        alone = scenario.of_rope(name)
+        if name in scenario.strands or alone.dim == 2 or not alone.towers:
+            continue
+        system = build_system(alone)
+        try:
+            yield from groove_faults(alone, system)
+        except EquilibriumError:
+            continue  # which is said where it is to be laid
+
+
+def groove_faults(scenario: Scenario, system: System) -> Iterator[Fault]:
+    """Faults of towers in space whose grooves cannot hold one bare rope in equilibrium.
+
+    Args:
+        scenario: of this rope alone.
+        system: its parameters, with ends where they are at rest.
+
+    Raises:
+        EquilibriumError: there is no rest.
+    """
+    loads = rest_over_supports(system).load()
     corners = np.concatenate([system.cable.end_position[:1], system.towers.top, system.cable.end_position[1:]])
     sides, _ = tower_axes(scenario)
     for number, (name, tower) in enumerate(scenario.towers.items()):
@@ -85,7 +105,7 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
                 list(tower.groove_direction),
                 f"within 90 degrees of the force of the tower on the cable, {force}",
                 detail=", which points away from the bare cable at rest: it would have to be pulled into the groove "
-                f"with {-normal:.4g} N",
+                f"with {with_unit(-normal, 'N')}",
             )
         across = np.cross(line_over(before, here, after), side)
         ratio = abs(float(load @ across / np.linalg.norm(across))) / normal if normal > 0.0 else 0.0
@@ -97,8 +117,8 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
                 list(tower.position),
                 f"at most {tower.derailment_ratio:g} of it (derailment_ratio): move the tower towards "
                 f"y = {straight:.4g} m, where the line is straight in plan, or incline its groove_direction",
-                detail=f", where the bare cable at rest pushes sideways with {ratio * normal:.4g} N, {ratio:.3g} of "
-                "its normal force",
+                detail=f", where the bare cable at rest pushes sideways with {with_unit(ratio * normal, 'N')}, "
+                f"{ratio:.3g} of its normal force",
             )
 
 
@@ -118,4 +138,4 @@ def _sides(scenario: Scenario) -> Iterator[Fault]:
                 yield Fault((*path, side, number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
 
 
-__all__ = ["rest_faults", "space_faults"]
+__all__ = ["groove_faults", "rest_faults", "space_faults"]

@@ -13,6 +13,7 @@ from cable_twin.scenario.carriers import Carriers
 from cable_twin.scenario.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.vehicles import Body, Carriage
+from cable_twin.units import with_unit
 
 SHORTEST_STAY = 0.1  # s in a station, in which what gets in and out is changed
 FASTEST_ROPE = 12.0  # m/s, of a drive without a limit
@@ -243,7 +244,8 @@ def _carriers(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     if rooms and limits and hidden < (least := SHORTEST_STAY * (limits[0] or FASTEST_ROPE)):
         yield Fault(
             ("carriers", "payload"),
-            f"given where {hidden:.3g} m of the loop are not on the cable; allowed: at least {least:.3g} m, "
+            f"given where {with_unit(hidden, 'm', 3)} of the loop are not on the cable; allowed: at least "
+            f"{with_unit(least, 'm', 3)}, "
             "so that carriers are in a station for a moment",
         )
 

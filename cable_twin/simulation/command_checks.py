@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 from cable_twin.commands import KINDS
@@ -10,7 +9,7 @@ from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
 from cable_twin.printable import printable
 from cable_twin.records import Command, CommandError
-from cable_twin.scenario import Scenario, limits_of, wind_unfelt
+from cable_twin.scenario import Scenario, command_fault, unknown_name, wind_unfelt
 from cable_twin.scenario.vehicles import Carriage
 
 LONGEST_GUST = 600.0  # s; what lasts longer is a wind
@@ -26,28 +25,8 @@ def check_drive(command: Command, scenario: Scenario) -> None:
         raise CommandError("a command without a name")
     unit = KINDS[command.kind].unit
     for name, value in command.values.items():
-        if (limits := limits_of(scenario, name)) is None:
-            raise CommandError(_not_commanded(name, scenario))
-        limit = limits.of(command.kind)
-        if limit == 0.0:
-            raise CommandError(f"'{name}' moves the cable and takes no force; give it a speed (m/s)")
-        if not math.isfinite(value):
-            raise CommandError(f"{command.kind} of '{name}' is {value} {unit}; a finite number is needed")
-        if abs(value) > limit:
-            raise CommandError(
-                f"{command.kind} of '{name}' is {value:g} {unit}; allowed are -{limit:g} to {limit:g} {unit}"
-            )
-
-
-def _not_commanded(name: str, scenario: Scenario) -> str:
-    """Reason why a carriage takes no speed or force commands."""
-    carriage = _known(name, scenario)
-    if carriage.joint == "clamped":
-        return f"'{name}' moves with the cable and takes no command; drive: {next(iter(scenario.drives))}"
-    if carriage.clamped_to:
-        drives = ", ".join(scenario.drives) or "none in this scenario"
-        return f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"
-    return f"'{name}' is fixed to the cable and takes no command"
+        if fault := command_fault(scenario, command.kind, unit, name, value):
+            raise CommandError(fault)
 
 
 def check_room(command: Command, scenario: Scenario) -> None:
@@ -153,8 +132,5 @@ def check_no_gust(command: Command, scenario: Scenario, system: System, state: S
 
 def _known(name: str, scenario: Scenario) -> Carriage:
     if name not in scenario.vehicles:
-        own = [other for other, carriage in scenario.vehicles.items() if carriage.joint != "clamped"]
-        movable = [other for other in own if not scenario.vehicles[other].clamped_to]
-        known = ", ".join([*scenario.drives, *movable]) or "none in this scenario"
-        raise CommandError(f"unknown carriage or drive '{printable(name)}'; known: {known}")
+        raise CommandError(unknown_name(scenario, name))
     return scenario.vehicles[name]

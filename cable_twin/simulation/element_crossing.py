@@ -8,6 +8,7 @@ from math import inf, log, sqrt
 from cable_twin.mechanics.parameters import System
 from cable_twin.records import CableSamples
 from cable_twin.scenario import Scenario
+from cable_twin.units import with_unit
 
 E_FOLDS = 5.6  # by which the error of a joint has to die out on an element, measured
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
@@ -46,7 +47,8 @@ def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope:
     if shortest < step < longest:
         warnings.warn(
             f"solver.step of {step:g} s is above {shortest:.3g} s, the longest for a vehicle at {speed:g} m/s on "
-            f"elements of {length:.3g} m with solver.spectral_radius {radius:g}: the force of its joint may grow from "
+            f"elements of {with_unit(length, 'm', 3)} with solver.spectral_radius {radius:g}: the force of its "
+            "joint may grow from "
             "node to node; a shorter step, longer elements or a lower radius prevent that",
             stacklevel=3,
         )

@@ -157,7 +157,7 @@ class Loop:
             raise EquilibriumError(
                 f"sheaves.{name}.{'counterweight' if sheave.counterweight else 'hydraulics'}.travel: given "
                 f"{device.travel[0]:g} to {device.travel[1]:g} m, but it rests at {travel:.4g} m; allowed: limits "
-                f"around that, {pull} pull, or ropes that are {2.0 * beyond:.3g} m {way} in all"
+                f"around that, {pull} pull, or ropes that are {with_unit(2.0 * beyond, 'm', 3)} {way} in all"
             )
 
     def set_in_motion(self) -> dict[str, Command]:

@@ -11,6 +11,7 @@ from cable_twin.mechanics.solution.bundle.loop_in_closed_form import on_bullwhee
 from cable_twin.mechanics.solution.bundle.records import FIXED, BullwheelMotion, Bullwheels, bullwheels_at_rest
 from cable_twin.mechanics.solution.catenary import Cure, EquilibriumError, check_rest, rest_over_supports
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.space_conflicts import groove_faults
 from cable_twin.simulation.ropeway import Ropeway, of_rope
 
 
@@ -44,9 +45,11 @@ class LoopLayout:
             self._check_each(strands)
             return
         for row, system in strands.items():
-            towers, here = tuple(self._parts[row].scenario.towers), on_bullwheels(self._sheaves, motion, row, system)
+            scenario, here = self._parts[row].scenario, on_bullwheels(self._sheaves, motion, row, system)
             with of_rope(self._names[row]):
-                check_rest(here, towers, loaded=True, cure=self._cure(row))
+                check_rest(here, tuple(scenario.towers), loaded=True, cure=self._cure(row))
+                if scenario.dim == 3 and (fault := next(groove_faults(scenario, here), None)) is not None:
+                    raise EquilibriumError(f"{'.'.join(map(str, fault.path))}: {fault.text}")
 
     def lay_out(self, motion: BullwheelMotion) -> None:
         """Start bullwheels near their equilibrium: that with vehicles spread evenly over their strands.
@@ -111,8 +114,8 @@ class LoopLayout:
             return on_bullwheels(other, self._rest(other, strands), row, strands[row])
 
         if tensioned.size:
-            text = f"a pull of {{bound}} {{value:.4g}} N of sheaves.{self._wheels[tensioned[0]]}"
-            return Cure(float(sheaves.pull[tensioned[0]]), text, pulled)
+            text = f"a pull of {{bound}} {{value}} of sheaves.{self._wheels[tensioned[0]]}"
+            return Cure(float(sheaves.pull[tensioned[0]]), text, "N", pulled)
 
         whole = sum(system.cable.unstrained_length for system in strands.values())
 
@@ -123,7 +126,7 @@ class LoopLayout:
                 other[one] = system._replace(cable=system.cable._replace(unstrained_length=length))
             return on_bullwheels(sheaves, self._rest(sheaves, other), row, other[row])
 
-        return Cure(whole, "strands of {bound} {value:.7g} m in all", cut)
+        return Cure(whole, "strands of {bound} {value} in all", "m", cut)
 
 
 __all__ = ["LoopLayout"]

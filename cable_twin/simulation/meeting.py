@@ -49,7 +49,7 @@ class Meeting:
             if places[after] - places[before] < room:
                 raise EquilibriumError(
                     f"carriages.{self._names[after]}.arc_length: given {places[after]!r}, within "
-                    f"'{self._names[before]}' at {places[before]!r}; allowed: {room:.3g} m apart at least"
+                    f"'{self._names[before]}' at {places[before]!r}; allowed: {with_unit(room, 'm', 3)} apart at least"
                 )
 
     def found(self, state: State) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.records import CableSamples
+from cable_twin.units import with_unit
 
 ROUNDING = 1e-9  # strain
 
@@ -22,7 +23,8 @@ def check_pressure(system: System, rope: CableSamples) -> None:
     pressure = -float(rope.tensions.min())
     if cable.bending_stiffness == 0.0 and pressure > max(ROUNDING * cable.axial_stiffness, weight):
         raise EquilibriumError(
-            f"cable.bending_stiffness: given 0, but the cable starts under a pressure of {pressure:.4g} N, which only "
+            "cable.bending_stiffness: given 0, but the cable starts under a pressure of "
+            f"{with_unit(pressure, 'N')}, which only "
             "a strut bears; allowed: a number above 0 in N m^2, a shorter cable, or gravity"
         )
 

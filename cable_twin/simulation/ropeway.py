@@ -29,6 +29,7 @@ from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
 from cable_twin.simulation.sharp_bends import warn_of_bends
 from cable_twin.simulation.snapshot_file import FullState
+from cable_twin.units import with_unit
 
 LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
@@ -131,8 +132,9 @@ class Ropeway:
         tensions = smoothed(cable, self._element_tensions())
         if not tensions.mean() > LEAST_STRAIN * cable.axial_stiffness:
             raise EquilibriumError(
-                f"cable.kinks: given 'sharp' where the rope rests with {tensions.mean():.3g} N; allowed: rounded, or a "
-                f"tension above {LEAST_STRAIN * cable.axial_stiffness:.3g} N"
+                f"cable.kinks: given 'sharp' where the rope rests with {with_unit(tensions.mean(), 'N', 3)}; "
+                "allowed: rounded, or a "
+                f"tension above {with_unit(LEAST_STRAIN * cable.axial_stiffness, 'N', 3)}"
             )
         warn_of_bends(self.scenario, self._empty, self.state.nodes.position[:, 1], tensions, key)
         table = rounding(cable, tensions)

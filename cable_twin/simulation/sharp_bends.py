@@ -9,6 +9,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.rope.rounding import MEASURED
 from cable_twin.scenario import Scenario
+from cable_twin.units import with_unit
 
 
 def worst_bend(
@@ -49,7 +50,8 @@ def warn_of_bends(scenario: Scenario, system: System, slopes: FloatArray, tensio
     if bend > MEASURED:
         warnings.warn(
             f"{key}.kinks: given 'sharp' where {name!r} may bend the rope by EA F^2 / T^3 = {bend:.3g}, with a weight "
-            f"of {force:.4g} N across it; measured up to {MEASURED:g}: beyond, the solver may fail; allowed: rounded "
+            f"of {with_unit(force, 'N')} across it; measured up to {MEASURED:g}: beyond, the solver may fail; "
+            "allowed: rounded "
             "with shorter elements, a tighter rope, or less weight",
             stacklevel=2,
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, System
 from cable_twin.records import CableSamples
+from cable_twin.units import with_unit
 
 SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
 
@@ -26,9 +27,11 @@ def warn_of_frames(system: System, rope: CableSamples) -> None:
     longest = (24.0 * SHARE * max(tension, 1e-9) ** 3 / cable.axial_stiffness) ** 0.5 / weight
     if float(cable.element_length.max()) > longest:
         warnings.warn(
-            f"cable.elastic_model element_frame on a slack rope (least tension {tension:.3g} N): elements of "
-            f"{float(cable.element_length.max()):.3g} m are too long for its curvature, and its shape may be "
-            f"off by metres; elements up to {longest:.2g} m, or elastic_model continuum, prevent that",
+            f"cable.elastic_model element_frame on a slack rope (least tension {with_unit(tension, 'N', 3)}): "
+            "elements of "
+            f"{with_unit(float(cable.element_length.max()), 'm', 3)} are too long for its curvature, and its shape "
+            "may be "
+            f"off by metres; elements up to {with_unit(longest, 'm', 2)}, or elastic_model continuum, prevent that",
             stacklevel=3,
         )
 

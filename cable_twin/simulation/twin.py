@@ -34,6 +34,7 @@ from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.slack_frame import warn_of_frames
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.units import with_unit
 
 SAMPLES = 200  # points at which a snapshot holds the cable
 Meanwhile = Callable[[Scenario, Snapshot], object]
@@ -301,7 +302,7 @@ class Simulation(Readings):
             raise SolverError(
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
-                f"{outcome.increment:.3g} m, largest on element {outcome.element}, "
+                f"{with_unit(outcome.increment, 'm', 3)}, largest on element {outcome.element}, "
                 f"an error of {self.system.solver.tolerance:g} m may be left; {undamped(self.system.solver)}"
                 f"the state is that at {self.time:g} s"
             )

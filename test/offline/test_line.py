@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 from ruamel.yaml import YAML
+from test_jig_back import QUICK
 
 from cable_twin.offline import line as line_command
 from cable_twin.offline import review, simulate, simulate_options
@@ -23,7 +24,7 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.offline.line_plot import _clearance, tension_limits, write_line_plot
+from cable_twin.offline.line_plot import _clearance, tension_envelope, tension_limits, write_line_plot
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {
@@ -279,3 +280,17 @@ def test_so_many_places_are_not_allowed(given, capsys):
         main(["--places", given])
     assert ended.value.code == 2
     assert "--places" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_the_envelope_of_a_haul_rope_has_no_steps_where_cabins_stood():
+    """Its tension jumps at the clamps: by some 6 kN it stepped at each place but between the ends of the way."""
+    line = plan_line(load_scenario("jig_back", QUICK), 5, None)
+    calculate(line, lambda _: None)
+    layout = Simulation(line.scenario).layout
+    envelopes = tension_envelope(line, np.array([columns.rope_tension for columns in line.columns]))
+    for rope, start in (("haul_1", 30.0), ("haul_2", 30.0)):
+        part = layout.ropes[rope]
+        inner = (layout.arc_lengths[part] > start + 10.0) & (layout.arc_lengths[part] < 1030.0)
+        for tensions in envelopes:
+            assert np.abs(np.diff(tensions[part][inner])).max() < 700.0, rope

@@ -13,7 +13,7 @@ import pytest
 from twin_process import PATIENCE, TwinProcess, environment, write_quick_scenario
 
 from cable_twin.commands import KINDS
-from cable_twin.records import Command
+from cable_twin.records import Command, CommandError
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
@@ -21,8 +21,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.approach import STATIONS, target_of
 from cable_twin.ros.drive import main
-from cable_twin.ros.repeated_drive import refusal
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import command_fault, load_scenario
+from cable_twin.simulation.command_checks import check_drive
 
 STOP = Command("speed", {"cabin": 0.0})
 
@@ -152,7 +152,7 @@ def test_a_reader_that_leaves_ends_it_with_a_stop(running, twin):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["gondola", "--speed", "1"], "drive: the twin has no carriage or drive 'gondola' to command; it has: cabin"),
+        (["gondola", "--speed", "1"], "drive: unknown carriage or drive 'gondola'; known: cabin"),
         (["cabin", "--speed", "11"], "drive: speed of 'cabin' is 11 m/s; allowed are -10 to 10 m/s"),
         (["cabin", "--force", "-2e5"], "drive: force of 'cabin' is -200000 N; allowed are -150000 to 150000 N"),
     ],
@@ -240,12 +240,16 @@ def test_bad_options_are_named_in_a_line(capsys, arguments, said):
     ("scenario", "name", "kind", "value", "said"),
     [
         ("jig_back", "cabin_1", "speed", 3.0, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
-        ("jig_back", "cabin", "speed", 3.0, "the twin has no carriage or drive 'cabin' to command; it has: haul_rope"),
+        ("jig_back", "cabin", "speed", 3.0, "unknown carriage or drive 'cabin'; known: haul_rope"),
         ("jig_back", "haul_rope", "speed", 30.0, "speed of 'haul_rope' is 30 m/s; allowed are -10 to 10 m/s"),
         ("chairlift", "haul_rope", "force", 0.0, None),  # a drive that is lost
-        ("chairlift", "haul_rope", "force", 1e6, "force of 'haul_rope' is 1e+06 N; allowed are -106453 to 106453 N"),
+        ("chairlift", "haul_rope", "force", 1e6, "force of 'haul_rope' is 1000000 N; allowed are -106453 to 106453 N"),
         ("aerial_tramway", "cabin", "force", 1e4, None),
     ],
 )
 def test_it_knows_before_it_sends_what_a_twin_refuses(scenario, name, kind, value, said):
-    assert refusal(load_scenario(scenario).resolved(), name, KINDS[kind], value) == said
+    published = load_scenario(load_scenario(scenario).resolved())
+    assert command_fault(published, kind, KINDS[kind].unit, name, value) == said
+    if said is not None:
+        with pytest.raises(CommandError, match=re.escape(said)):
+            check_drive(Command(kind, {name: value}), published)

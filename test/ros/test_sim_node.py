@@ -41,7 +41,7 @@ BAD_COMMANDS = {
     "unknown carriage or drive 'gondola'; known: cabin": {"name": ["gondola"], "velocity": [1.0]},
     "1 names and 2 values of velocity": {"name": ["cabin"], "velocity": [1.0, 2.0]},
     "speed of 'cabin' is 10.5 m/s; allowed are -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
-    "force of 'cabin' is -1e+06 N; allowed are -150000 to 150000 N": {"name": ["cabin"], "effort": [-1e6]},
+    "force of 'cabin' is -1000000 N; allowed are -150000 to 150000 N": {"name": ["cabin"], "effort": [-1e6]},
     "both velocity and effort": {"name": ["cabin"], "velocity": [1.0], "effort": [1.0]},
     "neither velocity nor effort": {"name": ["cabin"]},
     "'9000.0' given for 'cabin'; allowed: ": {"name": ["cabin"], "position": [9000.0]},

@@ -13,6 +13,7 @@ import numpy as np
 import scipy  # loads `optimize` where it is used: a third of a second, not of each command
 
 from cable_twin.mechanics.parameters import Counterweights, FloatArray, System
+from cable_twin.units import with_unit
 
 ENDS = ("start", "end")
 NEAR = 1e-4  # of its length, to which the rest in closed form is that of a cable over saddles and sheaves
@@ -95,8 +96,9 @@ def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[in
 
 def _too_light(end: int, force: float, reach: str, weight: float) -> EquilibriumError:
     return EquilibriumError(
-        f"cable.{ENDS[end]}.mass: with a counterweight of {force:g} N, no catenary {reach}: it is too light to "
-        f"hold a cable of {weight:.3g} N; allowed: a heavier one"
+        f"cable.{ENDS[end]}.mass: with a counterweight of {with_unit(force, 'N', 6)}, no catenary {reach}: it is "
+        "too light to "
+        f"hold a cable of {with_unit(weight, 'N', 3)}; allowed: a heavier one"
     )
 
 
@@ -155,7 +157,7 @@ def rest_over_supports(system: System) -> Rest:
         towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
         reach = f"of {length:g} m reaches over {across:g} m and up {height:g} m{towers}"
         if end < 0:
-            raise EquilibriumError(f"no catenary {reach}: it misses by {missed * length:.3g} m")
+            raise EquilibriumError(f"no catenary {reach}: it misses by {with_unit(missed * length, 'm', 3)}")
         raise _too_light(end, given, reach, weight * length)
     if end >= 0:
         corner[-end] += found.x[-1] * length * counterweights.direction[end]
@@ -167,6 +169,7 @@ class Cure(NamedTuple):
 
     given: float
     text: str  # of what is allowed, with places for `bound` ("at most", "at least") and `value`
+    unit: str
     at: Callable[[float], System]  # the same rope with another value, as its own ends and length then are
 
     def value(self, tower: int) -> str:
@@ -188,7 +191,7 @@ class Cure(NamedTuple):
                 if load(change) > 0.0:
                     just = float(scipy.optimize.brentq(load, np.copysign(before, change), change, rtol=1e-3))
                     bound = "at least" if change > 0.0 else "at most"
-                    return self.text.format(bound=bound, value=changed(ENOUGH * just))
+                    return self.text.format(bound=bound, value=with_unit(changed(ENOUGH * just), self.unit, 6))
             before = size
         return ""
 
@@ -201,12 +204,12 @@ def cure_of(system: System) -> Cure:
         def pulled(force: float) -> System:
             return system._replace(counterweights=counterweights._replace(force=np.full(2, force)))
 
-        return Cure(float(counterweights.force[end]), f"{{bound}} {{value:.4g}} N of cable.{ENDS[end]}", pulled)
+        return Cure(float(counterweights.force[end]), f"{{bound}} {{value}} of cable.{ENDS[end]}", "N", pulled)
 
     def cut(length: float) -> System:
         return system._replace(cable=cable._replace(unstrained_length=length))
 
-    return Cure(cable.unstrained_length, "a cable.unstrained_length of {bound} {value:.6g} m", cut)
+    return Cure(cable.unstrained_length, "a cable.unstrained_length of {bound} {value}", "m", cut)
 
 
 def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure | None = None) -> None:
@@ -240,8 +243,10 @@ def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure
             where, more = ("above", "higher") if away > 0.0 else ("below", "lower")
             helped = (cure or cure_of(system)).value(tower)
             raise EquilibriumError(
-                f"towers.{name}.position: the bare cable at rest passes {abs(away):.3g} m {where} its top and would "
-                f"have to be pulled there with {abs(load @ side):.3g} N; allowed: more than {abs(away):.3g} m {more}, "
+                f"towers.{name}.position: the bare cable at rest passes {with_unit(abs(away), 'm', 3)} {where} its "
+                "top and would "
+                f"have to be pulled there with {with_unit(abs(load @ side), 'N', 3)}; allowed: more than "
+                f"{with_unit(abs(away), 'm', 3)} {more}, "
                 f"hold_down the other way round{f', or {helped}' if helped else ''}"
             )
     for end in weighted:
@@ -259,9 +264,10 @@ def beyond_travel(system: System, end: int, travel: float) -> str:
         ("too light, or the cable too short", "longer") if short else ("too heavy, or the cable too long", "shorter")
     )
     return (
-        f"cable.{ENDS[end]}.travel: the counterweight of {system.counterweights.force[end]:g} N would rest at "
+        f"cable.{ENDS[end]}.travel: the counterweight of {with_unit(system.counterweights.force[end], 'N', 6)} "
+        "would rest at "
         f"{travel:.3f} m, it is {cause}; allowed: between {low:g} and {high:g} m, as with a cable that is about "
-        f"{max(low - travel, travel - high):.3g} m {way}"
+        f"{with_unit(max(low - travel, travel - high), 'm', 3)} {way}"
     )
 
 
@@ -301,8 +307,9 @@ def _first_guess(
         least, most = 1e-9 * stiffness, 10.0 * stiffness
         if taken(most).sum() > length:
             raise EquilibriumError(
-                f"no tension up to {most:.4g} N, ten times its axial stiffness, holds the rope of {length:.6g} m on "
-                f"its supports; its weight is {weight * length:.4g} N"
+                f"no tension up to {with_unit(most, 'N')}, ten times its axial stiffness, holds the rope of "
+                f"{length:.6g} m on "
+                f"its supports; its weight is {with_unit(weight * length, 'N')}"
             )
         tension = scipy.optimize.brentq(lambda log: taken(np.exp(log)).sum() - length, np.log(least), np.log(most))
         tension = float(np.exp(tension))

@@ -13,6 +13,7 @@ from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_cou
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace
+from cable_twin.units import with_unit
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
 LONGEST_WAY = 0.1  # of the shortest element, that a point goes in an iteration of a rope by itself
@@ -78,7 +79,7 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int) -> None:
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
-            f"{increment:.3g} m, allowed are {tolerance:.3g} m"
+            f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}"
         )
 
 
@@ -190,8 +191,8 @@ def _advice(system: System) -> str:
     loads = float(np.linalg.norm(cable.load_force, axis=1).sum()) + mass * float(np.linalg.norm(cable.gravity))
     if cable.axial_stiffness > STIFFEST * loads > 0.0:
         return (
-            f"its strain under {loads:.3g} N is lost in rounding: lower cable.axial_stiffness, "
-            f"{STIFFEST * loads:.3g} N are stiff enough"
+            f"its strain under {with_unit(loads, 'N', 3)} is lost in rounding: lower cable.axial_stiffness, "
+            f"{with_unit(STIFFEST * loads, 'N', 3)} are stiff enough"
         )
     return "change cable.elements or cable.bending_stiffness, or start it another way"
 
@@ -253,6 +254,6 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
-            f"{increment:.3g} m, allowed are {tolerance:.3g} m; {_advice(system)}"
+            f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}; {_advice(system)}"
         )
     let_go(system, state, modes)

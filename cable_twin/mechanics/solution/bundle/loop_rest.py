@@ -14,6 +14,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.solution.bundle.records import FIXED, BullwheelMotion, Bullwheels
 from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.units import with_unit
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-9  # of the largest tension
@@ -71,5 +72,5 @@ def settle_loop(
     else:
         raise EquilibriumError(
             f"no static equilibrium of the loop after {MOST_ITERATIONS} iterations: its bullwheels are "
-            f"{np.abs(left).max():.3g} N off balance; change the unstrained lengths of its ropes"
+            f"{with_unit(np.abs(left).max(), 'N', 3)} off balance; change the unstrained lengths of its ropes"
         )
