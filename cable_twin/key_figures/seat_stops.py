@@ -89,7 +89,7 @@ class SeatStops:
         yield from self._found.values()
 
     def _begin(self, number: int, kind: str, time: float) -> None:
-        """Begin the stop of one vehicle, by index, unless it stands or a stop of equal kind was commanded before."""
+        """Begin the stop of one vehicle, by index, if it moves and has not been commanded to stop before."""
         last = self._last
         again = self._stands[number] and (kind == "stop" or self._kinds[number] == kind)
         if last is None or again:

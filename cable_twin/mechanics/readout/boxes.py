@@ -11,7 +11,7 @@ CORNERS, AXES = 8, 3
 
 @kernel
 def place_corners(half, corners):
-    """Write the corners (8, 3) of an axis-aligned box with half lengths (3,) around 0; bit k is axis k."""
+    """Write the corners (8, 3) of an axis-aligned box with half lengths (3,) around 0; bit k of an index is axis k."""
     for corner in range(CORNERS):
         for axis in range(AXES):
             corners[corner, axis] = half[axis] if corner & (1 << axis) else -half[axis]

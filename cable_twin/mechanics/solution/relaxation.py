@@ -165,7 +165,7 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float:
-        """Upper bound of the remaining time (s) at the present rate; most lines need a tenth of the iterations."""
+        """Upper bound of the remaining time (s) at the present rate; most lines rest after a tenth of it or less."""
         return self.elapsed / self.iterations * (MAX_RELAXATIONS - self.iterations)
 
 
