@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from cable_twin.mechanics.drives.pull import hold_all, let_go
-from cable_twin.mechanics.language.by_reference import Known
+from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.declared import Kept, arrays_of, clone, write
 from cable_twin.mechanics.parameters import CONTINUUM, System
@@ -95,6 +95,7 @@ class Engine:
             Rope(part.system, part.state, work, part.sections)
             for part, work in zip(self.parts, self._works, strict=True)
         ]
+        self._sections = pack(self.parts[0].sections)
         self._coupled = couplings.any
         self._ropes = Assembly(ropes, couplings if self._coupled else None)
         self.bundle, self.moving = self._ropes.bundle, self._ropes.moving
@@ -239,17 +240,18 @@ class Engine:
         """Write the forces from other ropes into the sections of each rope."""
         if not self._exerting:
             return
-        first = self.parts[0]
-        give_forces(self.bundle, self.moving, first.system, first.state, first.sections)
+        bundle, moving, *_, system, state, _ = self._ropes.arguments
+        give_forces(bundle, moving, system, state, self._sections)
 
     def observe(self, columns: Columns) -> None:
         """Fill the columns of connectors, pantographs, bullwheels and opened clamps."""
         if not self._coupled:
             return
-        first, moving = self.parts[0], self.moving
+        moving = self.moving
         observe_clamps(self._clamp_rows, self.parts, self.bundle.clamps, moving, columns)
         if self._forces.size:
-            connector_forces(self.bundle, first.state, first.system.cable.gravity, self._forces)
+            bundle, *_, state, _ = self._ropes.arguments
+            connector_forces(bundle, state, self.parts[0].system.cable.gravity, self._forces)
             columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
         columns.pantograph_speed[:] = moving.place.velocity

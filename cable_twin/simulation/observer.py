@@ -12,6 +12,7 @@ from cable_twin.mechanics.readout.samples import places_on
 from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engine import Engine
+from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.snapshot import Layout, Snapshot
 
 
@@ -29,9 +30,13 @@ class Observer:
         self.layout = layout = Layout.of(scenario, samples)
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
-        self._of_ropes = []
+        self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], Any]] = []
         self._own: dict[str, FloatArray] = {}
-        for part, (name, points) in zip(engine.parts, layout.ropes.items(), strict=True):
+
+    def _prepare(self) -> None:
+        """Find the places at which ropes are shown: by kernels, which a bare rope without a rest is not to wait for."""
+        layout = self.layout
+        for part, (name, points) in zip(self._engine.parts, layout.ropes.items(), strict=True):
             own, columns = layout.alone.get(name), self._columns
             if own is not None:
                 self._own[name] = numbers = np.zeros(own.size)
@@ -47,6 +52,8 @@ class Observer:
             time: s.
             report: what the solver did since the snapshot before.
         """
+        if not self._of_ropes:
+            self._prepare()
         self._engine.couple()
         for part, packed, columns in self._of_ropes:
             observe(part.packed_system, *packed, part.start.tower_load, columns)

@@ -58,3 +58,15 @@ def test_one_of_several_ropes_gives_the_bits_of_a_cable(dim):
     ropes.emergency_stop()
     cable.emergency_stop()
     np.testing.assert_array_equal(ropes.advance_to(2.0 * until).numbers, cable.advance_to(2.0 * until).numbers)
+
+
+def test_what_kernels_take_is_packed_once():
+    """Of simulations that take turns, none packs its arguments anew: some milliseconds at each turn."""
+    many = [Simulation(one_rope(2)) for _ in range(4)]
+    before = [one._engine.arguments(1) for one in many]
+    for one in many:
+        one.advance_to(one.step)
+    for one, arguments in zip(many, before, strict=True):
+        assert all(new is old for new, old in zip(one._engine.arguments(1), arguments, strict=True))
+        if JIT:
+            assert not any(hasattr(argument, "_fields") for argument in arguments)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cable_twin.mechanics.language.addresses import Addresses
-from cable_twin.mechanics.language.by_reference import Known
+from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
@@ -96,7 +96,7 @@ class Assembly:
         first = ropes[0]
         dim = len(first.system.cable.gravity)
         given = couplings or no_couplings(len(ropes), dim)
-        self._first, self._systems = first, [rope.system for rope in ropes]
+        self._systems = [rope.system for rope in ropes]
         self._addresses = Addresses(
             [
                 (rope.system, rope.state, rope.work, clone(rope.state), clone(rope.state), *_sections(rope))
@@ -126,38 +126,28 @@ class Assembly:
         self.moving: BundleState = allocate_bundle_state(self.bundle)
         self.spare = clone(self.moving), clone(self.moving)
         self.scratch = allocate_bundle_work(self.bundle)
+        # packed once: of several assemblies that take turns, each would otherwise be packed anew in its turn
+        self._couplings = tuple(map(pack, (self.bundle, self.moving, *self.spare, self.scratch)))
+        self._rope: tuple[Any, ...] = tuple(map(pack, first[:3]))
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """Arguments of an integrator before the number of steps."""
-        return (
-            self.bundle,
-            self.moving,
-            *self.spare,
-            self.scratch,
-            self._systems[0],
-            self._first.state,
-            self._first.work,
-        )
+        """Arguments of an integrator before the number of steps, ready for kernels."""
+        return *self._couplings, *self._rope
 
     @property
     def relaxed(self) -> tuple[Any, ...]:
-        """Arguments of `relaxation.relax` before the tolerance."""
-        return (
-            self.bundle,
-            self.moving,
-            self.spare[0],
-            self.scratch,
-            self._systems[0],
-            self._first.state,
-            self._first.work,
-        )
+        """Arguments of `relaxation.relax` before the tolerance, ready for kernels."""
+        bundle, moving, good, _, scratch = self._couplings
+        return bundle, moving, good, scratch, *self._rope
 
     def put(self, row: int, system: System) -> None:
         """Replace the parameters of a rope by others of equal type."""
         if self._systems[row] is not system:
             self._addresses.write(row, SYSTEM, system)
             self._systems[row] = system
+            if row == 0:
+                self._rope = pack(system), *self._rope[1:]
 
 
 def _sections(rope: Rope) -> tuple[Sections, ...]:
