@@ -13,7 +13,7 @@ from cable_twin.key_figures.stops import STANDSTILL, along_rope
 from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.vehicles import Carriage
-from cable_twin.snapshot import Snapshot
+from cable_twin.snapshot import Layout, Snapshot
 
 SETTLED = 30.0  # s without going farther than before, after which a stop is over
 
@@ -51,7 +51,10 @@ class SeatStops:
             assert scenario.carriers is not None
             self._groups[scenario.carriers.name] = riding
         count = len(rows)
+        self._layout: Layout | None = None  # of the frames so far
+        self._shown = 0  # number of a frame that is there where poses are
         self._last: Snapshot | None = None  # that shows where they are
+        self._under_way = False  # any stop
         self._over: NDArray[np.bool_] = np.ones(count, np.bool_)  # no stop is under way
         self._kinds = [""] * count  # of the last stop
         self._stands: NDArray[np.bool_] = np.zeros(count, np.bool_)  # told to, and not to move since
@@ -64,13 +67,19 @@ class SeatStops:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot, in order of time."""
+        if not self._names:
+            return
+        if snapshot.layout is not self._layout:
+            self._layout = snapshot.layout
+            self._shown = int(self._layout.places.body_position[self._bodies[0], 0])
         last = self._last
-        if not self._names or isnan(snapshot.numbers[snapshot.layout.places.body_position[self._bodies[0], 0]]):
+        if isnan(snapshot.numbers[self._shown]):
             return  # a frame without poses
         if last is None or snapshot.time > last.time:
             self._last = snapshot
-            if not self._over.all():
+            if self._under_way:
                 self._go_on(snapshot)
+                self._under_way = not self._over.all()
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command at the time of its effect."""
@@ -97,7 +106,7 @@ class SeatStops:
         row, self._stands[number] = self._rows[number], True
         speed = float(last.columns.speed[row])
         if abs(speed) > STANDSTILL and last.columns.attached[row] == 1.0:
-            self._kinds[number], self._over[number] = kind, False
+            self._kinds[number], self._over[number], self._under_way = kind, False, True
             self._start[number], self._begun[number] = speed, time
             self._way[number] = -abs(speed) * (time - last.time)  # gone since the last frame, before the command
             self._farthest[number], self._farthest_at[number] = 0.0, time

@@ -195,7 +195,7 @@ class Loop:
     @property
     def rolled_back(self) -> bool:
         """Whether a rollback has triggered the emergency stop of the loop."""
-        return bool(self.motion.rolled_back.any())
+        return bool(self._names) and bool(self.motion.rolled_back.any())
 
     def stop(self) -> None:
         """Begin the emergency stop of all bullwheels."""
