@@ -15,7 +15,7 @@ from benchmarks.cases import seed_example
 from benchmarks.exudyn_model import ACCURATE, DEFAULT_JOINT, ExudynModel, Setting, load_exudyn
 from benchmarks.measure import Effort, Timing, median, note_on_load, timed
 from benchmarks.report import Part, Table, Value
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
 from cable_twin.simulation import Simulation, SolverError
 
 TIME = 1.0  # s, at which the joint's place is compared

@@ -29,8 +29,8 @@ from benchmarks import (
 )
 from benchmarks.measure import BenchmarkError, Effort
 from benchmarks.report import merge, print_part, read, write
-from cable_twin.command_line import Filled
 from cable_twin.scenario import ScenarioError
+from cable_twin.terminal.command_line import Filled
 
 FILE_WIDTH = 120  # columns where the output is no terminal
 DONE, FAILED = 0, 1  # exit codes; argparse ends with 2

@@ -9,10 +9,10 @@ from rich.progress import Progress
 
 from benchmarks.measure import Effort, Timing, timed
 from benchmarks.report import Part, Table, Value
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 SCENARIO, CARRIAGE = "single_span", "cabin"
 SPEED = 7.0  # m/s

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.exudyn_model import ExudynModel, nodal_shape
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
 from cable_twin.simulation import Simulation
 
 

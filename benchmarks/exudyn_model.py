@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
 

@@ -14,8 +14,8 @@ from benchmarks.exudyn_in_space import SpatialModel
 from benchmarks.exudyn_model import Setting, load_exudyn
 from benchmarks.measure import Effort, Timing, interleave, note_on_load
 from benchmarks.report import Part, Table, Value
+from cable_twin.frame.records import FloatArray
 from cable_twin.mechanics.language.declared import write
-from cable_twin.records import FloatArray
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -14,14 +14,14 @@ from rich.progress import Progress
 
 from benchmarks.measure import Effort, Timing, median, timed
 from benchmarks.report import Table, Value
+from cable_twin.frame.rates import LOGGED, PUBLISHED
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import NAMESPACE, MessageEncoder, Schedule, Topic, topics
-from cable_twin.rates import LOGGED, PUBLISHED
 from cable_twin.recording.log_formats import open_view
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import SAMPLES, Simulation
-from cable_twin.snapshot import Snapshot
 
 RUNS = {"aerial_tramway": ("cabin", 7.0), "chairlift": ("haul_rope", 2.5), "gondola": ("haul_rope", 6.0)}  # m/s
 PERIOD = 0.01  # s

@@ -17,8 +17,8 @@ from rich.progress import Progress
 from benchmarks.live_processes import processor_seconds
 from benchmarks.measure import BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
+from cable_twin.frame.rates import PUBLISHED
 from cable_twin.messages import topics
-from cable_twin.rates import PUBLISHED
 from cable_twin.recording.frame_output import FrameOutput
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -117,8 +117,8 @@ class _Twin:
     def __init__(self, node: Any, scenario: str, domain: int) -> None:
         from std_srvs.srv import Trigger  # noqa: PLC0415 - of the extra ros
 
+        from cable_twin.ros.client.twin_client import TwinClient  # noqa: PLC0415
         from cable_twin.ros.command_line import Ending  # noqa: PLC0415
-        from cable_twin.ros.twin_client import TwinClient  # noqa: PLC0415
 
         command = [sys.executable, "-m", "cable_twin.ros.sim", scenario, "--record", "false", "--start-paused"]
         environment = {**environment_of_user(), "ROS_DOMAIN_ID": str(domain)}
@@ -138,7 +138,7 @@ class _Twin:
 @contextmanager
 def _twin(node: Any, scenario: str, domain: int) -> Iterator[_Twin]:
     """Start a twin and end it."""
-    from cable_twin.ros.twin_client import TwinError  # noqa: PLC0415 - of the extra ros
+    from cable_twin.ros.client.twin_client import TwinError  # noqa: PLC0415 - of the extra ros
 
     twin = _Twin(node, scenario, domain)
     try:

@@ -38,17 +38,17 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from cable_twin.frame.records import BodyState, FloatArray
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.geometry.outlines import body_outlines
-from cable_twin.records import BodyState, FloatArray
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
-from cable_twin.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from cable_twin.recording.rerun_view import RerunView
+    from cable_twin.view.rerun_view import RerunView
 
 DONE, FAILED = 0, 1  # exit codes; argparse ends with 2
 MODELS = {"continuum": "continuum (default)", "element_frame": "element frame (the paper's)"}
@@ -139,7 +139,7 @@ def simulate(model: str, elements: int, times: FloatArray, progress: Progress, r
 
 def _view(scenario: Scenario, path: Path) -> RerunView:
     """Open a recording of the scenario at `path`."""
-    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
+    from cable_twin.view.rerun_view import RerunView  # noqa: PLC0415 - half a second
 
     outlines = body_outlines(scenario)
     title = f"Seo et al. (2004), a declared reconstruction: {scenario.cable.elastic_model}, "

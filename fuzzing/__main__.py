@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from cable_twin.command_line import Filled
+from cable_twin.terminal.command_line import Filled
 from fuzzing import DONE, FUZZERS, REFUSED
 from fuzzing.harness import FINDINGS, SEEDS, Counts, fuzz, replay
 

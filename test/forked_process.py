@@ -24,8 +24,8 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
-COMMANDS = "ros.sim", "ros.drive", "offline.simulate", "offline.review", "offline.replay"
-LATER = "cable_twin.ros.node", "cable_twin.recording.rerun_view", "scipy.optimize"  # what they import when they need it
+COMMANDS = "ros.sim", "ros.client.drive", "offline.simulate", "offline.review", "offline.replay"
+LATER = "cable_twin.ros.node", "cable_twin.view.rerun_view", "scipy.optimize"  # what they import when they need it
 
 
 class ForkedProcess:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cable_twin.records import (
+from cable_twin.frame.records import (
     BodyState,
     CableSamples,
     CarriageState,
@@ -15,7 +15,7 @@ from cable_twin.records import (
     SolverReport,
     SupportState,
 )
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.frame.snapshot import Layout, Snapshot
 
 REPORT = SolverReport(steps=1, iterations=2, halvings=0, constraint_residual=1e-12)
 

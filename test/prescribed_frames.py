@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
+from cable_twin.frame.records import SolverReport
+from cable_twin.frame.snapshot import ENDS, Layout, Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
-from cable_twin.records import SolverReport
 from cable_twin.scenario import load_scenario
-from cable_twin.snapshot import ENDS, Layout, Snapshot
 
 PERIOD = 0.01  # s
 LENGTH, SAG = 1000.0, 40.0  # m, of a parabola between ends of one height

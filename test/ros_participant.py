@@ -14,9 +14,9 @@ from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 from twin_process import COMPILING, PATIENCE, check_alive
 
-from cable_twin.command_messages import applied_command_from_message
+from cable_twin.frame.records import AppliedCommand
 from cable_twin.messages import decode, serialize
-from cable_twin.records import AppliedCommand
+from cable_twin.messages.command_messages import applied_command_from_message
 from cable_twin.ros.middleware import remove_unfinished_ports
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from small_tramway import TRAMWAY
 
+from cable_twin.frame.rates import LOGGED
+from cable_twin.frame.records import Command
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
-from cable_twin.rates import LOGGED
 from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import Splitting
-from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -13,82 +13,55 @@ import cable_twin
 PACKAGE = Path(cable_twin.__file__).resolve().parent
 OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "gymnasium", "ruamel", "rich", "zstandard")
 
-# what each part may import of the package besides itself; the longest name that fits a module is its part
-BELOW_RECORDING = (
-    "messages",
-    "command_messages",
-    "commands",
-    "rates",
-    "records",
-    "sensor_messages",
-    "sensors",
-    "plotted_signals",
-    "printable",
-    "simulation",
-    "snapshot",
-    "geometry",
-    "mechanics",
-    "scenario",
-    "units",
-)
+# what each room may import of the package besides itself, each below those that use it
 ALLOWED = {
-    "mechanics": ("units",),
-    "printable": (),
-    "rates": (),
-    "units": (),
-    "records": (),
-    "commands": (),
-    "limited_yaml": (),
+    "basics": (),
+    "mechanics": ("basics",),
     "scenario": (
-        "limited_yaml",
-        "printable",
-        "printable",
-        "units",
+        "basics",
         "mechanics.parameters",
         "mechanics.solution.catenary",
         "mechanics.solution.bundle.records",
         "mechanics.solution.bundle.order",
     ),
-    "column_shapes": (),
-    "layout": ("column_shapes", "mechanics.readout", "records", "scenario"),
-    "snapshot": ("layout", "mechanics.readout", "records", "scenario"),
-    "plotted_signals": ("records", "snapshot"),
-    "geometry": ("mechanics.parameters", "mechanics.readout", "records", "scenario"),
-    "simulation": ("geometry", "mechanics", "commands", "printable", "records", "scenario", "snapshot", "units"),
-    "messages": ("commands", "rates", "records", "snapshot"),
-    "command_messages": ("commands", "messages", "printable", "records"),
-    "figure_messages": ("key_figures", "messages", "printable", "units"),
-    "sensors": ("records", "scenario", "snapshot"),
-    "sensor_messages": ("messages", "scenario", "sensors", "snapshot"),
-    "key_figures": ("geometry", "mechanics", "records", "scenario", "snapshot", "units"),
-    "command_line": ("printable",),
-    "gym": ("commands", "records", "scenario", "simulation", "snapshot"),
-    "compilation_bar": ("simulation",),
-    "recording": (
-        "messages",
-        "command_messages",
-        "commands",
-        "geometry",
-        "records",
-        "sensor_messages",
-        "plotted_signals",
-        "printable",
-        "simulation",
-        "scenario",
-        "snapshot",
-        "units",
-    ),
-    "ros": ("recording", "key_figures", "figure_messages", "command_line", "compilation_bar", *BELOW_RECORDING),
+    "frame": ("mechanics.readout", "scenario"),
+    "geometry": ("frame", "mechanics.parameters", "mechanics.readout", "scenario"),
+    "key_figures": ("basics", "frame", "geometry", "mechanics", "scenario"),
+    "simulation": ("basics", "frame", "geometry", "mechanics", "scenario"),
+    "messages": ("basics", "frame", "key_figures", "scenario"),
+    "view": ("basics", "frame", "geometry"),
+    "terminal": ("basics", "simulation"),
+    "gym": ("frame", "scenario", "simulation"),
+    "recording": ("basics", "frame", "geometry", "messages", "scenario", "simulation", "view"),
     "offline": (
-        "limited_yaml",
-        "recording",
+        "basics",
+        "frame",
+        "geometry",
         "key_figures",
-        "figure_messages",
-        "command_line",
-        "compilation_bar",
-        *BELOW_RECORDING,
+        "mechanics",
+        "messages",
+        "recording",
+        "scenario",
+        "simulation",
+        "terminal",
+        "view",
+    ),
+    "runtime": ("basics", "frame", "key_figures", "messages", "recording", "scenario", "simulation"),
+    "ros": (
+        "basics",
+        "frame",
+        "geometry",
+        "key_figures",
+        "messages",
+        "recording",
+        "runtime",
+        "scenario",
+        "simulation",
+        "terminal",
+        "view",
     ),
 }
+MOST_ROOMS, MOST_PATHS = 17, 80  # and arrows between them
 
 # the same between the folders of the mechanics, and the two modules beside them
 WITHIN_MECHANICS = {
@@ -149,6 +122,28 @@ def test_imports_point_down():
         up = {module for module in imports(name, path) if not any(is_within(module, below) for below in allowed)}
         wrong |= {name: up} if up else {}
     assert not wrong
+
+
+def test_rooms_are_few_and_none_leads_back():
+    """Files and folders directly in the package, and imports between them; each stands below those that use it."""
+    arrows = set()
+    for name, path in modules().items():
+        room = name.split(".")[0]
+        arrows |= {(room, target) for target in {module.split(".")[0] for module in imports(name, path)} - {room}}
+    assert len(ALLOWED) <= MOST_ROOMS
+    assert len(arrows) <= MOST_PATHS
+    seen: list[str] = []
+    for room, below in ALLOWED.items():
+        assert {module.split(".")[0] for module in below} <= set(seen), f"{room} stands beside or below what it uses"
+        seen.append(room)
+
+
+def test_the_loop_of_a_running_twin_knows_nothing_of_ros():
+    for name, path in modules().items():
+        if is_within(name, "runtime"):
+            text = path.read_text(encoding="utf-8")
+            assert "import rclpy" not in text, name
+            assert "from rclpy" not in text, name
 
 
 def test_mechanics_is_a_house_with_floors():

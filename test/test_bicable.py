@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from test_scenario_faults import faults_of
 
+from cable_twin.frame.records import CommandError
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 from verification.bicable import FULL, LENGTH, lift
 
 SPEED = 4.0  # m/s

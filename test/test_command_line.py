@@ -12,9 +12,10 @@ import numba
 import pytest
 from numba.extending import overload
 
-from cable_twin.command_line import OneLineParser, ending_signals, interrupts_kept, listed
 from cable_twin.offline import line, replay, review, simulate_options
-from cable_twin.ros import drive, sim
+from cable_twin.ros import sim
+from cable_twin.ros.client import drive
+from cable_twin.terminal.command_line import OneLineParser, ending_signals, interrupts_kept, listed
 
 
 def test_help_fills_paragraphs_and_leaves_examples_as_they_are(monkeypatch, capsys):

@@ -8,13 +8,13 @@ import numba
 import pytest
 from rich.console import Console
 
-from cable_twin import compilation_bar
-from cable_twin.compilation_bar import BEGIN, compilation_shown
 from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, kept_kernels, kernel
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, compilation_watch
 from cable_twin.simulation.compilation_watch import Moment, watching_compilation, work_ahead
 from cable_twin.simulation.engine import Engine
+from cable_twin.terminal import compilation_bar
+from cable_twin.terminal.compilation_bar import BEGIN, compilation_shown
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from bent_line import BENT
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import DERAILMENTS, decode
 from cable_twin.offline.replay import main as replay
@@ -20,7 +21,6 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 SCRIPT = "- {time: 0.5, wind: 0, wind_y: -40}\n- {time: 2.5, event: reset}\n"
 FAULTS = [

@@ -10,10 +10,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from test_meeting import two_cabins
 
+from cable_twin.frame.snapshot import CABLE
 from cable_twin.gym import NAME, RopewayEnv, vector_env
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import CABLE
 
 TARGET = 160.0  # m
 

@@ -65,7 +65,7 @@ def test_the_package_loads_nothing_heavy(imported):
 
 
 def test_an_emergency_stop_waits_for_nothing_heavy():
-    code = "import cable_twin.ros.drive, sys; print(*{name.partition('.')[0] for name in sys.modules})"
+    code = "import cable_twin.ros.client.drive, sys; print(*{name.partition('.')[0] for name in sys.modules})"
     result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert "cable_twin" in result.stdout.split()
     assert not HEAVY & set(result.stdout.split())

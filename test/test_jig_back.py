@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
+from cable_twin.frame.records import CommandError
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.readout.boxes import box_distance
-from cable_twin.records import CommandError
-from cable_twin.ros.approach import target_of
+from cable_twin.runtime.approach import target_of
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT

@@ -8,12 +8,12 @@ from small_tramway import IN_SPACE, TRAMWAY
 from test_jig_back import QUICK
 from test_moving_cable_twin import SHORT
 
+from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.snapshot import COMMANDED
 from cable_twin.gym import RopewayEnv
 from cable_twin.messages import JOINT_REFERENCES, MessageEncoder, decode, topics
-from cable_twin.plotted_signals import SIGNALS
 from cable_twin.scenario import limits_of, load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import COMMANDED
 
 NOTHING, FORCE, SPEED, STOP = range(len(COMMANDED))
 LIMITS = {"carriages.cabin.drive.limits": {"speed": 6.0, "acceleration": 1.0, "jerk": 2.0, "force": 900.0}}

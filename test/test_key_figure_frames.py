@@ -20,8 +20,8 @@ from prescribed_frames import (
     writable,
 )
 
+from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import KeyFigure, KeyFigures, figure_from_values, values_of
-from cable_twin.records import AppliedCommand, Command
 from cable_twin.simulation import Simulation
 
 

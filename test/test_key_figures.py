@@ -22,9 +22,9 @@ from prescribed_frames import (
 )
 from strands import one_strand
 
+from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.key_figures.limits import limited
-from cable_twin.records import AppliedCommand, Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from prescribed_frames import SCENARIO, gathered, height, scenario
 
+from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.records import SolverReport
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures import KeyFigures
-from cable_twin.plotted_signals import SIGNALS
-from cable_twin.records import SolverReport
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Layout, Snapshot
 
 WIDTH = 0.8 * 3.0  # m, of a cabin of 4 m and 3 m, as its outline is assumed
 TOWERS = {"tower": {"position": [500.0, 0.0, -40.0], "mast_offset": 5.0, "mast_width": 1.2}}

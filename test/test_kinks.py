@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
-from cable_twin.command_line import faults_reported
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.offline.simulate import main as simulate
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation, SolverError
+from cable_twin.terminal.command_line import faults_reported
 
 SHARP = {"cable.kinks": "sharp"}
 

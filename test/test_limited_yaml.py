@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cable_twin.limited_yaml import DEEPEST, LARGEST, MOST, UnreadableYamlError, read_yaml
+from cable_twin.basics.limited_yaml import DEEPEST, LARGEST, MOST, UnreadableYamlError, read_yaml
 from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import parser
 from cable_twin.scenario import ScenarioError, load_scenario, parse_scenario

@@ -7,8 +7,8 @@ import pytest
 import test_loads
 from test_simulation import same
 
+from cable_twin.frame.records import AppliedCommand
 from cable_twin.key_figures import KeyFigures
-from cable_twin.records import AppliedCommand
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

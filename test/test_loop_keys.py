@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from cable_twin.recording.place_names import gathered
-from cable_twin.records import Command, CommandError
+from cable_twin.frame.records import Command, CommandError
+from cable_twin.frame.sensors import Sensors
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.files import config_directory
-from cable_twin.sensors import Sensors
 from cable_twin.simulation import Simulation
+from cable_twin.view.place_names import gathered
 
 YAML_1_2 = YAML(typ="safe", pure=True)
 COARSE = {"ropes.up.elements": 100, "ropes.down.elements": 100}

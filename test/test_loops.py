@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_twin.records import CommandError
+from cable_twin.frame.records import CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import SnapshotError

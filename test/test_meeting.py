@@ -7,10 +7,10 @@ import pytest
 import test_loads
 from test_simulation import numbers, same
 
-from cable_twin.figure_messages import describe
 from cable_twin.key_figures import BUFFER_FORCE, KeyFigures
+from cable_twin.messages.figure_messages import describe
 from cable_twin.offline import replay, simulate
-from cable_twin.ros.figure_watch import FigureWatch
+from cable_twin.runtime.figure_watch import FigureWatch
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 from cable_twin.simulation.meeting import with_buffers

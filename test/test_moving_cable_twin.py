@@ -10,9 +10,9 @@ import pytest
 from test_scenario_faults import keys_of
 from test_simulation import numbers
 
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import MessageEncoder, decode
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT

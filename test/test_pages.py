@@ -10,8 +10,9 @@ import pytest
 
 from cable_twin.offline import line, replay, review, simulate
 from cable_twin.recording.log_versions import FORMAT_VERSION
-from cable_twin.ros import drive, sim
-from cable_twin.scenario.find_faults import inner_model
+from cable_twin.ros import sim
+from cable_twin.ros.client import drive
+from cable_twin.scenario.checks.find_faults import inner_model
 from cable_twin.scenario.schema import Scenario
 from cable_twin.simulation.snapshot_file import FORMAT_VERSION as SNAPSHOT_VERSION
 
@@ -90,7 +91,7 @@ def test_what_development_names_exists():
 
 @pytest.mark.parametrize("folder", ["drives", "on_rope", "rope", "language"])
 def test_the_house_has_the_modules_that_it_shows(folder):
-    (row,) = re.findall(rf"^ +{folder}/ +(.+)$", DEVELOPMENT.read_text(encoding="utf-8"), re.MULTILINE)
+    (row,) = re.findall(rf"^[ |]+{folder}/ +(.+)$", DEVELOPMENT.read_text(encoding="utf-8"), re.MULTILINE)
     assert not [name for name in row.split(", ") if name != "..." and not is_there(f"mechanics/{folder}/{name}.py")]
 
 

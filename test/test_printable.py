@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cable_twin.printable import printable, printable_lines
+from cable_twin.basics.printable import printable, printable_lines
 
 
 @pytest.mark.parametrize(

@@ -11,16 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_twin.command_line import PROGRAM_FAULT, faults_reported, print_line, tell
-from cable_twin.figure_messages import figures_of_statuses
 from cable_twin.messages import Status
+from cable_twin.messages.figure_messages import figures_of_statuses
 from cable_twin.offline import simulate
 from cable_twin.offline.plots import PlottedRun, write_plots
 from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.thinned_series import Signals, signal_values
-from cable_twin.ros import drive, sim
+from cable_twin.ros import sim
+from cable_twin.ros.client import drive
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.terminal.command_line import PROGRAM_FAULT, faults_reported, print_line, tell
 
 OBEYED = "\x1b]0;owned\x07\x1b[2J\r\x9b31m\u202e"  # a title, a cleared screen, a line begun again, red, right to left
 BROKEN = """

@@ -20,7 +20,7 @@ from cable_twin.scenario import (
     load_scenario,
     scenario_names,
 )
-from cable_twin.scenario.quantities import Section
+from cable_twin.scenario.sections.quantities import Section
 
 SEED = load_scenario("seed_example")
 TRAMWAY = load_scenario("aerial_tramway")

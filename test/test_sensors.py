@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from cable_twin.frame.sensors import Sensors
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import ScenarioError, load_scenario
-from cable_twin.sensor_messages import sensor_topics
-from cable_twin.sensors import Sensors
 from cable_twin.simulation import Simulation
 
 SENSORS = {

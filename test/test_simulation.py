@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from twin_process import COMPILING, environment
 
+from cable_twin.frame.records import Command, CommandError
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.declared import arrays_of
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SolverError
-from cable_twin.snapshot import Snapshot
 from verification import JIT
 
 ELEMENTS = 24 if JIT else 4

@@ -7,7 +7,7 @@ import pytest
 import test_loads
 from test_moving_cable_twin import short_lift
 
-from cable_twin.layout import CABLE, SHAPES, Layout
+from cable_twin.frame.layout import CABLE, SHAPES, Layout
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

@@ -14,11 +14,11 @@ from bent_line import BENT
 from test_moving_cable_twin import short_lift
 from twin_process import write_quick_scenario
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.state import FIELDS
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, SnapshotError
 from cable_twin.simulation.snapshot_file import FORMAT_VERSION, package_version
-from cable_twin.snapshot import Snapshot
 from verification import JIT
 from verification.supports import tramway
 

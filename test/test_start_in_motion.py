@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.records import Command
+from cable_twin.frame.records import Command
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 

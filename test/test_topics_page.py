@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 from topics_page import table, topics_of_page
 
-from cable_twin.commands import INPUTS
+from cable_twin.frame.commands import INPUTS
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import Topic, topics
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.ros.node_parameters import PARAMETERS
 from cable_twin.scenario import load_scenario
-from cable_twin.sensor_messages import sensor_topics
-from cable_twin.snapshot import Layout
 
 LAYOUT = Layout(
     {"VEHICLE": ("BODY",), "chair_1": ("chair",)},

@@ -2,8 +2,8 @@
 
 import pytest
 
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.offline import line, simulate
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_names, wind_unfelt
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.command_checks import check_gust, check_wind

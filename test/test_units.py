@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import cable_twin
-from cable_twin.figure_messages import describe
+from cable_twin.basics.units import rounded, with_unit
 from cable_twin.key_figures import KeyFigure
+from cable_twin.messages.figure_messages import describe
 from cable_twin.offline.figure_table import verdict_lines
-from cable_twin.units import rounded, with_unit
 
 PACKAGE = Path(cable_twin.__file__).parent
 

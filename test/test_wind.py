@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from small_tramway import TRAMWAY
 
-from cable_twin.commands import KINDS
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.on_rope.wind import share_of_gust
 from cable_twin.mechanics.parameters import GUSTS
 from cable_twin.offline import replay
 from cable_twin.offline.simulate import main
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import ScenarioError, build_system, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.effects import GUST_SHAPES

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from cable_twin.command_line import Filled
+from cable_twin.terminal.command_line import Filled
 from verification import MODULES, Case, load_cases
 
 PAGE = Path(__file__).parents[1] / "docs" / "verification.md"

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from math import degrees, inf
 from typing import Any
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 HEAD = """\
 

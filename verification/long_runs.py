@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import Progress
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
@@ -29,7 +30,6 @@ from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 from verification.jig_back_stops import HEAD as JIG_BACK_HEAD
 from verification.jig_back_stops import drive_stop, track_rope_stop
 from verification.loop_hour import HEAD as LOOP_HEAD

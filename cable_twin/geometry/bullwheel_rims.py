@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
 from cable_twin.scenario.schema import Scenario
 
 CORNERS = 24  # of a rim

@@ -7,11 +7,11 @@ from itertools import chain
 
 import numpy as np
 
+from cable_twin.frame.records import Clearance, FloatArray, Place
 from cable_twin.geometry.outlines import body_box, body_outlines
 from cable_twin.mechanics.parameters import IntArray
 from cable_twin.mechanics.readout.ground import Ground
 from cable_twin.mechanics.readout.surroundings import Surroundings
-from cable_twin.records import Clearance, FloatArray, Place
 from cable_twin.scenario import Scenario, masts
 
 

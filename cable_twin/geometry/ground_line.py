@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
 
 
 def default_ground(cable: FloatArray, carriages: Sequence[FloatArray]) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.vehicles import Body
+from cable_twin.scenario.sections.vehicles import Body
 
 FloatArray = NDArray[np.float64]
 CORNERS = 4  # of a box; a line has fewer points

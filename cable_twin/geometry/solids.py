@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.frame.records import FloatArray
 from cable_twin.geometry.outlines import body_box
-from cable_twin.records import FloatArray
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.vehicles import Body
+from cable_twin.scenario.sections.vehicles import Body
 
 THICK = 0.06  # of its length, how thick a bar is drawn
 LEAST = 1e-9  # m, of a bar

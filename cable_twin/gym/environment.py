@@ -13,9 +13,9 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv
 
-from cable_twin.commands import KINDS
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.records import Command, FloatArray
 from cable_twin.gym.observation import Observed, by_default, chosen, quantities
-from cable_twin.records import Command, FloatArray
 from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 

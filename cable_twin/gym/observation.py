@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Layout, Snapshot
 
 
 class Quantity(NamedTuple):

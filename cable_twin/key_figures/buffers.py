@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cable_twin.frame.records import Touch
+from cable_twin.frame.snapshot import Columns
 from cable_twin.key_figures.figure import KeyFigure
-from cable_twin.records import Touch
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Columns
 
 BUFFER_FORCE = ": buffer force, highest"  # name of the figure of two vehicles, behind theirs
 

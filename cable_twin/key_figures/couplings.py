@@ -6,9 +6,9 @@ from math import nan, sqrt
 
 import numpy as np
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Snapshot
 
 UNFILTERED = "sampled at every frame, unfiltered; EN 50318 filters it with a low-pass of 20 Hz"
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 from math import isnan, nan, sqrt
 from typing import NamedTuple
 
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import SolverReport
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.limits import limited
-from cable_twin.records import SolverReport
 from cable_twin.scenario import Grading, Scenario
-from cable_twin.units import with_unit
 
 ENERGY_LOST = "energy lost by the solver, relative"
 BLOCK = 5.0  # s of simulated time over which losses are added up

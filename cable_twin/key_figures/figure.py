@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import cast, get_args
 
 from cable_twin.key_figures.extremes import Extremes
-from cable_twin.scenario.limits import Bound
+from cable_twin.scenario.sections.limits import Bound
 
 TOLERANCE = 1e-3  # of a limit
 

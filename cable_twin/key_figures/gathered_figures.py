@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from math import isnan, nan
 
+from cable_twin.frame.records import AppliedCommand, Touch
+from cable_twin.frame.snapshot import ENDS, Snapshot
 from cable_twin.key_figures.couplings import CouplingFigures
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.figure import KeyFigure
@@ -14,9 +16,7 @@ from cable_twin.key_figures.passing_figures import PassingFigures
 from cable_twin.key_figures.rope_figures import FiguresOfRope
 from cable_twin.key_figures.seat_stops import SeatStops
 from cable_twin.key_figures.stops import CarriedStops
-from cable_twin.records import AppliedCommand, Touch
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import ENDS, Snapshot
 
 OF_ROPE = ("rope ", "sag ", "dynamic amplification")  # how figures begin that are the rope's own
 

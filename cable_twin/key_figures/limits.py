@@ -6,7 +6,7 @@ from typing import cast
 
 from cable_twin.key_figures.figure import KeyFigure, with_limit
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.limits import bound_of, source_of
+from cable_twin.scenario.sections.limits import bound_of, source_of
 
 TRACK_ROPE_SAFETY_FACTOR, HAUL_ROPE_SAFETY_FACTOR = 3.15, 4.5  # -
 TENSION_PER_TRANSVERSE_LOAD = 10.0  # -, of carriages that roll on a rope

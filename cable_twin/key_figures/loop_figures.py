@@ -8,6 +8,8 @@ from math import isnan, nan
 
 import numpy as np
 
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures.allocation import drive_extremes
 from cable_twin.key_figures.extremes import highest, lowest
 from cable_twin.key_figures.figure import KeyFigure, figure_of, with_limit
@@ -16,9 +18,7 @@ from cable_twin.key_figures.loop_measures import LoopMemory, take_loop
 from cable_twin.key_figures.rope_figures import drive_figures
 from cable_twin.key_figures.stops import StopsOf
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.records import AppliedCommand
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Layout, Snapshot
 
 SIDES = ("onto it", "off it")  # of the strand that comes to a bullwheel, and of that which leaves it
 BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` says how far"

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.geometry.outlines import body_box, body_outline
 from cable_twin.key_figures.extremes import lowest
 from cable_twin.key_figures.figure import KeyFigure, figure_of
@@ -17,8 +18,7 @@ from cable_twin.key_figures.space_figures import LOOKS
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.vehicles import Body
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.scenario.sections.vehicles import Body
 
 
 class Hull(NamedTuple):

@@ -9,6 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.snapshot import ENDS, Layout, Snapshot
 from cable_twin.key_figures.allocation import allocate
 from cable_twin.key_figures.buffers import BufferFigures
 from cable_twin.key_figures.extremes import Extremes
@@ -18,10 +20,8 @@ from cable_twin.key_figures.rope_measures import MEAN, DriveExtremes, take_frame
 from cable_twin.key_figures.space_figures import LOOKS, SpaceFigures
 from cable_twin.key_figures.stops import StopsOf
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.records import AppliedCommand
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.drives import Limits
-from cable_twin.snapshot import ENDS, Layout, Snapshot
+from cable_twin.scenario.sections.drives import Limits
 
 # assumed: ropeway standards specify no filter; anything shorter than 0.2 s is felt as a shock
 MEANS = (

@@ -8,12 +8,12 @@ from math import isnan, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.frame.records import AppliedCommand, FloatArray
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures.figure import KeyFigure
 from cable_twin.key_figures.stops import STANDSTILL, along_rope
-from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.vehicles import Carriage
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.scenario.sections.vehicles import Carriage
 
 SETTLED = 30.0  # s without going farther than before, after which a stop is over
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from cable_twin.frame.snapshot import DERAILED as HOW
+from cable_twin.frame.snapshot import ENDS
 from cable_twin.geometry.clearance import surroundings_of
 from cable_twin.key_figures.figure import KeyFigure, figure_of, wind_at, with_limit
 from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.key_figures.space_measures import allocate_across, take_across
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.scenario import Scenario, masts
-from cable_twin.snapshot import DERAILED as HOW
-from cable_twin.snapshot import ENDS
 
 LOOKS = f"samples taken every {CLEARANCE_PERIOD:g} s"
 ASSUMED_RATIO = "assumed: flanks of 45 degrees with a friction of 0.3 hold up to 0.54 (Nadal)"

@@ -9,10 +9,10 @@ from math import isnan, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.frame.records import AppliedCommand, FloatArray
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures.figure import KeyFigure
-from cable_twin.records import AppliedCommand, FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Layout, Snapshot
 
 BoolArray = NDArray[np.bool_]
 STANDSTILL = 1e-3  # m/s

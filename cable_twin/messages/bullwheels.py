@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.messages.cdr import Header, Template, marks
 from cable_twin.messages.topics import JointState
-from cable_twin.records import FloatArray
-from cable_twin.snapshot import Columns, Layout
 
 
 class _Rows:

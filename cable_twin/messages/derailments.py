@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import DERAILED, Columns, Layout, Snapshot, derailments
 from cable_twin.messages.texts import Status, diagnostics_message, statuses_of_message
 from cable_twin.messages.topics import DERAILMENTS
-from cable_twin.records import FloatArray
-from cable_twin.snapshot import DERAILED, Columns, Layout, Snapshot, derailments
 
 ERROR = 2  # level of a status
 

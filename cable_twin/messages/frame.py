@@ -17,6 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.frame.snapshot import Columns, Layout, Snapshot
 from cable_twin.messages.bullwheels import BullwheelsMessage
 from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
 from cable_twin.messages.derailments import DerailmentMessage
@@ -60,7 +61,6 @@ from cable_twin.messages.topics import (
     pose_topic,
     support_force_topic,
 )
-from cable_twin.snapshot import Columns, Layout, Snapshot
 
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
 ROPE_FIELD = "rope"  # of several: their number in the order of the scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.snapshot import Layout
+from cable_twin.frame.snapshot import Layout
 
 
 def joint_names(layout: Layout) -> list[str]:

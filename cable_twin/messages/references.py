@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages.cdr import Header, Template, marks
 from cable_twin.messages.topics import JointState
-from cable_twin.records import FloatArray
-from cable_twin.snapshot import Layout
 
 IntArray = NDArray[np.int64]
 ROWS = ("", "/command", "/limit")  # behind a name

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from cable_twin.frame.records import RefusedCommand
 from cable_twin.messages.texts import Status, diagnostics_message, statuses_of_message
-from cable_twin.records import RefusedCommand
 
 WARNING = 1  # level of a status
 COUNT = "refused"  # commands of the run so far, this one included

@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.commands import INPUTS
-from cable_twin.rates import EVERY_FRAME, ONCE, frames_between
-from cable_twin.snapshot import Layout
+from cable_twin.frame.commands import INPUTS
+from cable_twin.frame.rates import EVERY_FRAME, ONCE, frames_between
+from cable_twin.frame.snapshot import Layout
 
 String = ros2_jazzy.std_msgs__msg__String
 Clock = ros2_jazzy.rosgraph_msgs__msg__Clock

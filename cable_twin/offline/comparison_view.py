@@ -10,16 +10,16 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.offline.figure_table import LABELS
-from cable_twin.plotted_signals import SIGNALS
 from cable_twin.recording.log_formats import open_view
-from cable_twin.recording.rerun_view import RerunView
-from cable_twin.recording.view_layout import frame, plot_titles
-from cable_twin.recording.view_plots import PLOT_COLORS
-from cable_twin.recording.view_space import SPACE
-from cable_twin.recording.view_stream import flush_stream, open_stream
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.view.layout import frame, plot_titles
+from cable_twin.view.plots import PLOT_COLORS
+from cable_twin.view.rerun_view import RerunView
+from cable_twin.view.space import SPACE
+from cable_twin.view.stream import flush_stream, open_stream
 
 
 class _RootedStream:

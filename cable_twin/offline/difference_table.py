@@ -9,10 +9,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.thinned_series import Comparison, Difference, unit_of
-from cable_twin.scenario.carriers import Carriers
-from cable_twin.units import rounded, shown_unit
+from cable_twin.scenario.sections.carriers import Carriers
 
 WIDE = 110  # characters that the whole table needs
 

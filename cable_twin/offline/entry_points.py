@@ -10,7 +10,7 @@ from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 
-from cable_twin.command_line import INTERRUPTED, faults_reported, interrupts_kept, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, faults_reported, interrupts_kept, left_at_once, tell
 
 PIPE_CLOSED = 128 + signal.SIGPIPE  # exit code, as of any command whose reader has gone
 UNWRITTEN = {"replay": 2}  # exit code where the output has no place, 1 for all others

@@ -16,10 +16,10 @@ from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any, TextIO
 
-from cable_twin.command_line import tell
+from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure
-from cable_twin.plotted_signals import SIGNALS
-from cable_twin.snapshot import Snapshot
+from cable_twin.terminal.command_line import tell
 
 STDOUT = "-"
 OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"}  # of other files

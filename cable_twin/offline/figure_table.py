@@ -12,8 +12,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.key_figures import KeyFigure
-from cable_twin.units import rounded, shown_unit
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other

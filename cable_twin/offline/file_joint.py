@@ -8,13 +8,13 @@ from io import BytesIO
 
 import numpy as np
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.offline.replay_result import Comparison, Difference
 from cable_twin.recording.log_file import LogFile
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.simulation import Simulation, SnapshotError
 from cable_twin.simulation.snapshot_file import FullState, read_full_state
-from cable_twin.snapshot import Snapshot
 
 
 class Joint(Enum):

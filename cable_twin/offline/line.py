@@ -17,7 +17,6 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cable_twin.command_line import OneLineParser, left_at_once, tell
 from cable_twin.key_figures import values_of
 from cable_twin.offline.check import compared, refined
 from cable_twin.offline.figure_table import print_figures, table_console
@@ -25,6 +24,7 @@ from cable_twin.offline.line_places import Line, calculate, plan_line
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, changed_value, plots_fault
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES, MOST = 40, 2000

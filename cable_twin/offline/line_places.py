@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cable_twin.frame.records import FloatArray, Place
+from cable_twin.frame.snapshot import Columns, Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
-from cable_twin.records import FloatArray, Place
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.scenario.hauled import sense_of, way_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.snapshot import Columns, Snapshot
 
 MOVING = (  # figures of a motion, of which there is none
     "drive force",

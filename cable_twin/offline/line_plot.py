@@ -16,11 +16,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from cable_twin.frame.records import FloatArray, Place
+from cable_twin.frame.snapshot import Layout
 from cable_twin.geometry.clearance import heights_over_ground
 from cable_twin.offline.line_places import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
-from cable_twin.records import FloatArray, Place
-from cable_twin.snapshot import Layout
 
 LIMIT = "#C0392B"
 SAFETY_FACTOR = "rope safety factor"

@@ -21,9 +21,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from cable_twin.frame.plotted_signals import PLOTS, SIGNALS, Signal
+from cable_twin.frame.snapshot import ENDS
 from cable_twin.offline.thinned_series import Signals
-from cable_twin.plotted_signals import PLOTS, SIGNALS, Signal
-from cable_twin.snapshot import ENDS
 
 INK = "#22303C"
 QUIET = "#7B8794"

@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from typing import Protocol
 
-from cable_twin.figure_messages import figures_of_statuses
+from cable_twin.frame.records import AppliedCommand, RefusedCommand
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.messages.figure_messages import figures_of_statuses
 from cable_twin.offline.export import RunTable
 from cable_twin.offline.responses import Responses
 from cable_twin.offline.thinned_series import Signals, signal_values
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
-from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.scenario import ScenarioError, load_scenario
-from cable_twin.snapshot import Snapshot
 
 USUAL = "cable_twin_logs"  # where runs are that nobody has named
 FIGURES_AGE = 1.5  # s before the end at which the last key figures may have been recorded without a word

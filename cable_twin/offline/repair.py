@@ -8,7 +8,7 @@ from typing import Any
 
 from mcap.records import Channel
 
-from cable_twin.limited_yaml import read_yaml
+from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.messages import TYPESTORE, Topic, TopicNames
 from cable_twin.recording.log_file import UNREADABLE, LogFile, one_line
 from cable_twin.recording.log_metadata import LOST_FROM

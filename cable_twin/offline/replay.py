@@ -19,8 +19,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from cable_twin.command_line import OneLineParser, left_at_once, print_line, tell
-from cable_twin.compilation_bar import compilation_shown
+from cable_twin.frame.records import AppliedCommand, CommandError
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import (
     APPLIED_COMMANDS,
     DERAILMENTS,
@@ -37,10 +37,10 @@ from cable_twin.recording.log_file import LONGEST_GAP, UNREADABLE, LogFile
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import run_metadata
-from cable_twin.records import AppliedCommand, CommandError
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
-from cable_twin.snapshot import Snapshot
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell
+from cable_twin.terminal.compilation_bar import compilation_shown
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made

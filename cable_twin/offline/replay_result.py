@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Any
 
-from cable_twin.command_messages import applied_command_message
-from cable_twin.records import AppliedCommand
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.messages.command_messages import applied_command_message
 
 
 @dataclass(slots=True)

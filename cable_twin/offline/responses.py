@@ -24,10 +24,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cable_twin.basics.units import rounded
+from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline.figure_table import shown
-from cable_twin.plotted_signals import SIGNALS
-from cable_twin.snapshot import Snapshot
-from cable_twin.units import rounded
 
 HELD = 2.0  # s
 SMALLEST = 1e-3  # m/s, of a step

@@ -20,7 +20,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from cable_twin.command_line import OneLineParser, print_line, tell
 from cable_twin.offline.difference_table import print_differences
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
@@ -32,7 +31,8 @@ from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
-from cable_twin.recording.web_view import why_not
+from cable_twin.terminal.command_line import OneLineParser, print_line, tell
+from cable_twin.view.web_view import why_not
 
 LONGEST_TITLE = 24  # letters of what --output called a run, in a legend
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names

@@ -12,10 +12,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from cable_twin.command_line import typed
 from cable_twin.offline.reading import Reading
 from cable_twin.recording.log_reader import Log
-from cable_twin.recording.web_view import WebView
+from cable_twin.terminal.command_line import typed
+from cable_twin.view.web_view import WebView
 
 BATCH = 500  # frames; the index of a recording is kept in memory, an entry a batch
 

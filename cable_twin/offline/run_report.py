@@ -5,14 +5,14 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 
-from cable_twin.command_line import tell, typed
-from cable_twin.figure_messages import describe
 from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure
+from cable_twin.messages.figure_messages import describe
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.scripted_run import Outcome
 from cable_twin.recording.run import Run
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.schema import Solver
+from cable_twin.terminal.command_line import tell, typed
 
 DEFAULT_STEP: float = Solver().step  # s
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cable_twin.commands import KINDS
-from cable_twin.limited_yaml import LARGEST, UnreadableYamlError, limited_text, read_yaml
+from cable_twin.basics.limited_yaml import LARGEST, UnreadableYamlError, limited_text, read_yaml
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.offline.script_places import Place, check_place, place_of
 from cable_twin.offline.script_signals import KEYS as SIGNAL_KEYS
 from cable_twin.offline.script_signals import signal_values
 from cable_twin.recording.log_reader import Log
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.effects import check_ahead

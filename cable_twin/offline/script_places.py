@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from math import copysign
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cable_twin.records import CommandError
+from cable_twin.frame.records import CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
 

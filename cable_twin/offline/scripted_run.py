@@ -8,18 +8,18 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from cable_twin.figure_messages import figures_message
+from cable_twin.frame.rates import LOGGED
+from cable_twin.frame.records import AppliedCommand, CommandError, RefusedCommand
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import KEY_FIGURES, topics
+from cable_twin.messages.figure_messages import figures_message
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.script import ScriptedCommand, commands_ahead
 from cable_twin.offline.script_places import PlaceWatch
-from cable_twin.rates import LOGGED
 from cable_twin.recording.frame_output import FrameOutput
 from cable_twin.recording.run import Run
-from cable_twin.records import AppliedCommand, CommandError, RefusedCommand
-from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation, SolverError
-from cable_twin.snapshot import Snapshot
 
 BACKLOG = 500  # frames that may wait for the disk
 FIGURES_PERIOD = 10.0  # s of simulated time between two records of the key figures

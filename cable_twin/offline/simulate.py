@@ -14,10 +14,9 @@ from functools import partial
 
 from rich.console import Console
 
-from cable_twin.command_line import ending_signals, left_at_once, tell
-from cable_twin.compilation_bar import compilation_shown
 from cable_twin.key_figures import KeyFigures, compile_figures
 from cable_twin.messages import nanoseconds, topics
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
 from cable_twin.offline.export import Export, RunTable, export_fault
@@ -40,8 +39,9 @@ from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
-from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
+from cable_twin.terminal.command_line import ending_signals, left_at_once, tell
+from cable_twin.terminal.compilation_bar import compilation_shown
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 

@@ -9,13 +9,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from cable_twin.command_line import OneLineParser, typed
+from cable_twin.frame.rates import EVERY_FRAME, LOGGED
+from cable_twin.frame.rates import fault as rate_fault
 from cable_twin.offline.export import add_export
 from cable_twin.offline.sweep_runs import sweep_of
-from cable_twin.rates import EVERY_FRAME, LOGGED
-from cable_twin.rates import fault as rate_fault
 from cable_twin.recording.splitting import HOURLY
 from cable_twin.scenario import assignment, scenario_lines
+from cable_twin.terminal.command_line import OneLineParser, typed
 
 UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"

@@ -13,10 +13,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.offline.line_plot import LIMIT
 from cable_twin.offline.plots import COLORS, QUIET, STYLE
 from cable_twin.offline.sweep_limits import SweptFigure, Window
-from cable_twin.units import rounded, shown_unit
 
 PANELS = 6
 KEPT = "#2E9E5B"

@@ -16,11 +16,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.offline.export import STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_notes, shown
 from cable_twin.offline.sweep_limits import Edge, SweptFigure, Window, keeps_all
 from cable_twin.offline.sweep_runs import SweptRun
-from cable_twin.units import rounded, shown_unit
 
 COLUMN = 17  # characters of a column of the table
 MOST_COLUMNS = 9

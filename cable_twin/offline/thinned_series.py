@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cable_twin.plotted_signals import SIGNALS
-from cable_twin.records import FloatArray
-from cable_twin.snapshot import Snapshot
+from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Snapshot
 
 POINTS = 4000  # a signal is kept at; more are joined to pairs of lowest and highest
 SHAPES = 24  # ropes that are kept

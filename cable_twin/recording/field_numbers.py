@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cable_twin.records import FloatArray
+from cable_twin.frame.records import FloatArray
 
 
 def last_numbers(data: bytes, count: int) -> FloatArray:

@@ -7,7 +7,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from cable_twin.command_messages import applied_command_message
+from cable_twin.frame.records import AppliedCommand, RefusedCommand
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import (
     REFUSED_COMMANDS,
     DerailmentWatch,
@@ -18,12 +19,11 @@ from cable_twin.messages import (
     nanoseconds,
     refused_command_message,
 )
+from cable_twin.messages.command_messages import applied_command_message
+from cable_twin.messages.sensor_messages import SensorOutput
 from cable_twin.recording.run import Run
-from cable_twin.records import AppliedCommand, RefusedCommand
-from cable_twin.sensor_messages import SensorOutput
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
-from cable_twin.snapshot import Snapshot
 
 Messages = list[tuple[str, bytes]]
 

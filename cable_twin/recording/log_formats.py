@@ -14,12 +14,12 @@ from cable_twin.geometry.solids import body_solids
 from cable_twin.messages import FrameNames, Topic, TopicNames
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import View
-from cable_twin.recording.web_view import LIVE_PORT, WebView, free_port, why_not
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import SAMPLES, Simulation
+from cable_twin.view.web_view import LIVE_PORT, WebView, free_port, why_not
 
 if TYPE_CHECKING:
-    from cable_twin.recording.rerun_view import RerunView
+    from cable_twin.view.rerun_view import RerunView
 
 
 class Logs(NamedTuple):
@@ -88,8 +88,8 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
     Raises:
         OSError: When the file cannot be created or the port is in use.
     """
-    from cable_twin.recording.rerun_view import RerunView  # noqa: PLC0415 - half a second
-    from cable_twin.recording.view_space import InSpace  # noqa: PLC0415
+    from cable_twin.view.rerun_view import RerunView  # noqa: PLC0415 - half a second
+    from cable_twin.view.space import InSpace  # noqa: PLC0415
 
     space = None
     apart = any(rope.lateral for rope in scenario.ropes.values())

@@ -8,12 +8,12 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from cable_twin.command_messages import applied_command_from_message
+from cable_twin.frame.records import AppliedCommand
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, scenario_from_message
+from cable_twin.messages.command_messages import applied_command_from_message
 from cable_twin.recording.log_file import UNREADABLE, LogFile, file_number, one_line, open_file
 from cable_twin.recording.log_metadata import scenario_of_metadata
 from cable_twin.recording.log_versions import LogError
-from cable_twin.records import AppliedCommand
 
 STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: they are one, but for rounding
 

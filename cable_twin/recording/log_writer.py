@@ -19,11 +19,12 @@ from typing import Any
 
 from llvmlite.binding import get_host_cpu_name
 
+from cable_twin.basics.files import sync
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
 from cable_twin.recording.log_metadata import LOST_FROM, scenario_metadata
 from cable_twin.recording.log_versions import FORMAT_VERSION
-from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version, sync
+from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version
 from cable_twin.recording.splitting import ClosedSize, Splitting, size_of_states
 
 AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing

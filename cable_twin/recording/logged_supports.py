@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.messages import read_derailments
 from cable_twin.scenario import Scenario, in_space, tower_axes
-from cable_twin.snapshot import Columns, Layout
 
 
 class LoggedSupports:

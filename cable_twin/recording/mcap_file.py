@@ -17,6 +17,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Chunk, ChunkIndex, Schema
 from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
+from cable_twin.basics.files import sync
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
 
 METADATA_NAME = "cable_twin"
@@ -256,15 +257,6 @@ class McapFile:
             schema = schemas[channel.type]
             numbers[channel.topic] = self._writer.register_channel(channel.name, "cdr", schema, channel.metadata)
         return numbers
-
-
-def sync(path: Path) -> None:
-    """Sync a file, or the names in a directory, to disk; raises OSError where the disk refuses."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def package_version(package: str) -> str:

@@ -23,13 +23,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, nanoseconds
 from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.mcap_file import GoneError
 from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
-from cable_twin.records import AppliedCommand
 from cable_twin.simulation.snapshot_file import FullState
-from cable_twin.snapshot import Snapshot
 
 SLEEP = 0.05  # s between looks into the queue
 TURN = 16  # frames that are written, in about half a millisecond, before others get the interpreter for sure

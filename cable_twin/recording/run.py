@@ -13,8 +13,8 @@ from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
 from cable_twin.recording.log_formats import open_logs
 from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.splitting import HOURLY, Splitting
-from cable_twin.recording.web_view import WebView
 from cable_twin.simulation import Simulation
+from cable_twin.view.web_view import WebView
 
 
 @dataclass(frozen=True, slots=True)

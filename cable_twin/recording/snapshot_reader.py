@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.frame.records import AppliedCommand, FloatArray, RefusedCommand, SolverReport
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.messages import (
     AIR_WIND,
     APPLIED_COMMANDS,
@@ -60,10 +62,8 @@ from cable_twin.recording.log_reader import Log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.logged_supports import LoggedSupports
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
-from cable_twin.records import AppliedCommand, FloatArray, RefusedCommand, SolverReport
 from cable_twin.scenario import Scenario, ScenarioError, in_space, load_scenario
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
-from cable_twin.snapshot import Layout, Snapshot
 
 NOTHING = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
 POSE = 7  # numbers: place and quaternion

@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from cable_twin.command_line import OneLineParser, ending_signals, leave_at_once, typed
+from cable_twin.terminal.command_line import OneLineParser, ending_signals, leave_at_once, typed
 
 INSTALL_HINT = (
     "{command} needs ROS 2, which this Python does not have ({reason}): install its wheels with\n"

@@ -10,8 +10,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from cable_twin.frame.rates import ONCE, fault
 from cable_twin.messages.topics import TFMessage
-from cable_twin.rates import ONCE, fault
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS, Parameter, splitting_of
 from cable_twin.scenario import Scenario, assignment
 

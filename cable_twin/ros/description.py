@@ -19,9 +19,9 @@ from cable_twin.geometry.outlines import body_box
 from cable_twin.geometry.solids import THICK, body_bars
 from cable_twin.messages import header, serialize
 from cable_twin.messages.topics import TFMessage
-from cable_twin.ros.twin_list import UNLIMITED
+from cable_twin.ros.client.twin_list import UNLIMITED
 from cable_twin.scenario import Scenario, command_limits, in_space, limits_of, places_of
-from cable_twin.scenario.vehicles import Body, Carriage
+from cable_twin.scenario.sections.vehicles import Body, Carriage
 
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 from rclpy.node import Node
 
-from cable_twin.figure_messages import OK, WARNING
 from cable_twin.messages import DIAGNOSTICS, KEY_FIGURES, Status, diagnostics_message
-from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.output import Output
-from cable_twin.ros.pace_watch import PaceWatch
-from cable_twin.ros.recording_watch import RecordingWatch
-from cable_twin.ros.run_clock import RunClock
+from cable_twin.messages.figure_messages import OK, WARNING
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.output import Output
+from cable_twin.runtime.pace_watch import PaceWatch
+from cable_twin.runtime.recording_watch import RecordingWatch
+from cable_twin.runtime.run_clock import RunClock
 from cable_twin.simulation import Simulation
 
 ERROR = 2  # level of diagnostics

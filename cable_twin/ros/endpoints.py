@@ -14,9 +14,9 @@ from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPo
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from cable_twin.commands import INPUTS
+from cable_twin.basics.printable import printable
+from cable_twin.frame.commands import INPUTS
 from cable_twin.messages import Topic, TopicNames
-from cable_twin.printable import printable
 from cable_twin.ros.declaration import QOS_OVERRIDES, ParameterError, is_installed
 
 OVERRIDABLE = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH)

@@ -7,16 +7,16 @@ from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 
+from cable_twin.frame.snapshot import Columns
 from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, FrameNames, serialize
 from cable_twin.messages.frame import Filled
 from cable_twin.messages.topics import String
 from cable_twin.ros.description import robot_description, still_transforms
 from cable_twin.ros.endpoints import Endpoints
-from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.markers import Markers
-from cable_twin.ros.output import Output
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.output import Output
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Columns
 
 
 class ForRviz:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from cable_twin.command_messages import command_from_message
+from cable_twin.basics.printable import printable
+from cable_twin.frame.records import CommandError
 from cable_twin.messages import SECOND as NANOSECONDS
 from cable_twin.messages import stamp_in
-from cable_twin.printable import printable
-from cable_twin.records import CommandError
-from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.messages.command_messages import command_from_message
+from cable_twin.runtime.frame_loop import FrameLoop
 
 WARNING_PERIOD = 5.0  # s between two warnings of refused commands
 TELLING_PERIOD = 0.05  # s between two of them that are told on their topic

@@ -16,10 +16,10 @@ from rclpy.parameter_service import ParameterService
 
 from cable_twin.ros.declaration import as_meant
 from cable_twin.ros.executor import done
-from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS
-from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.world_loading import WorldLoading
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.scenario_reading import ScenarioReader
 from cable_twin.scenario import Scenario, ScenarioError
 
 

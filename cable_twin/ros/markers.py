@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.geometry.bullwheel_rims import wheel_rims
 from cable_twin.geometry.ground_line import default_ground
 from cable_twin.geometry.outlines import body_box, body_outline
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
-from cable_twin.recording.labels import apart
-from cable_twin.recording.place_names import NEAR, gathered
-from cable_twin.recording.tension_colors import RopeColors
-from cable_twin.records import FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.snapshot import Columns, Layout
+from cable_twin.view.labels import apart
+from cable_twin.view.place_names import NEAR, gathered
+from cable_twin.view.tension_colors import RopeColors
 
 Marker = ros2_jazzy.visualization_msgs__msg__Marker
 MeshFile = ros2_jazzy.visualization_msgs__msg__MeshFile

@@ -16,8 +16,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rich.console import Console
 
-from cable_twin.commands import JOINT_COMMANDS, KINDS
-from cable_twin.compilation_bar import compilation_shown
+from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
+from cable_twin.frame.records import AppliedCommand, RefusedCommand
 from cable_twin.key_figures import compile_figures
 from cable_twin.messages import (
     REFUSED_COMMANDS,
@@ -27,8 +27,8 @@ from cable_twin.messages import (
     scenario_message,
     topics,
 )
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.recording.run import start_run
-from cable_twin.records import AppliedCommand, RefusedCommand
 from cable_twin.ros.declaration import (
     ParameterError,
     as_meant,
@@ -42,23 +42,23 @@ from cable_twin.ros.diagnostics import Diagnostics
 from cable_twin.ros.emergency_stop import EmergencyStop
 from cable_twin.ros.endpoints import Endpoints
 from cable_twin.ros.for_rviz import ForRviz
-from cable_twin.ros.frame_loop import FrameLoop
 from cable_twin.ros.incoming import CommandLimits, Incoming
 from cable_twin.ros.live_parameters import LiveParameters, LiveParameterService, are_unchanged
 from cable_twin.ros.markers import REPEAT
 from cable_twin.ros.node_parameters import splitting_of
 from cable_twin.ros.only_one import check_others, hold_name
-from cable_twin.ros.output import Output
-from cable_twin.ros.recording_watch import RecordingWatch
-from cable_twin.ros.run_clock import RunClock
-from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.services import Services
 from cable_twin.ros.simulation_services import offer_simulation_services
 from cable_twin.ros.status import Status, live_hint
 from cable_twin.ros.world_loading import WorldLoading
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.output import Output
+from cable_twin.runtime.recording_watch import RecordingWatch
+from cable_twin.runtime.run_clock import RunClock
+from cable_twin.runtime.scenario_reading import ScenarioReader
 from cable_twin.scenario import load_scenario
-from cable_twin.sensor_messages import sensor_topics
 from cable_twin.simulation import Simulation
+from cable_twin.terminal.compilation_bar import compilation_shown
 
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from cable_twin.rates import EVERY_FRAME, LOGGED, PUBLISHED
+from cable_twin.frame.rates import EVERY_FRAME, LOGGED, PUBLISHED
 from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("none", "file", "live", "web")

@@ -15,12 +15,12 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.commands import Kind, kinds_by_service
+from cable_twin.frame.commands import Kind, kinds_by_service
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.recording.splitting import MEGABYTE, STATES, STATES_SHARE, size_of_states
-from cable_twin.records import Command, CommandError
 from cable_twin.ros.emergency_stop import SERVICE as EMERGENCY_STOP
 from cable_twin.ros.executor import done
-from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
 SERVICE_TIMEOUT = 5.0  # s

@@ -9,10 +9,10 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cable_twin.command_line import faults_reported
-from cable_twin.printable import printable, printable_lines
+from cable_twin.basics.printable import printable, printable_lines
 from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
 from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.terminal.command_line import faults_reported
 
 if TYPE_CHECKING:
     from cable_twin.ros.node import TwinNode
@@ -133,8 +133,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(node: TwinNode, ending: Ending) -> None:
     """Run a node until a signal, a fault of the program, or the loading of another scenario."""
-    from cable_twin.ros.bottom_row import BottomRow  # noqa: PLC0415 - as above
     from cable_twin.ros.executor import new_executor  # noqa: PLC0415
+    from cable_twin.terminal.status_bar import BottomRow  # noqa: PLC0415 - as above
 
     executor = new_executor()
     executor.add_node(node)

@@ -12,18 +12,18 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from importlib import import_module
 from typing import Any
 
+from cable_twin.basics.printable import printable
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.messages import SECOND, FrameNames
-from cable_twin.printable import printable
-from cable_twin.records import Command, CommandError
 from cable_twin.ros.declaration import is_installed
 from cable_twin.ros.executor import done
-from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.name_matching import FilterError, matching_names
-from cable_twin.ros.run_clock import RunClock
-from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.services import SERVICE_TIMEOUT, Services
 from cable_twin.ros.world_loading import WorldLoading
 from cable_twin.ros.world_services import FAILED, INCORRECT_STATE, NOT_FOUND, UNSUPPORTED, WorldServices, told
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.name_matching import FilterError, matching_names
+from cable_twin.runtime.run_clock import RunClock
+from cable_twin.runtime.scenario_reading import ScenarioReader
 from cable_twin.simulation import Simulation
 
 PACKAGE = "simulation_interfaces"

@@ -11,17 +11,17 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from cable_twin.command_line import typed
-from cable_twin.commands import JOINT_COMMANDS
+from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.frame.commands import JOINT_COMMANDS
+from cable_twin.frame.plotted_signals import driven, driven_names
 from cable_twin.messages import APPLIED_COMMANDS, JOINT_STATES, NAMESPACE, SCENARIO, TopicNames
-from cable_twin.plotted_signals import driven, driven_names
 from cable_twin.recording.run import Run
 from cable_twin.ros.diagnostics import Diagnostics
-from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.output import Output
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.output import Output
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
-from cable_twin.units import rounded, shown_unit
+from cable_twin.terminal.command_line import typed
 
 SPAN = 1.5  # s over which the real-time factor is taken
 SHOWN = 2  # of what is driven, so that the line stays one

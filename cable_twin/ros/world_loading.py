@@ -8,11 +8,11 @@ from concurrent.futures import Future
 
 from rclpy.node import Node
 
+from cable_twin.basics.printable import printable
 from cable_twin.key_figures import compile_figures
-from cable_twin.printable import printable
 from cable_twin.ros.declaration import ParameterError
 from cable_twin.ros.executor import done
-from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 

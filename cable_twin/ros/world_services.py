@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from cable_twin.printable import printable
+from cable_twin.basics.printable import printable
 from cable_twin.ros.executor import done
-from cable_twin.ros.scenario_reading import NoScenarioError, ScenarioReader
 from cable_twin.ros.world_loading import WorldLoading
+from cable_twin.runtime.scenario_reading import NoScenarioError, ScenarioReader
 from cable_twin.scenario import Scenario, ScenarioError, config_directory
 
 # of Result, and of LoadWorld

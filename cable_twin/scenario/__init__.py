@@ -1,7 +1,8 @@
 """Scenarios: YAML files checked with all faults at once, and built into the constants of the mechanics."""
 
-from cable_twin.scenario.build import build_payloads, build_system, masts, tower_axes
-from cable_twin.scenario.build_vehicles import vehicle_buffer
+from cable_twin.scenario.build.system import build_payloads, build_system, masts, tower_axes
+from cable_twin.scenario.build.vehicles import vehicle_buffer
+from cable_twin.scenario.checks.wind_conflicts import wind_unfelt
 from cable_twin.scenario.command_limits import (
     CommandLimits,
     command_fault,
@@ -19,11 +20,10 @@ from cable_twin.scenario.files import (
     scenario_lines,
     scenario_names,
 )
-from cable_twin.scenario.line import Grading
 from cable_twin.scenario.overrides import assignment, full_key
-from cable_twin.scenario.quantities import in_space
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.wind_conflicts import wind_unfelt
+from cable_twin.scenario.sections.line import Grading
+from cable_twin.scenario.sections.quantities import in_space
 
 __all__ = [
     "CommandLimits",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from cable_twin.scenario.fault import KeyPath
+from cable_twin.scenario.checks.fault import KeyPath
 from cable_twin.scenario.overrides import put_into_list
 
 OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, what only a file has below its things

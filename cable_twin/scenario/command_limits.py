@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import exp, inf, isfinite
 from typing import NamedTuple
 
-from cable_twin.printable import printable
-from cable_twin.scenario.build_vehicles import stop_stroke
+from cable_twin.basics.printable import printable
+from cable_twin.basics.units import rounded
+from cable_twin.scenario.build.vehicles import stop_stroke
 from cable_twin.scenario.schema import Scenario
-from cable_twin.units import rounded
 
 SAFETY = 4.5  # -, of a haul rope in operation
 BREAKING_STRAIN = 0.02  # -, of a rope whose breaking force is not given; assumed

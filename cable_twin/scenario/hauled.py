@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cable_twin.scenario.build_vehicles import stop_stroke
-from cable_twin.scenario.fault import Fault
+from cable_twin.scenario.build.vehicles import stop_stroke
+from cable_twin.scenario.checks.fault import Fault
 from cable_twin.scenario.schema import Scenario
 
 ROUNDING = 0.01  # m, to which the limits are told

@@ -8,9 +8,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.limited_yaml import UnreadableYamlError, read_yaml
-from cable_twin.scenario.fault import Fault, KeyPath
-from cable_twin.scenario.find_faults import inner_model, unknown_key
+from cable_twin.basics.limited_yaml import UnreadableYamlError, read_yaml
+from cable_twin.scenario.checks.fault import Fault, KeyPath
+from cable_twin.scenario.checks.find_faults import inner_model, unknown_key
 from cable_twin.scenario.schema import Scenario
 
 AXES = ("x", "y", "z")

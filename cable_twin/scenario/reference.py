@@ -17,11 +17,11 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.bullwheels import Sheave
-from cable_twin.scenario.drives import BullwheelDrive
-from cable_twin.scenario.find_faults import allowed
-from cable_twin.scenario.line import Tower
+from cable_twin.scenario.checks.find_faults import allowed
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.bullwheels import Sheave
+from cable_twin.scenario.sections.drives import BullwheelDrive
+from cable_twin.scenario.sections.line import Tower
 
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
 NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list

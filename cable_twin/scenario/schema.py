@@ -11,16 +11,16 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, model_validator
 
 from cable_twin.mechanics.parameters import INTEGRATORS
-from cable_twin.scenario.air import Air
 from cable_twin.scenario.as_yaml import as_yaml
-from cable_twin.scenario.bullwheels import Riding, Sheave, Strand, expand_bullwheels, strands_of
-from cable_twin.scenario.carriers import CarrierKind, Carriers
-from cable_twin.scenario.couplings import Connector, Pantograph
-from cable_twin.scenario.drives import RopeDrive
-from cable_twin.scenario.limits import KeyFigureLimits
-from cable_twin.scenario.line import Cable, TerrainSides, Tower
-from cable_twin.scenario.quantities import Description, FromList, OneLine, Section, Vector, in_space, quantity
-from cable_twin.scenario.vehicles import Carriage, Payload
+from cable_twin.scenario.sections.air import Air
+from cable_twin.scenario.sections.bullwheels import Riding, Sheave, Strand, expand_bullwheels, strands_of
+from cable_twin.scenario.sections.carriers import CarrierKind, Carriers
+from cable_twin.scenario.sections.couplings import Connector, Pantograph
+from cable_twin.scenario.sections.drives import RopeDrive
+from cable_twin.scenario.sections.limits import KeyFigureLimits
+from cable_twin.scenario.sections.line import Cable, TerrainSides, Tower
+from cable_twin.scenario.sections.quantities import Description, FromList, OneLine, Section, Vector, in_space, quantity
+from cable_twin.scenario.sections.vehicles import Carriage, Payload
 
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
 

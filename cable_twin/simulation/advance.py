@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from cable_twin.frame.records import SolverReport
 from cable_twin.mechanics.parameters import Solver
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.records import SolverReport
 from cable_twin.simulation.loading import exchange, load_on
 from cable_twin.simulation.meeting import Meeting
 from cable_twin.simulation.ropeway import Ropeway

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from cable_twin.commands import KINDS
+from cable_twin.basics.printable import printable
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.parameters import STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
-from cable_twin.printable import printable
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario, command_fault, unknown_name, wind_unfelt
-from cable_twin.scenario.vehicles import Carriage
+from cable_twin.scenario.sections.vehicles import Carriage
 
 LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 

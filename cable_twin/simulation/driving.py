@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import Command
 from cable_twin.mechanics.drives.haul_rope import hang_in_rope
 from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.drives.switching import set_drive_mode, take_over
@@ -13,9 +15,7 @@ from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.state import State
-from cable_twin.records import Command
 from cable_twin.scenario import Scenario
-from cable_twin.units import with_unit
 
 
 def drive(state: State, index: int, kind: str, value: float) -> None:

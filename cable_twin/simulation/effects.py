@@ -1,4 +1,4 @@
-"""Checks and effects of each kind of command, for the table of kinds in `cable_twin.commands`."""
+"""Checks and effects of each kind of command, for the table of kinds in `cable_twin.frame.commands`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.commands import KINDS
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, GUSTS, System
 from cable_twin.mechanics.state import State
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.command_checks import (
     check_drive,

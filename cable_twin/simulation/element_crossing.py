@@ -5,10 +5,10 @@ from __future__ import annotations
 import warnings
 from math import inf, log, sqrt
 
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import CableSamples
 from cable_twin.mechanics.parameters import System
-from cable_twin.records import CableSamples
 from cable_twin.scenario import Scenario
-from cable_twin.units import with_unit
 
 E_FOLDS = 5.6  # by which the error of a joint has to die out on an element, measured
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from cable_twin.frame.records import Command, Energy
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
@@ -25,9 +26,8 @@ from cable_twin.mechanics.solution.integrator_by_name import integrator_named
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import note_rest, relax, watching_relaxation
 from cable_twin.mechanics.state import allocate_workspace
-from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.build_bundle import (
+from cable_twin.scenario.build.bundle import (
     build_bullwheels,
     build_clamps,
     build_connectors,

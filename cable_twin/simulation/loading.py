@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cable_twin.mechanics.on_rope.payload import shift_centres
-from cable_twin.scenario.vehicles import Payload
+from cable_twin.scenario.sections.vehicles import Payload
 from cable_twin.simulation.ropeway import Ropeway
 
 

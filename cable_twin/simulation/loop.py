@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.basics.units import rounded, with_unit
+from cable_twin.frame.records import Command, Energy
 from cable_twin.mechanics.drives.initial_speed import set_going
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
@@ -19,10 +21,8 @@ from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, B
 from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.equilibrium import hang_carriages
-from cable_twin.records import Command, Energy
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.ropeway import Ropeway
-from cable_twin.units import rounded, with_unit
 
 LOOP_DIGITS = 9  # of a metre, to which places on the loop are known: what is clamped at a bullwheel stays on its side
 SOUND = 0.02  # of a pull: as near as that to what it has to be, another one is at fault

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
 from cable_twin.geometry.outlines import body_outline
 from cable_twin.mechanics.parameters import System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario, vehicle_buffer
-from cable_twin.scenario.vehicles import Carriage
-from cable_twin.units import with_unit
+from cable_twin.scenario.sections.vehicles import Carriage
 
 
 class Pair(NamedTuple):

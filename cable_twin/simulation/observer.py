@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.frame.records import FloatArray, SolverReport
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.mechanics.readout.samples import places_on
-from cable_twin.records import FloatArray, SolverReport
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.ropeway import Ropeway
-from cable_twin.snapshot import Layout, Snapshot
 
 
 class Observer:

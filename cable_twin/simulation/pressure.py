@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import CableSamples
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
-from cable_twin.records import CableSamples
-from cable_twin.units import with_unit
 
 ROUNDING = 1e-9  # strain
 

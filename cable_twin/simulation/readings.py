@@ -7,6 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from cable_twin.frame.records import Clearance, Energy, SolverReport
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.geometry.clearance import clearance_seen, ground_of, surroundings_of
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.energies import energies
@@ -14,11 +16,9 @@ from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 from cable_twin.mechanics.readout.samples import places_on, sample_positions, sample_shape
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
-from cable_twin.records import Clearance, Energy, SolverReport
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
-from cable_twin.snapshot import Snapshot
 
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import Command
 from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
@@ -24,12 +26,10 @@ from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_trav
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients
 from cable_twin.mechanics.state import Workspace, allocate_state
-from cable_twin.records import Command
 from cable_twin.scenario import Scenario, build_payloads
 from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
 from cable_twin.simulation.sharp_bends import warn_of_bends
 from cable_twin.simulation.snapshot_file import FullState
-from cable_twin.units import with_unit
 
 LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}

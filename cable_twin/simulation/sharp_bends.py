@@ -6,10 +6,10 @@ import warnings
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.rope.rounding import MEASURED
 from cable_twin.scenario import Scenario
-from cable_twin.units import with_unit
 
 
 def worst_bend(

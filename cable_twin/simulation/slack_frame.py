@@ -6,9 +6,9 @@ import warnings
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import CableSamples
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, System
-from cable_twin.records import CableSamples
-from cable_twin.units import with_unit
 
 SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
 

@@ -8,17 +8,19 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
-from cable_twin.mechanics.language.declared import Kept
-from cable_twin.mechanics.parameters import System
-from cable_twin.mechanics.solution.equilibrium import EquilibriumError
-from cable_twin.mechanics.solution.runge_kutta import stable_step
-from cable_twin.mechanics.state import State
-from cable_twin.records import (
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import (
     AppliedCommand,
     Command,
     CommandError,
     SolverReport,
 )
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.mechanics.language.declared import Kept
+from cable_twin.mechanics.parameters import System
+from cable_twin.mechanics.solution.equilibrium import EquilibriumError
+from cable_twin.mechanics.solution.runge_kutta import stable_step
+from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.advance import in_parts, meeting_found, report_of, undamped
 from cable_twin.simulation.compilation_watch import expect_kernels
@@ -33,8 +35,6 @@ from cable_twin.simulation.readings import Readings
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.slack_frame import warn_of_frames
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
-from cable_twin.snapshot import Layout, Snapshot
-from cable_twin.units import with_unit
 
 SAMPLES = 200  # points at which a snapshot holds the cable
 Meanwhile = Callable[[Scenario, Snapshot], object]
@@ -259,7 +259,7 @@ class Simulation(Readings):
         """Apply a command at the present time: whole or, with an error, not at all.
 
         Args:
-            command: of any kind of `cable_twin.commands`.
+            command: of any kind of `cable_twin.frame.commands`.
             source: who gave it, for the log.
 
         Raises:

@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from cable_twin.command_messages import (
+from cable_twin.frame.commands import JOINT_COMMANDS
+from cable_twin.frame.records import AppliedCommand, Command, CommandError, Goal
+from cable_twin.messages import JointState, decode, header, serialize
+from cable_twin.messages.command_messages import (
     applied_command_from_message,
     applied_command_message,
     command_from_joint_state,
     command_from_vector,
 )
-from cable_twin.commands import JOINT_COMMANDS
-from cable_twin.messages import JointState, decode, header, serialize
-from cable_twin.records import AppliedCommand, Command, CommandError, Goal
 
 EPOCH = 1_700_000_000_123_456_789
 

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 from hand_made_snapshot import body_in_plane, snapshot_of
 
-from cable_twin.command_messages import applied_command_message
+from cable_twin.frame.records import (
+    AppliedCommand,
+    CableSamples,
+    CarriageState,
+    Command,
+    DriveState,
+    RefusedCommand,
+    SupportState,
+)
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import (
     SECOND,
     TYPESTORE,
@@ -30,20 +39,11 @@ from cable_twin.messages import (
     topics,
 )
 from cable_twin.messages.cdr import STAMP, Template, marks
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.messages.templates import Point, Pose, Quaternion, Vector3, Wrench
 from cable_twin.messages.topics import JointState, Path, PoseArray, PoseStamped, WrenchStamped
-from cable_twin.records import (
-    AppliedCommand,
-    CableSamples,
-    CarriageState,
-    Command,
-    DriveState,
-    RefusedCommand,
-    SupportState,
-)
 from cable_twin.ros.description import still_transforms
 from cable_twin.scenario import load_scenario
-from cable_twin.snapshot import Snapshot
 
 EPOCH = 1_700_000_000_123_456_789
 OWN = ("chair_2",)

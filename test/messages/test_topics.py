@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cable_twin.frame.rates import LOGGED, PUBLISHED, divides, fault, frames_between
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import Schedule, TopicNames, topics
-from cable_twin.rates import LOGGED, PUBLISHED, divides, fault, frames_between
-from cable_twin.snapshot import Layout
 
 BODIES = ("hanger", "cabin")
 

@@ -9,7 +9,7 @@ from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.key_figures import ENERGY_LOST, KeyFigures
 from cable_twin.offline import review, simulate
-from cable_twin.ros.figure_watch import FigureWatch
+from cable_twin.runtime.figure_watch import FigureWatch
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

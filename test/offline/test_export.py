@@ -9,8 +9,8 @@ import json
 import pytest
 from twin_process import run_module, write_quick_scenario
 
+from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.offline import review, simulate
-from cable_twin.plotted_signals import SIGNALS
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
+from cable_twin.frame.snapshot import COMMANDED, Columns, Snapshot
 from cable_twin.offline import replay, review, simulate
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import COMMANDED, Columns, Snapshot
 
 COARSE = ("--set", "ropes.up.elements=150", "--set", "ropes.down.elements=150")
 END = 4.0  # s

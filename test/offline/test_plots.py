@@ -6,8 +6,8 @@ import pytest
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
+from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.offline.plots import MANY, PlottedRun, _panel, _panels
-from cable_twin.plotted_signals import SIGNALS
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

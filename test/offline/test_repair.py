@@ -11,7 +11,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
-from cable_twin.command_messages import applied_command_message
+from cable_twin.frame.records import Command
 from cable_twin.messages import (
     APPLIED_COMMANDS,
     SCENARIO,
@@ -21,11 +21,11 @@ from cable_twin.messages import (
     scenario_message,
     topics,
 )
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline import replay
 from cable_twin.offline.review import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_writer import McapLog, run_metadata
-from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import SAMPLES, Simulation
 

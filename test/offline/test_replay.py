@@ -12,13 +12,13 @@ import pytest
 from bags import NO_BAGS, alter, bag, unchanged
 from twin_process import run_module, write_quick_scenario
 
-from cable_twin.command_messages import applied_command_message
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.messages import SCENARIO, MessageEncoder, decode, serialize, topics
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline.replay import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_writer import FORMAT_VERSION
 from cable_twin.recording.run import start_run
-from cable_twin.records import Command, CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from test_moving_cable_twin import short_lift
 
-from cable_twin.command_messages import applied_command_message
+from cable_twin.frame.records import Command
 from cable_twin.messages import MessageEncoder, decode, topics
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.run import start_run
-from cable_twin.records import Command
 
 EPOCH = 1_700_000_000_123_456_789  # ns
 COMMANDS = {

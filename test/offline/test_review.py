@@ -16,6 +16,7 @@ from matplotlib.image import imread
 from rich.console import Console
 from twin_process import environment, write_quick_scenario
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
@@ -26,7 +27,6 @@ from cable_twin.offline.review import main
 from cable_twin.offline.thinned_series import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.snapshot import Snapshot
 
 RERUN = Path(sys.executable).with_name("rerun")
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"

@@ -7,6 +7,8 @@ import pytest
 from small_tramway import TRAMWAY
 from test_moving_cable_twin import SHORT
 
+from cable_twin.frame.records import Command
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
 from cable_twin.offline import replay, review
@@ -15,10 +17,8 @@ from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 EPOCH = 1_700_000_000_123_456_789  # ns
 TRIP = [

@@ -12,13 +12,13 @@ from bags import NO_BAGS, bag
 from small_tramway import TRAMWAY
 from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
+from cable_twin.frame.records import Command, RefusedCommand
 from cable_twin.offline import replay, review
 from cable_twin.offline.run_report import report
 from cable_twin.offline.scripted_run import Outcome
 from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import Command, RefusedCommand
 from cable_twin.scenario import load_scenario
 
 SCRIPT = """\

@@ -11,6 +11,7 @@ from bags import alter, bag, unchanged
 from small_tramway import TRAMWAY
 from twin_process import write_quick_scenario
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline import replay, review
 from cable_twin.offline.script import read_script
 from cable_twin.offline.simulate import main
@@ -18,7 +19,6 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 SCRIPT = """\
 - {time: 0, name: cabin, speed: 6.0}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from small_tramway import IN_SPACE
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline import replay, review, simulate
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 GUST = 1.0  # s, when the wind rises
 

@@ -12,9 +12,9 @@ import pyarrow as pa
 from hand_made_snapshot import body_in_plane, snapshot_of
 from rerun.chunk import RrdReader
 
+from cable_twin.frame.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
 from cable_twin.geometry.outlines import outline_from_pivots
-from cable_twin.recording.rerun_view import RerunView
-from cable_twin.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
+from cable_twin.view.rerun_view import RerunView
 
 RERUN = Path(sys.executable).with_name("rerun")
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m

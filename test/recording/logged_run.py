@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 from hand_made_snapshot import body_in_plane, snapshot_of
 
-from cable_twin.command_messages import applied_command_message
-from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message, topics
-from cable_twin.recording.log_writer import McapLog, run_metadata
-from cable_twin.records import (
+from cable_twin.frame.records import (
     AppliedCommand,
     CableSamples,
     CarriageState,
     Command,
     SupportState,
 )
-from cable_twin.snapshot import Layout, Snapshot
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message, topics
+from cable_twin.messages.command_messages import applied_command_message
+from cable_twin.recording.log_writer import McapLog, run_metadata
 
 SAMPLES = 50
 LAYOUT = Layout({"cabin": ("hanger",)}, ("start", "end"), (), np.linspace(0.0, 4.0, SAMPLES))

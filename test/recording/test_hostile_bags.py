@@ -17,8 +17,8 @@ from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
-from cable_twin.command_messages import applied_command_message
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, serialize
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.messages.topics import String
 from cable_twin.offline.review import main as review
 from cable_twin.recording.log_reader import read_log

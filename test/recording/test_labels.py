@@ -12,11 +12,11 @@ pytest.importorskip("rerun")
 from drawn_run import column
 from rerun.chunk import RrdReader
 
-from cable_twin.recording.labels import apart, label_sizes
 from cable_twin.recording.log_formats import open_view
-from cable_twin.recording.view_space import Lens
 from cable_twin.scenario import load_scenario, scenario_names
 from cable_twin.simulation import Simulation
+from cable_twin.view.labels import apart, label_sizes
+from cable_twin.view.space import Lens
 
 NARROWER = 0.95  # times the width that is reckoned with: as rerun draws them at least
 IN_SPACE = {"space": 3}

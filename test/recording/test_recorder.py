@@ -9,14 +9,14 @@ from pathlib import Path
 from logged_run import COMMANDS, EPOCH, LAYOUT, METADATA, SCENARIO_VALUES, make_snapshot
 from twin_process import wait_until
 
-from cable_twin.command_messages import applied_command_message
+from cable_twin.frame.records import (
+    AppliedCommand,
+)
 from cable_twin.messages import MessageEncoder, scenario_message, topics
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.recorder import Recorder
-from cable_twin.records import (
-    AppliedCommand,
-)
 
 
 class FakeView:

@@ -14,8 +14,8 @@ psutil = pytest.importorskip("psutil")  # rerun brings it
 
 from drawn_run import OUTLINES, RATE, column, rerun_command, snapshot_at  # noqa: E402
 
-from cable_twin.recording.rerun_view import RerunView  # noqa: E402
-from cable_twin.recording.web_view import free_port  # noqa: E402
+from cable_twin.view.rerun_view import RerunView  # noqa: E402
+from cable_twin.view.web_view import free_port  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 
@@ -106,7 +106,7 @@ FULL_DISK = """
 import resource, signal, sys
 from pathlib import Path
 sys.path[:0] = {path!r}
-import cable_twin.recording.rerun_view as drawing
+import cable_twin.view.rerun_view as drawing
 from drawn_run import OUTLINES, snapshot_at
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 drawing.FLUSH_TIMEOUT = 0.5

@@ -26,10 +26,7 @@ from drawn_run import (  # noqa: E402
 from hand_made_snapshot import body_in_plane, snapshot_of  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
-from cable_twin.geometry.outlines import outline_from_pivots  # noqa: E402
-from cable_twin.recording.rerun_view import RerunView  # noqa: E402
-from cable_twin.recording.view_readout import describe_command  # noqa: E402
-from cable_twin.records import (  # noqa: E402
+from cable_twin.frame.records import (  # noqa: E402
     AppliedCommand,
     CableSamples,
     CarriageState,
@@ -37,6 +34,9 @@ from cable_twin.records import (  # noqa: E402
     SupportState,
     TowerState,
 )
+from cable_twin.geometry.outlines import outline_from_pivots  # noqa: E402
+from cable_twin.view.readout import describe_command  # noqa: E402
+from cable_twin.view.rerun_view import RerunView  # noqa: E402
 
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"
 

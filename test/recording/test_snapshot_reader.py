@@ -8,6 +8,8 @@ from bags import alter, bag
 from test_moving_cable_twin import SHORT
 from twin_process import write_quick_scenario
 
+from cable_twin.frame.records import AppliedCommand, Command
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
 from cable_twin.offline.script import ScriptedCommand
@@ -16,10 +18,8 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.records import AppliedCommand, Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 LAST_BITS = 1e-15  # rad, rad/s; of sums of joints
 EPOCH = 1_700_000_000_123_456_789  # ns

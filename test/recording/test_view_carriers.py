@@ -11,10 +11,10 @@ from drawn_run import RATE, column, rerun_command
 from hand_made_snapshot import body_in_plane, snapshot_of
 from rerun.chunk import RrdReader
 
+from cable_twin.frame.records import CableSamples, CarriageState, DriveState, SupportState
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.geometry.outlines import outline_from_pivots
-from cable_twin.recording.rerun_view import RerunView
-from cable_twin.records import CableSamples, CarriageState, DriveState, SupportState
-from cable_twin.snapshot import Snapshot
+from cable_twin.view.rerun_view import RerunView
 
 CHAIRS = tuple(f"chair_{number}" for number in range(1, 13))
 

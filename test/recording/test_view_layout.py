@@ -12,12 +12,12 @@ from drawn_run import OUTLINES, RERUN, column, draw, rerun_command, snapshot_at
 from rerun.chunk import RrdReader
 from twin_process import wait_until
 
-from cable_twin.recording.rerun_view import RerunView
-from cable_twin.recording.view_axes import TICKS, LiveAxis, with_ticks
-from cable_twin.recording.view_layout import _plot_view
-from cable_twin.recording.view_readout import table_columns
-from cable_twin.recording.view_sizes import HEIGHT, WIDTH, divided
-from cable_twin.recording.web_view import free_port
+from cable_twin.view.axes import TICKS, LiveAxis, with_ticks
+from cable_twin.view.layout import _plot_view
+from cable_twin.view.readout import table_columns
+from cable_twin.view.rerun_view import RerunView
+from cable_twin.view.sizes import HEIGHT, WIDTH, divided
+from cable_twin.view.web_view import free_port
 
 HEIGHTS = (60.0, 110.0, 175.0, 400.0)  # pixels
 PALE = 20.0  # pixels between two numbers, below which rerun writes none: its own

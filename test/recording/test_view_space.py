@@ -15,17 +15,17 @@ from drawn_run import column, rerun_command
 from rerun.chunk import RrdReader
 from small_tramway import IN_SPACE, TRAMWAY
 
+from cable_twin.frame.records import Command
 from cable_twin.geometry.solids import body_solid
 from cable_twin.recording.log_formats import open_view
-from cable_twin.recording.tension_colors import COLOR_STOPS
-from cable_twin.recording.view_geometry import QUIET
-from cable_twin.recording.view_plots import PLOT_COLORS
-from cable_twin.recording.view_scene import GROUND
-from cable_twin.recording.view_space import WIND
-from cable_twin.recording.view_vehicles import BODY_COLORS, CARRIAGE_COLORS
-from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.view.geometry import QUIET
+from cable_twin.view.plots import PLOT_COLORS
+from cable_twin.view.scene import GROUND
+from cable_twin.view.space import WIND
+from cable_twin.view.tension_colors import COLOR_STOPS
+from cable_twin.view.vehicles import BODY_COLORS, CARRIAGE_COLORS
 
 LIGHT, DARK = 1.0, 0.004  # luminance of what rerun draws on
 READABLE = 2.0  # of a line; 3 of letters

@@ -13,8 +13,8 @@ import psutil
 import pytest
 from drawn_run import OUTLINES, RATE, column, commands, snapshot_at
 
-from cable_twin.recording.rerun_view import RerunView
-from cable_twin.recording.web_view import live_url
+from cable_twin.view.rerun_view import RerunView
+from cable_twin.view.web_view import live_url
 
 RERUN = Path(sys.executable).with_name("rerun")
 PART = 120  # frames in a file
@@ -124,7 +124,7 @@ FULL_DISK = """
 import resource, signal, sys
 from pathlib import Path
 sys.path[:0] = {path!r}
-from cable_twin.recording.rerun_view import RerunView
+from cable_twin.view.rerun_view import RerunView
 from drawn_run import OUTLINES, snapshot_at
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 path = Path({file!r})

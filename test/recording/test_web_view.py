@@ -13,7 +13,7 @@ import psutil
 import pytest
 from twin_process import environment, run_module, wait_until, write_quick_scenario
 
-from cable_twin.recording.web_view import LIVE_ADDRESS, WebView, free_port
+from cable_twin.view.web_view import LIVE_ADDRESS, WebView, free_port
 
 SERVE = "from cable_twin.offline.entry_points import review; raise SystemExit(review())"
 

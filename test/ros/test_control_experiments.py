@@ -16,12 +16,12 @@ import pytest
 from small_tramway import IN_SPACE
 from twin_process import COMPILING, PATIENCE, TwinProcess, environment
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline import replay, review
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
-from cable_twin.snapshot import Snapshot
 from verification import JIT
 from verification.supports import tramway
 

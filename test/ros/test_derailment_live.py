@@ -13,10 +13,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline.replay import main as replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.snapshot import Snapshot
 
 LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

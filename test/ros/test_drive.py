@@ -12,15 +12,15 @@ import sys
 import pytest
 from twin_process import PATIENCE, TwinProcess, environment, write_quick_scenario
 
-from cable_twin.commands import KINDS
-from cable_twin.records import Command, CommandError
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.records import Command, CommandError
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.ros.approach import STATIONS, target_of
-from cable_twin.ros.drive import main
+from cable_twin.ros.client.drive import main
+from cable_twin.runtime.approach import STATIONS, target_of
 from cable_twin.scenario import command_fault, load_scenario
 from cable_twin.simulation.command_checks import check_drive
 
@@ -44,7 +44,7 @@ def twin(running):
 def drive(running, processes):
     """Start `drive` beside the twin."""
     return lambda *arguments: processes(
-        *arguments, "--wait", str(PATIENCE), module="ros.drive", domain=running[0].domain
+        *arguments, "--wait", str(PATIENCE), module="ros.client.drive", domain=running[0].domain
     )
 
 
@@ -73,7 +73,7 @@ def test_it_moves_the_cabin_for_a_while_and_stops_it(twin, drive):
 def test_its_line_fits_a_terminal(running, twin):
     process, _ = running
     reader, writer = pty.openpty()
-    command = [sys.executable, "-m", "cable_twin.ros.drive", "cabin", "--speed", "1", "--duration", "0.6"]
+    command = [sys.executable, "-m", "cable_twin.ros.client.drive", "cabin", "--speed", "1", "--duration", "0.6"]
     variables = {**environment(process.directory, process.domain), "COLUMNS": "60"}
     subprocess.run(command, stdout=writer, stderr=writer, env=variables, check=True, timeout=PATIENCE)
     os.close(writer)
@@ -132,7 +132,7 @@ def test_signal_stops_a_driven_force_with_speed_zero(twin, drive, number):
 
 
 def test_a_reader_that_leaves_ends_it_with_a_stop(running, twin):
-    command = [sys.executable, "-m", "cable_twin.ros.drive", "cabin", "--speed", "2"]
+    command = [sys.executable, "-m", "cable_twin.ros.client.drive", "cabin", "--speed", "2"]
     with subprocess.Popen(
         command,
         env=environment(running[0].directory, running[0].domain),
@@ -178,11 +178,11 @@ def test_refusals_of_the_twin_end_it(twin, drive):
 
 
 def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants, tmp_path):
-    alone = processes("cabin", "--speed", "1", "--wait", "3", module="ros.drive")
+    alone = processes("cabin", "--speed", "1", "--wait", "3", module="ros.client.drive")
     paused = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--start-paused", "true")
     participant = participants(paused.domain)
     participant.subscribe_standard(paused=True)
-    waiting = processes("cabin", "--speed", "1", "--wait", "6", module="ros.drive", domain=paused.domain)
+    waiting = processes("cabin", "--speed", "1", "--wait", "6", module="ros.client.drive", domain=paused.domain)
     assert alone.wait() == 1
     assert alone.output.strip() == (
         "drive: no twin listens on /cable_twin/joint_commands after 3 s: is `sim` running, with the same ROS_DOMAIN_ID?"
@@ -191,7 +191,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
     assert waiting.output.strip() == (
         "drive: the twin on /cable_twin/joint_commands does not advance: if it is paused, `drive --resume` continues it"
     )
-    given_up = processes("gondola", "--force", "1", module="ros.drive", domain=paused.domain)
+    given_up = processes("gondola", "--force", "1", module="ros.client.drive", domain=paused.domain)
     participant.until(lambda: participant.node.count_publishers("/cable_twin/joint_commands"), what="drive")
     given_up.send(signal.SIGINT)
     assert given_up.wait() == 130

@@ -37,12 +37,12 @@ def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes
         message = participant.received["joint_states"][-1]
         return message.velocity[message.name.index("haul_rope")]
 
-    drive = processes("haul_rope", "--speed", "2", *WAIT, module="ros.drive", domain=process.domain)
+    drive = processes("haul_rope", "--speed", "2", *WAIT, module="ros.client.drive", domain=process.domain)
     participant.until(lambda: speed() > 1.0, what="motion")
     drive.send(signal.SIGKILL)
     participant.until(lambda: "no command for 0.5 s: haul_rope ramps to a stop" in process.output, what="time-out")
     participant.until(lambda: speed() == 0.0, what="stop")
-    processes("haul_rope", "--speed", "-2", *WAIT, module="ros.drive", domain=process.domain)
+    processes("haul_rope", "--speed", "-2", *WAIT, module="ros.client.drive", domain=process.domain)
     participant.until(lambda: speed() < -1.0, what="motion backwards")
     assert participant.call("emergency_stop", SetBool, data=True).success
     participant.until(lambda: speed() == 0.0, what="emergency stop")
@@ -59,14 +59,16 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
 
     participant.until(lambda: rope()[1] == 0.0, what="stop")
     target = rope()[0] - 7.5
-    drive = processes("haul_rope", "--to", f"{target:.3f}", *WAIT, module="ros.drive", domain=process.domain)
+    drive = processes("haul_rope", "--to", f"{target:.3f}", *WAIT, module="ros.client.drive", domain=process.domain)
     participant.until(lambda: drive.process.poll() is not None, what=f"end of drive; {drive.output}")
     assert drive.wait() == 0, drive.output
     participant.until(lambda: rope()[1] == 0.0, what="stop")
     assert rope()[0] == pytest.approx(target, abs=0.1)
 
     # a trip that is abandoned after one that has arrived
-    drive = processes("haul_rope", "--to", f"{target + 50.0:.3f}", *WAIT, module="ros.drive", domain=process.domain)
+    drive = processes(
+        "haul_rope", "--to", f"{target + 50.0:.3f}", *WAIT, module="ros.client.drive", domain=process.domain
+    )
     participant.until(lambda: rope()[1] > 0.1, what="motion")
     assert participant.call("emergency_stop", SetBool, data=True).success
     participant.until(lambda: drive.process.poll() is not None, what=f"end of drive; {drive.output}")
@@ -87,7 +89,7 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
 )
 def test_what_it_cannot_do_is_one_line(lift, processes, arguments, line):
     process, participant = lift
-    drive = processes(*arguments, *WAIT, module="ros.drive", domain=process.domain)
+    drive = processes(*arguments, *WAIT, module="ros.client.drive", domain=process.domain)
     participant.until(lambda: drive.process.poll() is not None, what="end of drive")
     assert drive.wait() == 1
     assert drive.output.strip() == f"drive: {line}"

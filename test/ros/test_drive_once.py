@@ -34,7 +34,7 @@ def drive(running, processes):
     """Run `drive` beside the twin; returns its exit code and what it has printed."""
 
     def run(*arguments):
-        process = processes(*arguments, module="ros.drive", domain=running[0].domain)
+        process = processes(*arguments, module="ros.client.drive", domain=running[0].domain)
         participant = running[1]
         participant.until(lambda: process.process.poll() is not None, what=f"end of drive; {process.output}")
         return process.wait(), process.output.strip()
@@ -118,7 +118,7 @@ def test_it_loads_and_blows_and_says_why_not(twin, drive):
 def test_a_wind_that_nothing_feels_is_refused(processes):
     sim = processes("--scenario", "seed_example", "--record", "false")
     sim.wait_for("runs at")
-    asked = processes("--wind", "12", module="ros.drive", domain=sim.domain)
+    asked = processes("--wind", "12", module="ros.client.drive", domain=sim.domain)
     assert asked.wait() == 1
     assert asked.output == (
         "drive: wind x 12, z 0 m/s, but nothing feels the wind: no rope has a diameter (m) and no body a drag_area "
@@ -136,7 +136,7 @@ def test_it_saves_a_snapshot_and_prints_where(running, twin, drive):
 
 @pytest.mark.parametrize("arguments", [["--reset"], ["--wind", "1"], ["--list"]])
 def test_without_a_twin_it_says_so(processes, arguments):
-    process = processes(*arguments, "--wait", "2", module="ros.drive")
+    process = processes(*arguments, "--wait", "2", module="ros.client.drive")
     assert process.wait() == 1
     name = {"--reset": "reset", "--wind": "wind"}.get(arguments[0])
     missing = f"no twin listens on /cable_twin/{name}" if name else "no twin found"
@@ -147,7 +147,9 @@ def test_without_a_twin_it_says_so(processes, arguments):
 def test_where_only_other_twins_run_they_are_named(running, processes, arguments):
     """An emergency stop says so as soon as others have been seen, and does not wait for the end of --wait."""
     twin = running[1]
-    process = processes(*arguments, "--node", "/elsewhere/cable_twin", module="ros.drive", domain=running[0].domain)
+    process = processes(
+        *arguments, "--node", "/elsewhere/cable_twin", module="ros.client.drive", domain=running[0].domain
+    )
     twin.until(lambda: process.process.poll() is not None, what="end of drive")
     assert process.wait() == 1
     said = re.fullmatch(r"drive: no twin listens on /elsewhere/cable_twin/\w+ after ([\d.]+) s; (.*)\n", process.output)
@@ -157,7 +159,7 @@ def test_where_only_other_twins_run_they_are_named(running, processes, arguments
 
 
 def test_ctrl_c_ends_the_listing(processes, participants):
-    process = processes("--list", "--wait", "60", module="ros.drive")
+    process = processes("--list", "--wait", "60", module="ros.client.drive")
     participant = participants(process.domain)
     seen = participant.node.get_node_names
     participant.until(lambda: any("drive" in name for name in seen()), what="drive")
@@ -167,7 +169,7 @@ def test_ctrl_c_ends_the_listing(processes, participants):
 
 
 def test_ctrl_c_ends_the_waiting(processes, participants):
-    process = processes("--wind", "1", "--wait", "60", module="ros.drive")
+    process = processes("--wind", "1", "--wait", "60", module="ros.client.drive")
     participant = participants(process.domain)
     participant.until(lambda: participant.node.count_publishers("/cable_twin/wind"), what="drive")
     process.send(signal.SIGINT)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from twin_process import PATIENCE, wait_until
 
-from cable_twin.records import Command
-from cable_twin.ros.frame_loop import FrameLoop
+from cable_twin.frame.records import Command
+from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

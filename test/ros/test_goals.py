@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from small_tramway import IN_SPACE, TRAMWAY
 
-from cable_twin.records import Command, CommandError, Goal
-from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.goals import SOURCE, Goals
-from cable_twin.ros.trip import points_of, tower_places
+from cable_twin.frame.records import Command, CommandError, Goal
+from cable_twin.ros.client.trip import points_of, tower_places
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.goals import SOURCE, Goals
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -134,7 +134,7 @@ def test_goals_are_refused_whole(driven, places, at_most, complaint):
 
 
 def test_a_held_vehicle_gives_up(driven, monkeypatch):
-    monkeypatch.setattr("cable_twin.ros.approach.STALLED", 0.5)
+    monkeypatch.setattr("cable_twin.runtime.approach.STALLED", 0.5)
     driven.goals.take(Goal({"cabin": 50.0}, {}))
     next(driven.goals.commands())
     driven.simulation.advance_to(driven.simulation.time + 1.0)  # whoever drives it does not

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_frame_loop import frame_loop
 
-from cable_twin.command_messages import command_from_joint_state
-from cable_twin.commands import JOINT_COMMANDS
+from cable_twin.frame.commands import JOINT_COMMANDS
+from cable_twin.frame.records import Command, CommandError
 from cable_twin.messages import SECOND, JointState, header, serialize
-from cable_twin.records import Command, CommandError
+from cable_twin.messages.command_messages import command_from_joint_state
 from cable_twin.ros.incoming import LONGEST_REASON, WARNING_PERIOD, CommandLimits, Incoming
 
 MANY = 20_000  # names

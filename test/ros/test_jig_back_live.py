@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from twin_process import COMPILING
 
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.simulation import Simulation
-from cable_twin.snapshot import Snapshot
 
 pytest.importorskip("rclpy")
 from sensor_msgs.msg import JointState

@@ -11,10 +11,10 @@ from types import ModuleType
 import pytest
 from ruamel.yaml import YAML
 
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import topics
 from cable_twin.ros.node_parameters import PARAMETERS
 from cable_twin.scenario import load_scenario, scenario_names
-from cable_twin.snapshot import Layout
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / "launch").glob("*.launch.py"))

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 from ruamel.yaml import YAML
 
-from cable_twin.commands import JOINT_COMMANDS
+from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.messages import JOINT_STATES
 from cable_twin.ros.node_parameters import PARAMETERS
 from cable_twin.scenario import load_scenario

@@ -10,10 +10,10 @@ import pytest
 from bags import bag
 from twin_process import COMPILING, PATIENCE, TwinProcess, stamps, write_quick_scenario
 
+from cable_twin.frame.records import Command
 from cable_twin.messages import TopicNames
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
-from cable_twin.records import Command
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")
@@ -161,7 +161,7 @@ def test_drive_is_remapped_as_any_node_and_each_of_its_messages_has_a_stamp(runn
     twin.received["/js"].clear()
     given = words(load_scenario(str(running[0].directory / "quick.yaml")))
     options = ["--duration", "3", "--wait", str(PATIENCE)]  # longer than it takes to be discovered here as well
-    process = processes(*options, *given, module="ros.drive", domain=running[0].domain)
+    process = processes(*options, *given, module="ros.client.drive", domain=running[0].domain)
     twin.until(lambda: process.process.poll() is not None, what=f"end of drive; {process.output}")
     assert process.process.returncode == 0, process.output
     twin.until(lambda: twin.received["/desk"] and twin.received["/desk"][-1].velocity[0] == 0.0, what="its stop")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cable_twin.messages import SECOND
-from cable_twin.ros.pace_watch import PaceWatch
-from cable_twin.ros.run_clock import RunClock
+from cable_twin.runtime.pace_watch import PaceWatch
+from cable_twin.runtime.run_clock import RunClock
 
 
 class Clocks:

@@ -11,11 +11,11 @@ from xml.etree import ElementTree
 import pytest
 from bent_line import BENT
 
-from cable_twin.commands import INPUTS
+from cable_twin.frame.commands import INPUTS
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import topics
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.scenario import load_scenario, scenario_names
-from cable_twin.sensor_messages import sensor_topics
-from cable_twin.snapshot import Layout
 
 pytest.importorskip("rclpy")
 from cable_twin.ros.simulation_services import SimulationServices, service_name

@@ -14,7 +14,7 @@ import pytest
 from topics_page import services_of_page, topics_of_page
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
-from cable_twin.records import Command
+from cable_twin.frame.records import Command
 from cable_twin.ros.incoming import WARNING_PERIOD
 from cable_twin.ros.node_parameters import CHANGING, PARAMETERS
 from cable_twin.scenario import load_scenario

@@ -344,9 +344,9 @@ def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignore
     assert len(log.commands) >= 1
 
 
-@pytest.mark.parametrize("command", ["sim", "drive"])
-def test_without_ros_it_says_what_to_install(tmp_path, command):
-    code = f"import sys; sys.modules['rclpy'] = None; from cable_twin.ros.{command} import main; sys.exit(main())"
+@pytest.mark.parametrize(("module", "command"), [("sim", "sim"), ("client.drive", "drive")])
+def test_without_ros_it_says_what_to_install(tmp_path, module, command):
+    code = f"import sys; sys.modules['rclpy'] = None; from cable_twin.ros.{module} import main; sys.exit(main())"
     arguments = ["cabin", "--speed", "1"] if command == "drive" else []
     result = subprocess.run(
         [sys.executable, "-c", code, *arguments],
@@ -364,7 +364,7 @@ def test_without_ros_it_says_what_to_install(tmp_path, command):
     assert "Traceback" not in result.stderr
 
 
-@pytest.mark.parametrize("command", ["ros.sim", "ros.drive", "offline.replay"])
+@pytest.mark.parametrize("command", ["ros.sim", "ros.client.drive", "offline.replay"])
 def test_help_has_examples(tmp_path, command):
     result = run_module(command, "--help", directory=tmp_path)
     assert result.returncode == 0

@@ -21,12 +21,12 @@ from twin_process import PATIENCE, wait_until
 pytest.importorskip("rclpy")
 import rclpy
 
-from cable_twin.ros.frame_loop import FrameLoop
-from cable_twin.ros.run_clock import RunClock
-from cable_twin.ros.scenario_reading import ScenarioReader
 from cable_twin.ros.services import Services
 from cable_twin.ros.simulation_services import FEATURES, SimulationServices
 from cable_twin.ros.world_loading import WorldLoading
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.run_clock import RunClock
+from cable_twin.runtime.scenario_reading import ScenarioReader
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

@@ -27,8 +27,8 @@ from verification.ropes import clamped
 pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.ros.figure_watch import FigureWatch
 from cable_twin.ros.status import Status, live_hint
+from cable_twin.runtime.figure_watch import FigureWatch
 
 ROWS, COLUMNS = 24, 150
 # the row, as it is drawn: the cursor is kept, and comes back to where the log goes on

@@ -55,7 +55,7 @@ def test_it_begins_anew_with_logs_of_its_own(processes, participants, tmp_path):
     count = len(participant.received["joint_states"])
     participant.until(lambda: len(participant.received["joint_states"]) > count + 20, what="frames that go on")
 
-    told = processes("--load", SCENARIO, module="ros.drive", domain=sim.domain)
+    told = processes("--load", SCENARIO, module="ros.client.drive", domain=sim.domain)
     participant.until(lambda: told.process.poll() is not None, what="the end of drive")
     assert told.output.strip() == f"/cable_twin: loads {tmp_path / SCENARIO} and starts it from the beginning"
     participant.until(lambda: len(participant.received["scenario"]) == 2, COMPILING, "the other scenario")

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # loads `optimize` where it is used: a third of a second, not of each command
 
+from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.parameters import Counterweights, FloatArray, System
-from cable_twin.units import with_unit
 
 ENDS = ("start", "end")
 NEAR = 1e-4  # of its length, to which the rest in closed form is that of a cable over saddles and sheaves

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.drives.pull import hold_all, let_go
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of
@@ -13,7 +14,6 @@ from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_cou
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace
-from cable_twin.units import with_unit
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
 LONGEST_WAY = 0.1  # of the shortest element, that a point goes in an iteration of a rope by itself

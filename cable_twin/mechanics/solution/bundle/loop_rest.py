@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.solution.bundle.records import FIXED, BullwheelMotion, Bullwheels
 from cable_twin.mechanics.solution.catenary import EquilibriumError
-from cable_twin.units import with_unit
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-9  # of the largest tension

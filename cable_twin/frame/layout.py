@@ -1,0 +1,329 @@
+"""Layout of a frame: names and places of all numbers in the row of a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from math import inf, prod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_twin.frame.column_shapes import SHAPES
+from cable_twin.frame.records import FloatArray
+from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.scenario import Scenario, most_by_friction
+
+IntArray = NDArray[np.int64]
+ENDS = ("start", "end")  # the first two supports of every rope
+CABLE = "cable"  # name of the only rope
+COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
+DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
+
+NOWHERE, EVERYWHERE = -2, -1  # of `_Share.owner`: what is no part of a frame, and what is there whatever is attached
+
+
+class _Share(NamedTuple):
+    """Numbers of a frame that belong to one rope, in the order of the rope's own frame."""
+
+    number: int  # of the rope
+    numbers: IntArray  # (size of that,) their places in the frame
+    owner: IntArray  # (size of that,) number of the vehicle there of which it is, NOWHERE or EVERYWHERE
+    attached: IntArray  # (vehicles there,) place of the number of that name, in its own frame
+    always: NDArray[np.bool_]  # (vehicles there,) it is told by this rope also where it is on none
+    rope: IntArray  # (vehicles there,) place of the number of its rope, in its own frame
+    across: IntArray  # places of the y of all points, in its own frame
+
+
+class Layout:
+    """Layout of the frames of one scenario: names and places of all numbers.
+
+    Attributes:
+        vehicles: names of the bodies by name of their vehicle, in the order of the scenario: carriages, then carriers.
+        carriages: names of the vehicles that are named one by one.
+        carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
+        supports: names of what holds the cable: start, end, towers.
+        drives: names of the drives that move a cable.
+        commanded: names of what takes a speed or a force: carriages that drive themselves, then drives.
+        towers: names of those of them that are between the ends of a rope.
+        space: whether it is one in space.
+        grooves: places (3,) in m of the towers that hold a rope sideways, in space, by name.
+        arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
+        ropes: which of these are of which rope, by its name.
+        sheaves: names of the bullwheels that join ropes.
+        connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
+        alone: layout of each rope with what is on it, where there are several.
+        tower_rows: numbers of the towers among the supports.
+        end_samples: number of the sample at each end of each rope, by the name of the support.
+        sample_ropes: number of the rope of each sample (samples,).
+        vehicle_ropes: (vehicles,) number of the rope of each vehicle, of one that goes round a loop the first.
+        joints: (joints, 2) numbers of a rope and of a vehicle that may be on it: of carriers, one a strand.
+        tensioned: names of the bullwheels that something tensions.
+        arms: (drives,) m, radius of the bullwheel of each drive.
+        drive_limits: (drives,) N, force of each at which the rope slips on its bullwheel; NaN of a moving cable.
+        grips: (sheaves,) friction times wrap of each, which the logarithm of the ratio of its tensions cannot exceed.
+        laterals: m, by which a plane shows each rope to the left, with what is on it, by name.
+        loop_offsets: (ropes,) m, place on its loop of the start of each rope that is a strand of one, else 0.
+        rope_offsets: (ropes,) m, by which arc lengths of each rope are more than those of the ropes before it.
+        bodies: names of all bodies, VEHICLE/BODY.
+        first_body: (vehicles + 1,) number of the first body of each vehicle.
+        vehicle_rows, support_rows, drive_rows: number by name.
+        body_rows: the same of the bodies of each vehicle, from its first one on.
+        size: numbers of a frame.
+    """
+
+    def __init__(
+        self,
+        vehicles: Mapping[str, Sequence[str]],
+        supports: Sequence[str],
+        drives: Sequence[str],
+        arc_lengths: FloatArray,
+        *,
+        carriers: int = 0,
+        hauled: Sequence[str] = (),
+        towers: Sequence[str] | None = None,
+        ropes: Mapping[str, slice] | None = None,
+        sheaves: Sequence[str] = (),
+        connectors: Sequence[str] = (),
+        pantographs: Sequence[str] = (),
+        passive: Sequence[str] = (),
+        space: bool = False,
+        grooves: Mapping[str, Sequence[float]] | None = None,
+    ) -> None:
+        """Define the columns; the last `carriers` vehicles are carriers, those in `hauled` have haul ropes.
+
+        Of carriages the `passive` ones take no commands.
+        """
+        self.space, self.grooves = space, dict(grooves or {})
+        self.vehicles = {name: tuple(bodies) for name, bodies in vehicles.items()}
+        names = tuple(self.vehicles)
+        self.carriages, self.carriers = names[: len(names) - carriers], names[len(names) - carriers :]
+        self.commanded = (*(name for name in self.carriages if name not in passive), *drives)
+        self.supports, self.drives, self.hauled = tuple(supports), tuple(drives), tuple(hauled)
+        self.arc_lengths = np.array(arc_lengths, dtype=np.float64)
+        self.arc_lengths.setflags(write=False)
+        self.towers = self.supports[len(ENDS) :] if towers is None else tuple(towers)
+        self.ropes = {CABLE: slice(0, self.arc_lengths.size)} if ropes is None else dict(ropes)
+        self.sheaves, self.connectors, self.pantographs = tuple(sheaves), tuple(connectors), tuple(pantographs)
+        self.tower_rows = [self.supports.index(name) for name in self.towers]
+        self.end_samples = {
+            end if end in self.supports else f"{rope}/{end}": sample
+            for rope, part in self.ropes.items()
+            for end, sample in zip(ENDS, (part.start, part.stop - 1), strict=True)
+        }
+        self.sample_ropes = np.concatenate(
+            [np.full(part.stop - part.start, n) for n, part in enumerate(self.ropes.values())]
+        )
+        self._place_ropes()
+        self.bodies = tuple(f"{name}/{body}" for name, bodies in self.vehicles.items() for body in bodies)
+        self.first_body = [0, *np.cumsum([len(bodies) for bodies in self.vehicles.values()], dtype=int).tolist()]
+        self._places, self.size = self._lay_out()
+        self.vehicle_rows, self.support_rows = numbered(self.vehicles), numbered(self.supports)
+        self.drive_rows = numbered(self.drives)
+        self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
+
+    def _lay_out(self) -> tuple[list[tuple[int, int, tuple[int, ...]]], int]:
+        """First and last number and shape of each column, and the total count of numbers."""
+        counts: dict[str | int, int] = {
+            "vehicles": len(self.vehicles),
+            "carriages": len(self.carriages),
+            "bodies": len(self.bodies),
+            "supports": len(self.supports),
+            "drives": len(self.drives),
+            "samples": self.arc_lengths.size,
+            "ropes": len(self.ropes),
+            "sheaves": len(self.sheaves),
+            "connectors": len(self.connectors),
+            "pantographs": len(self.pantographs),
+        }
+        shapes = [tuple(int(counts.get(count, count)) for count in SHAPES[name]) for name in Columns._fields]
+        ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]
+        return [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)], ends[-1]
+
+    def _place_ropes(self) -> None:
+        """Initialise the places of ropes and vehicles on these; `of` completes several ropes."""
+        self.alone: dict[str, Layout] = {}
+        lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
+        self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+        self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
+        self.tensioned: tuple[str, ...] = ()
+        self.arms, self.grips = np.full(len(self.drives), np.nan), np.full(len(self.sheaves), np.nan)
+        self.drive_limits = np.full(len(self.drives), np.nan)
+        self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
+        self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
+        self._shares: dict[str, _Share] = {}
+        self._written: dict[str, tuple[bytes, IntArray, IntArray, IntArray]] = {}  # of which vehicles by `put`, where
+
+    @classmethod
+    def of(cls, scenario: Scenario, samples: int) -> Layout:
+        """Layout of the frames of a scenario, with a number of samples (at least 2) on each rope."""
+        names = tuple(scenario.cables)
+        alone = [scenario.of_rope(name) for name in names]
+        supports = [[*scenario.end_names(name), *one.towers] for name, one in zip(names, alone, strict=True)]
+        layout = cls(
+            {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()},
+            [name for own in supports for name in own],
+            tuple(scenario.drives),
+            np.concatenate([np.linspace(0.0, one.cable.unstrained_length, samples) for one in alone]),
+            carriers=0 if scenario.carriers is None else scenario.carriers.count,
+            hauled=[n for n, one in scenario.carriages.items() if one.drive.haul_rope is not None or one.clamped_to],
+            towers=[name for own in supports for name in own[len(ENDS) :]],
+            ropes={name: slice(row * samples, (row + 1) * samples) for row, name in enumerate(names)},
+            sheaves=tuple(scenario.sheaves),
+            connectors=tuple(scenario.connectors),
+            pantographs=tuple(scenario.pantographs),
+            passive=[name for name, one in scenario.carriages.items() if one.joint != "sliding" or one.clamped_to],
+            space=scenario.dim == 3,
+            grooves=scenario.tower_places if scenario.dim == 3 else None,
+        )
+        if scenario.ropes:
+            layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=True)}
+        wheels = scenario.sheaves
+        layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
+        layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
+        layout.drive_limits[:] = [
+            most_by_friction(scenario, name) if one.sheave else np.nan for name, one in scenario.drives.items()
+        ]
+        layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
+        for row, (name, own) in enumerate(layout.alone.items()):
+            layout._shares[name] = layout._share_of(row, name)
+            layout.laterals[name] = alone[row].cable.lateral
+            layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
+            strand = scenario.strands.get(name)
+            layout.loop_offsets[row] = strand.offset if strand else 0.0
+            if scenario.carriers and scenario.carriers.tracks:  # what rides a loop is told by its track, on no strand
+                ridden = name in scenario.carriers.tracks.values()
+                layout.loop_offsets[row] = layout.rope_offsets[row] if ridden else inf
+        layout.joints = np.array(
+            [(row, layout.vehicle_rows[name]) for row, own in enumerate(layout.alone.values()) for name in own.vehicles]
+            or [(0, row) for row in layout.vehicle_rows.values()],
+            dtype=np.int64,
+        ).reshape(-1, 2)
+        return layout
+
+    @property
+    def rides_loop(self) -> bool:
+        """Whether carriers move from rope to rope on a loop."""
+        return bool(self.alone and self.carriers)
+
+    def _share_of(self, number: int, name: str) -> _Share:
+        """Share of one rope in the numbers of a frame."""
+        own = self.alone[name]
+        home = next((row for row, one in enumerate(self.alone.values()) if one.carriers), 0)
+        before = sum(len(other.supports) for other in list(self.alone.values())[:number])
+        vehicles = np.array([self.vehicle_rows[vehicle] for vehicle in own.vehicles], dtype=np.int64)
+        bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
+        rows: dict[str, Any] = {
+            "samples": self.ropes[name],
+            "ropes": slice(number, number + 1),
+            "supports": slice(before, before + len(own.supports)),
+            "vehicles": vehicles,
+            "carriages": vehicles[: len(own.carriages)],
+            "bodies": np.array(bodies, dtype=np.int64),
+            **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), slice(0, 0)),
+        }
+        places, owner = self.places, np.full(own.size, EVERYWHERE)
+        there = [field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in places._asdict().items()]
+        owners, here = own.columns(owner), own.places  # views of `owner`
+        numbers = np.arange(len(vehicles))
+        owned = {"vehicles": numbers, "carriages": numbers[: len(own.carriages)]}
+        owned["bodies"] = np.repeat(numbers, np.diff(own.first_body))
+        for key, field in owners._asdict().items():
+            if (whose := owned.get(str(SHAPES[key][0]))) is not None:
+                field[:] = whose.reshape(-1, *(1 for _ in field.shape[1:]))
+        owners.vehicle_rope[:] = owners.time[:] = NOWHERE
+        across = [here.rope_position[:, 1], here.joint_position[:, 1], here.body_position[:, 1]]
+        return _Share(
+            number=number,
+            numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
+            owner=owner,
+            attached=here.attached.astype(np.int64),
+            always=(numbers < len(own.carriages)) | (number == home),
+            rope=here.vehicle_rope.astype(np.int64),
+            across=np.concatenate(across).astype(np.int64),
+        )
+
+    def of_rope(self, numbers: FloatArray, name: str) -> FloatArray:
+        """Frame of one rope in its own layout, from the numbers (size,) of the whole frame.
+
+        What is on another strand of its loop is not attached.
+        """
+        if not self.alone:
+            return numbers
+        share = self._shares[name]
+        own: FloatArray = numbers.take(share.numbers, mode="clip")
+        if self.rides_loop:
+            own[share.attached[own[share.rope] != share.number]] = 0.0
+        return own
+
+    def put(self, numbers: FloatArray, name: str, own: FloatArray) -> None:
+        """Write the frame of one rope into the numbers of the whole frame.
+
+        Of carriers, those that are on it; the first rope that has any gives what is on none.
+        """
+        share = self._shares[name]
+        here = share.always | (own[share.attached] == 1.0)
+        if self.laterals[name]:  # of what was planar
+            own[share.across] = self.laterals[name]
+        present = here.tobytes()
+        if name not in self._written or self._written[name][0] != present:  # hardly ever: most frames are like the last
+            chosen = np.flatnonzero(np.append(here, (False, True))[share.owner])
+            self._written[name] = present, chosen, share.numbers[chosen], share.numbers[share.rope[here]]
+        _, chosen, places, ropes = self._written[name]
+        numbers[places] = own.take(chosen, mode="clip")
+        numbers[ropes] = share.number
+
+    def on_loop(self, columns: Columns) -> FloatArray:
+        """Places (..., vehicles) in m along the cable; of carriers on a loop, along its strands one after the other."""
+        if not self.rides_loop:
+            return columns.arc_length
+        places, ropes = columns.arc_length.copy(), columns.vehicle_rope[..., len(self.carriages) :]
+        known = np.fmax(ropes, 0.0).astype(np.int64)  # the first one where it is not known
+        places[..., len(self.carriages) :] += self.loop_offsets[known]
+        return places
+
+    def of_commanded(self, of_carriages: FloatArray, of_drives: FloatArray) -> FloatArray:
+        """Values (..., names) of commanded objects, from a column of carriages and one of drives."""
+        rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
+        return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
+
+    def force_used(self, c: Columns) -> FloatArray:
+        """Used share (..., names) of the force limit: 1 in saturation, NaN without a limit."""
+        share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
+        return self.of_commanded(share, np.abs(c.moving_cable_force) / self.drive_limits)
+
+    def off_loop(self, columns: Columns) -> None:
+        """Convert places on the loop, in the columns of a frame, into places on the present rope of each vehicle."""
+        if not self.rides_loop:
+            return
+        columns.vehicle_rope[:] = self.vehicle_ropes
+        riding = slice(len(self.carriages), None)
+        order = np.argsort(self.loop_offsets, kind="stable")
+        number = np.searchsorted(self.loop_offsets[order], columns.arc_length[riding] + 1e-9, side="right") - 1
+        ropes = order[np.maximum(number, 0)]
+        columns.vehicle_rope[riding] = ropes
+        ends = self.arc_lengths[[part.stop - 1 for part in self.ropes.values()]][ropes]
+        places = columns.arc_length[riding] - self.loop_offsets[ropes]
+        # what is at an end hangs exactly there
+        places = np.where(np.abs(places) < 1e-9, 0.0, np.where(np.abs(places - ends) < 1e-9, ends, places))
+        columns.arc_length[riding] = places
+
+    @cached_property
+    def places(self) -> Columns:
+        """Columns with the index of each number in a frame."""
+        return self.columns(np.arange(self.size))
+
+    def columns(self, numbers: NDArray[Any]) -> Columns:
+        """Views of the columns of a frame (size,), or of several frames (..., size) with leading axes."""
+        leading = numbers.shape[:-1]
+        return Columns(*(numbers[..., first:last].reshape(leading + shape) for first, last, shape in self._places))
+
+
+def numbered(names: Iterable[str]) -> dict[str, int]:
+    """Row number of each name."""
+    return {name: number for number, name in enumerate(names)}
+
+
+__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "SHAPES", "Layout", "numbered"]

@@ -1,0 +1,299 @@
+"""Inputs and outputs of a simulation as frozen records in SI units, without behaviour of solver or ROS.
+
+Frame: x along the track, y lateral, z up (REP-103); a planar system has y = 0. Pitch is the right-handed angle about
+the lateral axis, so a positive pitch turns x towards -z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+
+class Named(Mapping[str, T], Generic[T]):
+    """Mapping by name whose values are made on access."""
+
+    __slots__ = ("_make", "_names")
+
+    def __init__(self, names: Mapping[str, int], make: Callable[[int], T]) -> None:
+        self._names, self._make = names, make
+
+    def __getitem__(self, name: str) -> T:
+        return self._make(self._names[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Accepted command to the twin; together with the scenario, commands determine the whole motion."""
+
+    kind: str  # one of the table `cable_twin.frame.commands.KINDS`
+    values: Mapping[str, float]  # by name of a carriage or drive, or by axis, in the unit of the kind
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Target places to stop at; the speeds on the way are left to the executing frame loop."""
+
+    places: Mapping[str, float]  # m along the cable by carriage, m of cable gone by of a drive
+    at_most: Mapping[str, float]  # m/s on the way, of those that are not to go as fast as their limits allow
+
+
+class CommandError(ValueError):
+    """Command refused whole: one line with the given value, the allowed range and the unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedCommand:
+    """Command with its source and the simulated time (s) of the step boundary at which it took effect."""
+
+    time: float
+    command: Command
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class RefusedCommand:
+    """Command refused whole, with its reason."""
+
+    time: float  # s, simulated
+    source: str  # topic that brought it, or `script`
+    reason: str  # a line: what was given, what is allowed, the unit
+    count: int  # commands of the run that were refused so far, this one included
+
+    def __str__(self) -> str:
+        """Time, source and reason in a line."""
+        return f"at {self.time:.2f} s from {self.source}: {self.reason}"
+
+
+class VehicleColumns(NamedTuple):
+    """Columns of all vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
+
+    names: tuple[str, ...]
+    arc_length: FloatArray  # (vehicles,) m
+    speed: FloatArray  # (vehicles,) m/s
+    drive_force: FloatArray  # (vehicles,) N
+    position: FloatArray  # (vehicles, 3) m
+    contact_force: FloatArray  # (vehicles, 3) N
+    attached: FloatArray  # (vehicles,) 1 or 0
+    payload: FloatArray  # (vehicles,) kg
+
+
+class BodyColumns(NamedTuple):
+    """Columns of all bodies, a row each, in the order of the scenario; see `Columns` for the units."""
+
+    names: tuple[str, ...]  # VEHICLE/BODY
+    position: FloatArray  # (bodies, 3) m
+    orientation: FloatArray  # (bodies, 4)
+    velocity: FloatArray  # (bodies, 3) m/s
+    angular_velocity: FloatArray  # (bodies, 3) rad/s
+    angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """State of one rigid body: centre of mass without payload, orientation, and their rates."""
+
+    position: FloatArray  # (3,) m
+    orientation: FloatArray  # (4,) unit quaternion x, y, z, w
+    velocity: FloatArray  # (3,) m/s
+    angular_velocity: FloatArray  # (3,) rad/s
+    angles: FloatArray  # (3,) roll, pitch, yaw in rad; pitch goes on beyond a turn
+
+    @property
+    def x(self) -> float:
+        """Place of the centre of mass along the track (m)."""
+        return float(self.position[0])
+
+    @property
+    def z(self) -> float:
+        """Height of the centre of mass (m)."""
+        return float(self.position[2])
+
+    @property
+    def roll(self) -> float:
+        """Roll angle about the track axis (rad)."""
+        return float(self.angles[0])
+
+    @property
+    def pitch(self) -> float:
+        """Pitch angle about the lateral axis (rad)."""
+        return float(self.angles[1])
+
+    @property
+    def yaw(self) -> float:
+        """Yaw angle about the vertical (rad)."""
+        return float(self.angles[2])
+
+
+@dataclass(frozen=True, slots=True)
+class CarriageState:
+    """State of one carriage: place of its joint on the cable, and forces there."""
+
+    arc_length: float  # m, unstrained, from the start of the cable
+    speed: float  # m/s, rate of arc_length
+    drive_force: float  # N, along the cable, on the carriage, also by its clamp; or on the sheave of its haul rope
+    contact_force: FloatArray  # (3,) N, of the cable on the carriage
+    position: FloatArray  # (3,) m, of the joint
+    bodies: Mapping[str, BodyState]
+    attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
+    payload: float = 0.0  # kg
+    haul_rope: HaulRopeState | None = None
+    clamp_force: FloatArray | None = None  # (3,) N, of the rope to which it is clamped on the carriage
+    push: float = 0.0  # N, with which it and what is after it on the rope push each other
+
+
+@dataclass(frozen=True, slots=True)
+class DriveState:
+    """State of the drive of a moving cable."""
+
+    position: float  # m, unstrained cable that has gone by, towards the end
+    speed: float  # m/s
+    force: float  # N, on the cable; times speed the power into it and what hangs on it
+
+
+@dataclass(frozen=True, slots=True)
+class TowerState:
+    """Contact state of the cable on one tower."""
+
+    normal_load: float  # N, sum over its contacts
+    lowest_load: float  # N, the least of all steps since the start or the last reset
+    rest_load: float  # N, at the start
+    lifted_off: bool  # whether the cable has left all of its contacts: deropement
+    lateral_force: float | None = None  # N, of its grooves on the cable, to the left of the track; none in a plane
+    lateral_ratio: float | None = None  # -, highest of its size over the normal load since the start or the last reset;
+    # none where there was no normal load
+
+    @property
+    def margin(self) -> float:
+        """Ratio of the load to the load at rest (-): 0 where the cable lifts off."""
+        return self.normal_load / self.rest_load if self.rest_load > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PantographState:
+    """State of a pantograph, which pushes a rope from below."""
+
+    position: FloatArray  # (3,) m, of the head
+    speed: float  # m/s, along the track
+    contact_force: float  # N, upwards on the rope, 0 where it has lost it
+
+
+@dataclass(frozen=True, slots=True)
+class Derailment:
+    """Derailment of the cable from a tower, where the cable is free until a reset."""
+
+    tower: str
+    how: str
+    time: float  # s, simulated
+    position: tuple[float, ...]  # (3,) m, of the tower
+    ratio: float | None  # -, highest of lateral over normal force until then; none where it never lay on the tower
+
+    def __str__(self) -> str:
+        """Description in one line."""
+        x, y, z = self.position
+        return f"{self.tower}: rope derailed {self.how} at {self.time:.3f} s, at x {x:.1f}, y {y:.1f}, z {z:.1f} m"
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """Contact of two vehicles on a rope."""
+
+    vehicle: str
+    other: str  # after it on the rope
+    time: float  # s, simulated
+    place: float  # m, unstrained arc length of the joint of the first
+    speed: float  # m/s, at which they came together
+
+    def __str__(self) -> str:
+        """Description in one line."""
+        return (
+            f"'{self.vehicle}' and '{self.other}' touch at {self.time:.3f} s, at {self.place:.2f} m of the cable, "
+            f"with {self.speed:.3g} m/s"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class HaulRopeState:
+    """State of the haul rope of one carriage, and of its drive sheave."""
+
+    travel: float  # m, arc length at which the carriage would be if the rope did not stretch
+    speed: float  # m/s, of the rope at the sheave
+    force: float  # N, of the rope on the carriage, along the cable
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Point of a rope or vehicle, with its height above the ground."""
+
+    height: float  # m, negative below the ground
+    x: float  # m
+    z: float  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Least heights of ropes and vehicles above the ground."""
+
+    rope: Place  # the lowest of all
+    vehicles: Mapping[str, Place]
+    ropes: Mapping[str, Place]
+
+
+@dataclass(frozen=True, slots=True)
+class SupportState:
+    """State of one support: its force on the cable, and data of a tower or counterweight."""
+
+    force: FloatArray  # (3,) N, of the support on the cable
+    tower: TowerState | None = None  # where it is a tower
+    travel: float | None = None  # m, of a counterweight from its place in the scenario, in the direction of its pull
+
+
+@dataclass(frozen=True, slots=True)
+class CableSamples:
+    """Samples of the cable at fixed arc lengths, dense enough to draw."""
+
+    arc_lengths: FloatArray  # (n,) m, unstrained
+    positions: FloatArray  # (n, 3) m
+    tensions: FloatArray  # (n,) N
+
+
+@dataclass(frozen=True, slots=True)
+class SolverReport:
+    """Statistics of the solver since the previous snapshot."""
+
+    steps: int
+    iterations: int  # Newton iterations, all steps together
+    halvings: int  # steps that had to be retried in halves
+    constraint_residual: float  # m, worst joint gap
+    energy_lost: float = 0.0  # J, by the integrator itself, which no damper or friction has taken
+    energy_moved: float = 0.0  # J, changes of kinetic energy from step to step, either way, added up
+
+
+@dataclass(frozen=True, slots=True)
+class Energy:
+    """Mechanical energy (J) of the cable and its vehicles; gravitational energy is zero at z = 0."""
+
+    kinetic: float
+    elastic: float
+    gravitational: float
+
+    @property
+    def total(self) -> float:
+        """Sum of kinetic, elastic and gravitational energy (J)."""
+        return self.kinetic + self.elastic + self.gravitational

@@ -1,0 +1,57 @@
+"""Key figures as diagnostic statuses and back, on topics and in bags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from cable_twin.basics.printable import printable
+from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
+from cable_twin.messages import Status, diagnostics_message
+
+OK, WARNING = 0, 1  # levels of diagnostics
+LONGEST_TEXT = 1000  # characters of what a bag says of a figure
+
+
+def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
+    """Status of each key figure: a warning for an exceeded limit."""
+    return [
+        Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), values_of(figure))
+        for figure in figures
+    ]
+
+
+def figures_message(figures: Iterable[KeyFigure], stamp_ns: int) -> bytes:
+    """Encode figures as a diagnostic_msgs/DiagnosticArray with a stamp in ns."""
+    return diagnostics_message(stamp_ns, *figure_statuses(figures))
+
+
+def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
+    """Key figures from their statuses, exact inverse of `figure_statuses`.
+
+    Raises:
+        ValueError: A status is none of a key figure.
+    """
+    return [
+        figure_from_values(
+            printable(status.name, LONGEST_TEXT),
+            {key: printable(text, LONGEST_TEXT) for key, text in status.values.items()},
+        )
+        for status in statuses
+    ]
+
+
+def describe(figure: KeyFigure) -> str:
+    """Text of a key figure: value, time and place, with its limit if any."""
+    sizes = [abs(value) for value in (figure.value, figure.limit) if value is not None]
+    unit, scale = shown_unit(figure.unit, max(sizes))
+    unit = "" if unit == "-" else f" {unit}"
+    parts = [f"{rounded(figure.value * scale)}{unit} at {figure.time:.2f} s"]
+    if figure.place:
+        parts.append(figure.place)
+    if figure.limit is not None:
+        parts.append(f"allowed: {figure.bound} {rounded(figure.limit * scale)}{unit} ({figure.source})")
+    return ", ".join(parts)
+
+
+__all__ = ["OK", "WARNING", "describe", "figure_statuses", "figures_message", "figures_of_statuses"]

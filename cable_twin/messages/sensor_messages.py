@@ -1,0 +1,86 @@
+"""Sensor measurements as messages, with names and types as in a real plant, below `sensors/`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.stores import ros2_jazzy
+
+from cable_twin.frame.sensors import Measurement, Sensors, body_of
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.messages import FrameNames, JointState, Topic, header, nanoseconds, serialize, support_force_topic
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.schema import Sensor
+
+Imu = ros2_jazzy.sensor_msgs__msg__Imu
+WrenchStamped = ros2_jazzy.geometry_msgs__msg__WrenchStamped
+Wrench = ros2_jazzy.geometry_msgs__msg__Wrench
+Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
+Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
+
+TYPES: dict[str, Any] = {"encoder": JointState, "load_cell": WrenchStamped, "inclinometer": Imu, "imu": Imu}
+UNKNOWN = np.array([-1.0, *[0.0] * 8])  # covariance of what a sensor_msgs/Imu does not have
+
+
+def sensor_topic(sensor: Sensor) -> str:
+    """Relative name of the topic of a sensor; all encoders share one."""
+    if sensor.kind == "encoder":
+        return "sensors/joint_states"
+    if sensor.kind == "load_cell":
+        return f"sensors/{support_force_topic(sensor.of)}"
+    return f"sensors/{sensor.kind}/{sensor.of}"
+
+
+def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
+    """Topics of all sensors of a scenario; each message holds one sample."""
+    types = {sensor_topic(one): TYPES[one.kind].__msgtype__ for one in scenario.sensors.values()}
+    return tuple(Topic(name, kind) for name, kind in types.items())
+
+
+class SensorOutput:
+    """Messages of the sensors of a run.
+
+    Args:
+        scenario: which they are.
+        layout: of its frames.
+        frames: what coordinate frames are called.
+    """
+
+    def __init__(self, scenario: Scenario, layout: Layout, frames: FrameNames) -> None:
+        self._frames = frames
+        self._sensors, self._scenario, self._layout = Sensors(scenario, layout), scenario, layout
+        self.restart = self._sensors.restart
+
+    def messages(self, snapshot: Snapshot, epoch_ns: int) -> list[tuple[str, bytes]]:
+        """Messages of measurements that arrived until a frame, stamped with the time of measurement."""
+        return [self._message(item, epoch_ns + nanoseconds(item.time)) for item in self._sensors.take(snapshot)]
+
+    def _message(self, measurement: Measurement, stamp_ns: int) -> tuple[str, bytes]:
+        sensor, values = self._scenario.sensors[measurement.sensor], measurement.values
+        topic = sensor_topic(sensor)
+        if sensor.kind == "encoder":
+            place, speed = np.array(values[:1]), np.array(values[1:])
+            return topic, serialize(
+                JointState(header(stamp_ns, self._frames.frame_id), [sensor.of], place, speed, np.empty(0))
+            )
+        if sensor.kind == "load_cell":
+            wrench = Wrench(Vector3(*values), Vector3(0.0, 0.0, 0.0))
+            return topic, serialize(WrenchStamped(header(stamp_ns, self._frames.named(sensor.of)), wrench))
+        head = header(stamp_ns, self._frames.named(body_of(sensor, self._layout)))
+        if sensor.kind == "inclinometer":
+            half = 0.5 * values[0]
+            turned, still = Quaternion(0.0, float(np.sin(half)), 0.0, float(np.cos(half))), Vector3(0.0, 0.0, 0.0)
+            return topic, serialize(Imu(head, turned, _square(sensor.noise), still, UNKNOWN, still, UNKNOWN))
+        upright = Quaternion(0.0, 0.0, 0.0, 1.0)
+        turn, pull = Vector3(*values[:3]), Vector3(*values[3:])
+        covariances = _square(sensor.rate_noise), _square(sensor.noise)
+        return topic, serialize(Imu(head, upright, UNKNOWN, turn, covariances[0], pull, covariances[1]))
+
+
+def _square(deviation: float) -> np.ndarray:
+    """Covariance (9,) of three independent numbers from a standard deviation."""
+    return deviation**2 * np.eye(3).reshape(9)
+
+
+__all__ = ["SensorOutput", "sensor_topic", "sensor_topics"]

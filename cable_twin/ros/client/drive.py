@@ -1,0 +1,281 @@
+"""Command `drive`: commands to a running twin from a terminal, without the ros2 command line."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.status import Status
+
+from cable_twin.basics.printable import printable_lines
+from cable_twin.frame.commands import KINDS, Kind
+from cable_twin.ros.client.twin_client import TwinClient, TwinError
+from cable_twin.ros.client.twin_list import list_twins
+from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
+from cable_twin.ros.middleware import prepare_middleware
+from cable_twin.terminal.command_line import INTERRUPTED, faults_reported
+
+DISCOVERY = 10.0  # s to find the twin, where --wait does not say it
+# what is no command: service, what it is called with, and what it does
+ACTIONS: dict[str, tuple[str, bool | None, str]] = {
+    "pause": ("pause", True, "pause the simulation"),
+    "resume": ("pause", False, "resume the simulation"),
+    "snapshot": ("save_snapshot", None, "write the full state to a file and print its path"),
+}
+TOLD = {name: kind for name, kind in KINDS.items() if kind.topic or kind.service}  # gusts come by scripts
+EPILOG = """\
+--speed and --force are sent again and again until Ctrl-C or the end of --duration; then the twin is told to stop. (If
+`drive` is killed, the twin stops by itself after `command_timeout`.) --to ends when the vehicle stands within 0.1 m of
+the place. Everything else is sent once, and the answer is printed.
+
+exit codes: 0 done, 1 no twin, refused or a wrong option, 130 ended by Ctrl-C before the twin had answered
+
+examples:
+  drive cabin --speed 5                  5 m/s along the cable, at the drive's own acceleration
+  drive cabin --speed -3 --ramp 20       to -3 m/s within 20 s
+  drive cabin --force 40000 --duration 10
+  drive cabin --to upper_station         there, and stop; also lower_station, start, end, and towers by name
+  drive cabin --to 420 --at-most 5       to 420 m along the cable, with 5 m/s on the way
+  drive cabin --payload 3200             kg, in a station
+  drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
+  drive --emergency-stop                 and drive --release
+  drive --pause                          and drive --step 10, drive --resume
+  drive --snapshot
+  drive --load gondola                   the same twin with another scenario; also the path of a YAML file
+  drive --list                           the twins of this domain
+  drive cabin --speed 5 --ros-args -r __ns:=/b \\
+        -r /b/cable_twin/joint_commands:=/b/desk
+"""
+USAGE = """\
+drive [-h] [--node NODE] [--wait S] ... and one of
+       drive NAME (--speed M/S | --force N) [--ramp S] [--duration S]
+       drive NAME (--payload KG | --to PLACE [--at-most M/S])
+       drive --wind M/S [M/S ...]
+       drive (--emergency-stop | --release | --reset | --pause | --resume)
+       drive (--step N | --snapshot | --load SCENARIO | --list)"""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `drive`: one for each kind of command, and for services and queries of a twin."""
+    result = OneLineParser("drive", "Send commands to a running twin from a terminal.", EPILOG)
+    result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
+    result.usage = USAGE  # argparse breaks so long a choice within a word
+    what = result.add_mutually_exclusive_group(required=True)
+    for kind in TOLD.values():
+        option, unit = _option(kind), kind.unit.upper()
+        if kind.axes:
+            what.add_argument(option, type=_number, nargs="+", help=f"{kind.unit}: {kind.help}", metavar=unit)
+        elif kind.quantity:
+            what.add_argument(option, type=_number, help=f"{kind.unit}: {kind.help}", metavar=unit)
+        else:
+            what.add_argument(option, action="store_true", help=kind.help)
+    for action, (_, _, text) in ACTIONS.items():
+        what.add_argument(f"--{action}", action="store_true", help=text)
+    what.add_argument("--step", type=_count, metavar="N", help="advance a paused twin by N frames")
+    what.add_argument(
+        "--to",
+        metavar="PLACE",
+        help="let the twin drive to a place and stop there: m along the cable, a station or a tower",
+    )
+    what.add_argument("--load", metavar="SCENARIO", help="start another scenario in the running twin, with new logs")
+    what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
+    result.add_argument(
+        "--at-most",
+        type=_number,
+        metavar="M/S",
+        help="m/s: highest speed on the way --to a place; default: the limit of the drive",
+    )
+    result.add_argument(
+        "--ramp", type=_not_negative, metavar="S", help="s: time in which the value is reached from zero; default: 0"
+    )
+    result.add_argument("--duration", type=_not_negative, metavar="S", help="s: time to drive; default: until Ctrl-C")
+    result.add_argument(
+        "--node", type=_node, help="full name of the twin; default: /cable_twin, in the namespace of this command"
+    )
+    result.add_argument(
+        "--wait",
+        type=_not_negative,
+        default=DISCOVERY,
+        metavar="S",
+        help=f"s: time to wait for the twin, which compiles its solver on its first start; default: {DISCOVERY:g}",
+    )
+    return result
+
+
+@faults_reported("drive")
+def main(argv: Sequence[str] | None = None) -> int:
+    """Send a command to a twin; returns 0 at the end, 1 without a twin or after a refusal, 130 after an interrupt."""
+    own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
+    arguments = parser()
+    options = arguments.parse_args(own)
+    given = {kind.name: getattr(options, kind.name) for kind in TOLD.values()}
+    kind = next((TOLD[name] for name, value in given.items() if value is not None and value is not False), None)
+    if fault := _fault(options, kind):
+        arguments.error(fault)
+    ending = Ending("drive")
+    try:
+        import rclpy  # noqa: PLC0415 - the hint stands for the traceback
+        import sensor_msgs.msg  # noqa: F401, PLC0415
+        from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+    except ImportError as error:
+        print_hint("drive", error)
+        return 1
+    ending.starting = False
+    prepare_middleware("drive")
+    try:
+        rclpy.init(args=["drive", *for_ros], signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node("cable_twin_drive")
+    except Exception as error:
+        print(f"drive: {rcl_fault(error)}", file=sys.stderr)
+        return 1
+    if options.node is None:  # the one beside it, also where a launch file pushes a namespace
+        options.node = f"{node.get_namespace().rstrip('/')}/cable_twin"
+    try:
+        if (kind is not None and kind.drives) or options.to is not None:
+            fault = _drive(node, kind, options, ending)
+        else:
+            fault = _tell(node, kind, options, ending)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    if fault:
+        print(f"drive: {printable_lines(fault)}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
+    """Message about incompatible options, empty for compatible ones."""
+    if options.to is not None and options.name is None:
+        return "--to needs the name of a carriage or drive before it"
+    if options.at_most is not None and (options.to is None or options.at_most <= 0.0):
+        return f"--at-most {options.at_most:g} given; it goes with --to, and is above 0 m/s"
+    named = kind is not None and bool(kind.quantity) and not kind.axes
+    if named and options.name is None:
+        assert kind is not None
+        return f"{_option(kind)} needs the name of a carriage{' or drive' if kind.drives else ''} before it"
+    if not named and options.name is not None and options.to is None:
+        return (
+            f"'{options.name}' given; only {_options(lambda kind: kind.quantity and not kind.axes)}, --to take a name"
+        )
+    for name in ("ramp", "duration"):
+        if getattr(options, name) is not None and not (kind is not None and kind.drives):
+            return f"--{name} given; it goes with {_options(lambda kind: kind.drives)}"
+    if kind is not None and kind.axes and len(getattr(options, kind.name)) > len(kind.axes):
+        count = len(getattr(options, kind.name))
+        return f"argument {_option(kind)}: {count} numbers given; allowed: {', '.join(kind.axes)}, in {kind.unit}"
+    return ""
+
+
+def _options(wanted: Callable[[Kind], object]) -> str:
+    return ", ".join(_option(kind) for kind in TOLD.values() if wanted(kind))
+
+
+def _option(kind: Kind) -> str:
+    return f"--{kind.name.replace('_', '-')}"
+
+
+def _waiting(text: str) -> Status:
+    """Show a progress message on a terminal while DDS takes seconds to find other nodes."""
+    return Console(stderr=True).status(text)
+
+
+def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
+    """Repeat a drive command until the end; returns the error message, empty without an error."""
+    from cable_twin.ros.client.repeated_drive import Driver  # noqa: PLC0415 - an emergency stop does not wait for these
+    from cable_twin.ros.client.trip import Trip  # noqa: PLC0415
+
+    driver = (
+        Trip(node, options, ending)
+        if kind is None
+        else Driver(node, kind, getattr(options, kind.name), options, ending)
+    )
+    with _waiting(f"looking for {options.node}"):
+        fault = driver.find_twin()
+    if fault is None and ending.is_set():
+        raise KeyboardInterrupt
+    return fault or driver.run() or ""
+
+
+def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
+    """Send one request and print its answer; returns the error message, empty without an error."""
+    if options.list:
+        with _waiting("looking for twins"):
+            lines = list_twins(node, options.wait, ending)
+        if ending.is_set():
+            raise KeyboardInterrupt
+        print(*lines, sep="\n", end="\n" if lines else "")
+        return (
+            "" if lines else f"no twin found after {options.wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"
+        )
+    client = TwinClient(node, options.node, options.wait, ending)
+    try:
+        with _waiting(f"asking {options.node}"):
+            answer = _ask(client, kind, options)
+        print(f"{options.node}: {answer}")
+    except TwinError as error:
+        return str(error)
+    return ""
+
+
+def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> str:
+    """Send one request to the twin; returns the answer."""
+    if kind is None:
+        if options.step is not None:
+            return client.step(options.step)
+        if options.load is not None:
+            return client.load(str(Path(options.load).absolute()) if Path(options.load).suffix else options.load)
+        service, switch, _ = next(action for name, action in ACTIONS.items() if getattr(options, name))
+        return client.call(service, switch)
+    if kind.service:
+        return client.call(kind.service, kind.switch)
+    given = getattr(options, kind.name)
+    if kind.axes:
+        return client.give(kind, kind.by_axis(dict(zip(kind.axes, given, strict=False))))
+    return client.give(kind, {options.name: given})
+
+
+def _number(text: str) -> float:
+    """Finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} given, a finite number is needed")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    """Finite number of seconds, zero or more."""
+    value = _number(text)
+    if value < 0.0:
+        raise argparse.ArgumentTypeError(f"{text} s given, zero or more is needed")
+    return value
+
+
+def _node(text: str) -> str:
+    """Full name of a node."""
+    name = f"/{text.strip('/')}"
+    if not re.fullmatch(r"(/[A-Za-z_]\w*)+", name, re.ASCII):
+        raise argparse.ArgumentTypeError(f"{text!r} given, the full name of a node is needed, such as /b/cable_twin")
+    return name
+
+
+def _count(text: str) -> int:
+    """Positive integer."""
+    if not text.isdecimal() or not int(text):
+        raise argparse.ArgumentTypeError(f"{text!r} given, a whole number of frames above zero is needed")
+    return int(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,163 @@
+"""Scenarios named or sent by other nodes: from allowed directories alone, read and checked in a separate process.
+
+A file that never ends, a pipe or a scenario that takes long holds nothing up, and whatever goes wrong is a refusal.
+What files elsewhere hold, and whether they are there, is not told.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from threading import Lock, Thread
+from typing import Any
+
+from cable_twin.basics.printable import printable, printable_lines
+from cable_twin.runtime.beside import BesideError, answer, ask_beside
+from cable_twin.scenario import (
+    Scenario,
+    ScenarioError,
+    config_directory,
+    load_scenario,
+    parse_scenario,
+    scenario_names,
+)
+
+SECONDS = 20.0  # s for one scenario, on a busy machine
+SUFFIXES = (".yaml", ".yml")
+
+
+class NoScenarioError(ScenarioError):
+    """Scenario that does not exist or must not be named."""
+
+
+class ScenarioReader:
+    """Reader of scenarios for one twin, in a separate process.
+
+    Args:
+        directories: below which files may be, beside those of the package; faults of such a file are told.
+        started_with: name or path of the scenario of the start: files beside it may be read too; that they are faulty
+            is told, and not why.
+    """
+
+    def __init__(self, directories: Sequence[Path], started_with: str) -> None:
+        self._told = [config_directory().resolve(), *(_resolved(one) for one in directories)]
+        beside = Path(started_with)
+        self._silent = [_resolved(beside.parent)] if beside.suffix in SUFFIXES else []
+        self._lock = Lock()
+
+    def read(self, source: str, text: str = "") -> Future[Scenario]:
+        """Read a scenario from its name or path, or from its text; the future may give `ScenarioError`."""
+        future: Future[Scenario] = Future()
+        if not self._lock.acquire(blocking=False):
+            future.set_exception(ScenarioError("another scenario is being read"))
+            return future
+        Thread(target=self._run, args=(future, source, text), name="reading", daemon=True).start()
+        return future
+
+    def worlds(self) -> Future[list[tuple[str, str]]]:
+        """Names and descriptions of the scenarios of the package."""
+        future: Future[list[tuple[str, str]]] = Future()
+
+        def run() -> None:
+            names = scenario_names()
+            try:
+                future.set_result([*zip(names, ask_beside("runtime.scenario_reading", names, SECONDS), strict=True)])
+            except Exception as error:
+                future.set_exception(ScenarioError(f"the scenarios are not read: {printable(error)}"))
+
+        Thread(target=run, name="reading", daemon=True).start()
+        return future
+
+    def _run(self, future: Future[Scenario], source: str, text: str) -> None:
+        try:
+            scenario = self._read(source, text)
+        except ScenarioError as error:
+            future.set_exception(error)
+        except Exception as error:  # a fault of the program, which the caller is to hear of and the twin survives
+            future.set_exception(ScenarioError(f"{printable(source)}: fault of the program: {type(error).__name__}"))
+        else:
+            future.set_result(scenario)
+        finally:
+            self._lock.release()
+
+    def _read(self, source: str, text: str) -> Scenario:
+        named, quoted = (source, True) if text else self._place(source)
+        try:
+            found = ask_beside("runtime.scenario_reading", {"source": named, "text": text}, SECONDS)
+        except BesideError as error:
+            raise ScenarioError(f"{printable(source or 'text')}: not a scenario: {error}") from None
+        if "faults" in found:
+            if not quoted:
+                shown = printable(named, 400)
+                raise ScenarioError(f"{shown}: not a scenario; `simulate {shown}` says why")
+            raise ScenarioError(*printable_lines("\n".join(found["faults"])).split("\n"))
+        return load_scenario(found["scenario"])
+
+    def _place(self, source: str) -> tuple[str, bool]:
+        """Source to read for a name or path, and whether error messages may quote its contents.
+
+        Raises:
+            NoScenarioError: it is no scenario, or nowhere where one may be.
+        """
+        names = scenario_names()
+        if source in names:
+            return source, True
+        path = Path(source)
+        if path.name == source and path.suffix not in SUFFIXES:
+            raise NoScenarioError(
+                f"scenario: given '{printable(source)}', which is neither a scenario nor a file; "
+                f"allowed: {', '.join(names) or '(none installed)'}, or the path of a YAML file"
+            )
+        if path.parent == config_directory() and path.suffix in SUFFIXES and path.stem in names:
+            return path.stem, True  # be it a link to where the package is developed
+        file = _resolved(path)
+        for directories, quoted in ((self._told, True), (self._silent, False)):
+            if file.suffix in SUFFIXES and any(file.is_relative_to(one) for one in directories):
+                if not _is_regular(file):
+                    raise NoScenarioError(f"{printable(source, 400)}: no such file; allowed: a YAML file")
+                return str(file), quoted
+        places = ", ".join(map(str, dict.fromkeys([*self._told, *self._silent])))
+        raise NoScenarioError(
+            f"{printable(source, 400)}: not a scenario; allowed: the name of one, or a .yaml file below {places} "
+            "or what the parameter scenario_directories says"
+        )
+
+
+def _resolved(path: Path) -> Path:
+    """Absolute path without links; for an invalid path the root directory, which holds no scenario."""
+    try:
+        return path.expanduser().resolve()
+    except (OSError, RuntimeError, ValueError):
+        return Path("/")
+
+
+def _is_regular(file: Path) -> bool:
+    """Whether a path is a regular file, neither a pipe nor a device nor a directory."""
+    try:
+        return stat.S_ISREG(os.stat(file, follow_symlinks=False).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def _work(request: Any) -> Any:
+    """Process a request in the separate process: resolved scenario or faults; for a list, descriptions."""
+    if isinstance(request, list):
+        return [load_scenario(name).description for name in request]
+    try:
+        text = request["text"]
+        scenario = parse_scenario(text) if text else load_scenario(request["source"])
+    except ScenarioError as error:
+        return {"faults": list(error.faults)}
+    except Exception as error:  # whatever it is, the file is refused
+        return {"faults": [f"{request['source'] or 'text'}: not a scenario: fault of the program: {error!r}"]}
+    return {"scenario": scenario.resolved()}
+
+
+if __name__ == "__main__":
+    answer(_work)
+
+
+__all__ = ["NoScenarioError", "ScenarioReader"]

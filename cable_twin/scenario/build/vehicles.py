@@ -1,0 +1,159 @@
+"""Constants of vehicles and haul ropes for the mechanics, built from a scenario."""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+import numpy as np
+
+from cable_twin.mechanics import parameters
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.drives import Drive
+from cable_twin.scenario.sections.vehicles import Body, Carriage, EndStop, VehicleBuffer
+
+PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
+DEFAULT_STROKE = 0.005  # of the cable's length
+NO_BRAKE = (0.0, 0.0)  # N, s
+BRAKES = ("service_brake", "emergency_brake", "track_rope_brake")  # in the columns of `parameters`
+BUFFER_DEPTH = 0.2  # m, by which a buffer between vehicles gives way at the speed limit; assumed
+USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
+
+
+def floats(values: list, columns: int = 0) -> FloatArray:
+    """Floats of shape (n,), or (n, columns) even where n is 0."""
+    return np.array(values, dtype=np.float64).reshape((-1, columns) if columns else -1)
+
+
+def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
+    """Length (m) of the end stops of a carriage, 0.5 % of the cable's length by default; 0 for a clamped carriage."""
+    if carriage.joint == "clamped" or scenario.riding is not None:
+        return 0.0
+    given = carriage.end_stop.stroke
+    return DEFAULT_STROKE * scenario.cable.unstrained_length if given is None else given
+
+
+def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, float]:
+    """Stroke (m), stiffness (N/m) and damping (s/m) of the end stops of a carriage.
+
+    What is not given follows from the reference speed v: the drive's limit, or sqrt(g L) / 2 without one. The
+    stiffness stops the whole carriage from v within 60 % of the stroke, and holds its whole weight there as well,
+    which counts only for slow drives; the damping is 0.5 / v. What is clamped to a moving cable goes through.
+    """
+    if carriage.joint == "clamped" or scenario.riding is not None:
+        return 0.0, 0.0, 0.0
+    stroke = stop_stroke(scenario, carriage)
+    return stroke, *_buffer(scenario, carriage, carriage.end_stop, USED_STROKE * stroke)
+
+
+def vehicle_buffer(scenario: Scenario, carriage: Carriage, length: float) -> tuple[float, float]:
+    """Stiffness (N/m) and damping (s/m) of the buffer of a carriage of a `length` (m) against others.
+
+    What is not given follows as for end stops; the stiffness of a point is infinite, then the other one's counts.
+    """
+    if length == 0.0 and carriage.buffers.stiffness is None:
+        return inf, 0.0
+    return _buffer(scenario, carriage, carriage.buffers, min(BUFFER_DEPTH, length / 4.0) or BUFFER_DEPTH)
+
+
+def _buffer(scenario: Scenario, carriage: Carriage, given: EndStop | VehicleBuffer, used: float) -> tuple[float, float]:
+    """Stiffness (N/m) and damping (s/m) of a buffer; by default it stops the whole carriage within `used` (m)."""
+    speed = carriage.drive.limits.speed
+    if speed is None:
+        speed = 0.5 * sqrt(scenario.gravity * scenario.cable.unstrained_length) or 1.0
+    mass = sum(body.mass for body in carriage.bodies.values())
+    if carriage.payload is not None:
+        mass += carriage.payload.capacity
+    least = mass * max(speed**2 / used**2, scenario.gravity / used)
+    stiffness = least if given.stiffness is None else given.stiffness
+    return stiffness, 0.5 / speed if given.damping is None else given.damping
+
+
+def build_carriages(scenario: Scenario) -> parameters.Carriages:
+    """Build all vehicles: the carriages of the file, then the carriers."""
+    carriages = list(scenario.vehicles.values())
+    bodies = [body for carriage in carriages for body in carriage.bodies.values()]
+    limits = [carriage.drive.limits for carriage in carriages]
+    stops = floats([end_stop(scenario, carriage) for carriage in carriages], 3)
+    brakes = floats([_brakes(carriage.drive) for carriage in carriages]).reshape(-1, len(BRAKES), 2)
+    return parameters.Carriages(
+        **_body_numbers(bodies),
+        body_offset=np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
+        inertia=_inertias(scenario, bodies),
+        upper_pivot=floats([scenario.vector(body.upper_pivot) for body in bodies], scenario.dim),
+        lower_pivot=floats([scenario.vector(body.lower_pivot or (0.0, 0.0)) for body in bodies], scenario.dim),
+        held=np.array(_held(scenario), dtype=np.int64),
+        centre_offset=np.zeros((len(bodies), scenario.dim)),
+        fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
+        clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
+        loop_place=floats([carriage.arc_length for carriage in carriages]),
+        rolling_friction=floats([carriage.friction.rolling for carriage in carriages]),
+        presliding=np.full(len(carriages), PRESLIDING),
+        viscous_friction=floats([carriage.friction.viscous for carriage in carriages]),
+        speed_limit=floats([inf if limit.speed is None else limit.speed for limit in limits]),
+        acceleration_limit=floats([limit.acceleration for limit in limits]),
+        deceleration_limit=floats([limit.deceleration or limit.acceleration for limit in limits]),
+        emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
+        jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),
+        force_limit=floats([inf if limit.force is None else limit.force for limit in limits]),
+        power_limit=floats([inf if limit.power is None else limit.power for limit in limits]),
+        drive_stops=np.array(["drive" in carriage.drive.emergency_stop for carriage in carriages], dtype=np.bool_),
+        brake_force=brakes[:, :, 0].copy(),
+        brake_rise_time=brakes[:, :, 1].copy(),
+        stop_stroke=stops[:, 0].copy(),
+        stop_stiffness=stops[:, 1].copy(),
+        stop_damping=stops[:, 2].copy(),
+    )
+
+
+def _body_numbers(bodies: list[Body]) -> dict[str, FloatArray]:
+    """Constants (bodies,) of bodies by name in `parameters.Carriages`, some prefixed with `hinge_`."""
+    keys = [key for key, field in Body.model_fields.items() if field.annotation is float and key != "inertia"]
+    names = {key: key if key in parameters.Carriages._fields else f"hinge_{key}" for key in keys}
+    return {name: floats([getattr(body, key) for body in bodies]) for key, name in names.items()}
+
+
+def _inertias(scenario: Scenario, bodies: list[Body]) -> FloatArray:
+    """Inertias (bodies,) in kg m² about y, or in space tensors (bodies, 9) in the axes of each body."""
+    if scenario.dim == 2:
+        return floats([body.inertia for body in bodies])
+    return np.array([inertia_tensor(body) for body in bodies]).reshape(-1, 9)
+
+
+def inertia_tensor(body: Body) -> FloatArray:
+    """Tensor (3, 3) in kg m² of a body in space."""
+    xx, yy, zz, xy, xz, yz = [*(body.inertia_tensor or (body.inertia,) * 3), 0.0, 0.0, 0.0][:6]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _held(scenario: Scenario) -> list[int]:
+    """Number of angles constrained by the joint above each body: in space heading, and roll of revolute joints."""
+    found = []
+    for carriage in scenario.vehicles.values():
+        for number, body in enumerate(carriage.bodies.values()):
+            found.append(0 if scenario.dim == 2 else 2 if number > 0 and body.turns == "revolute" else 1)
+    return found
+
+
+def _brakes(drive: Drive) -> list[tuple[float, float]]:
+    """Force (N) and rise time (s) of the brakes applied by an emergency stop."""
+    applied = [getattr(drive, name) if name in drive.emergency_stop else None for name in BRAKES]
+    return [NO_BRAKE if brake is None else (brake.force, brake.rise_time) for brake in applied]
+
+
+def build_haul_ropes(scenario: Scenario) -> parameters.HaulRopes:
+    """Build the haul rope of each carriage; stiffness 0 without one."""
+    ropes = [carriage.drive.haul_rope for carriage in scenario.vehicles.values()]
+    return parameters.HaulRopes(
+        axial_stiffness=floats([0.0 if rope is None else rope.axial_stiffness for rope in ropes]),
+        mass_per_length=floats([0.0 if rope is None else rope.mass_per_length for rope in ropes]),
+        damping_ratio=floats([0.0 if rope is None else rope.damping_ratio for rope in ropes]),
+        station=np.array(
+            [parameters.START if rope is None or rope.station == "start" else parameters.END for rope in ropes],
+            dtype=np.int64,
+        ),
+        beyond_track=floats([1.0 if rope is None else rope.beyond_track for rope in ropes]),
+        pretension=floats([0.0 if rope is None else rope.pretension for rope in ropes]),
+        drive_inertia=floats([0.0 if rope is None else rope.drive_inertia for rope in ropes]),
+        present=any(rope is not None for rope in ropes),
+    )

@@ -1,0 +1,1 @@
+"""What values may not be together, and how a fault is told."""

@@ -1,0 +1,71 @@
+"""Consistency checks of wind and gusts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+
+from cable_twin.mechanics.parameters import STRONGEST_WIND
+from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse
+from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.quantities import in_space
+from cable_twin.scenario.sections.vehicles import Body
+
+
+def wind_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of wind and gusts: too strong, without effect, or of the wrong dimension."""
+    air, unfelt = scenario.air, wind_unfelt(scenario)
+    yield from _speed(("air", "wind"), air.wind)
+    if unfelt and any(air.wind):
+        yield refuse(("air", "wind"), list(air.wind), "0 m/s", detail=f", but {unfelt}")
+    if unfelt and air.gusts:
+        yield Fault(("air", "gusts"), f"given {len(air.gusts)}, but {unfelt}; allowed: none")
+    for number, gust in enumerate(air.gusts):
+        path: KeyPath = ("air", "gusts", number, "amplitude")
+        if len(gust.amplitude) > scenario.dim:
+            yield refuse(path, list(gust.amplitude), "x, z in m/s", detail=" in a plane")
+        else:
+            yield from _speed(path, gust.amplitude)
+    if scenario.dim == 2:
+        for place, body in _bodies(scenario):
+            if body.shedding is not None:
+                yield Fault(
+                    (*place, "shedding"), "given in a plane, to which its force is across; allowed: space: 3, or null"
+                )
+
+
+def wind_unfelt(scenario: Scenario) -> str:
+    """Reason why wind has no effect in a scenario; empty if it acts on a rope or a body."""
+    if scenario.air.density <= 0.0:
+        return "nothing feels the wind: air.density is 0 kg/m^3"
+    if any(cable.diameter is not None and cable.drag_coefficient != 0.0 for cable in scenario.cables.values()):
+        return ""
+    if any(body.shedding is not None or any(body.drag_areas) for _, body in _bodies(scenario)):
+        return ""
+    return "nothing feels the wind: no rope has a diameter (m) and no body a drag_area (m^2)"
+
+
+def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
+    """Fault of a wind speed beyond any hurricane."""
+    speed = hypot(*in_space(wind))
+    if speed > STRONGEST_WIND:
+        yield refuse(
+            path,
+            list(wind),
+            f"at most {STRONGEST_WIND:g} m/s, more than any hurricane has",
+            detail=f", {speed:.4g} m/s",
+        )
+
+
+def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
+    """All bodies in the file, each with its key path."""
+    for name, carriage in scenario.carriages.items():
+        yield from ((("carriages", name, "bodies", body), value) for body, value in carriage.bodies.items())
+    carriers = scenario.carriers
+    if carriers is not None:
+        yield from ((("carriers", "bodies", body), value) for body, value in carriers.bodies.items())
+        for name, kind in carriers.kinds.items():
+            yield from ((("carriers", "kinds", name, "bodies", body), value) for body, value in kind.bodies.items())
+
+
+__all__ = ["wind_faults", "wind_unfelt"]

@@ -1,0 +1,1 @@
+"""The sections of a scenario: what each key may be by itself."""

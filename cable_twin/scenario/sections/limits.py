@@ -1,0 +1,148 @@
+"""Limits of key figures: one table with unit, bound, default and the source of each."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, cast
+
+from pydantic import Field
+
+from cable_twin.scenario.sections.quantities import Section
+
+Bound = Literal["at most", "at least"]
+SAFETY = "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope"
+VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
+TOUCHES = "assumed: nothing may touch the ground"
+
+
+def limit(
+    unit: str,
+    description: str,
+    default: float | None = None,
+    *,
+    bound: Bound = "at most",
+    source: str = "",
+    **bounds: float,
+) -> Any:
+    """Schema field for the limit of a key figure; null without a limit.
+
+    Args:
+        unit: SI unit, "-" for a plain number.
+        description: what it is; the unit is added.
+        default: value where none is given.
+        bound: on which side of it the figure has to be.
+        source: of the default: a standard with its clause, or that it is assumed and why.
+        **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
+
+    Returns:
+        The pydantic field.
+    """
+    extra: dict[str, Any] = {"unit": unit, "bound": bound, "source": source}
+    return Field(default, description=f"{description} ({unit})", json_schema_extra=extra, **cast(Any, bounds))
+
+
+class KeyFigureLimits(Section):
+    """Limits of key figures; null is no limit unless the key says otherwise."""
+
+    rope_safety_factor: float | None = limit(
+        "-",
+        "lowest breaking force over tension; null: 3.15, and 4.5 for a rope that moves; 0: no limit",
+        bound="at least",
+        source=SAFETY,
+        ge=0,
+    )
+    haul_rope_safety_factor: float | None = limit(
+        "-", "the same of haul ropes beside others", 4.5, bound="at least", source=SAFETY, gt=0
+    )
+    tension_per_transverse_load: float | None = limit(
+        "-",
+        "lowest tension over load across the rope; null: 10 for carriages that roll on it, no limit for clamped ones; "
+        "0: no limit",
+        bound="at least",
+        source="CEN practice for carriages that roll on a track rope, at least 10",
+        ge=0,
+    )
+    swing: float | None = limit(
+        "rad",
+        "highest swing of a carriage along the track",
+        0.35,
+        source="assumed: clearance usually allows for 0.35 rad (20 deg)",
+        gt=0,
+    )
+    lateral_swing: float | None = limit(
+        "rad", "highest swing across the track, in space", 0.2, source=f"{VORARLBERG}: 20 % across", gt=0
+    )
+    tower_clearance: float | None = limit(
+        "m",
+        "least distance of a vehicle from a mast, in space",
+        0.5,
+        bound="at least",
+        source=f"{VORARLBERG}: 0.5 m to the side",
+        ge=0,
+    )
+    vehicle_separation: float | None = limit(
+        "m",
+        "least distance of vehicles on different ropes from each other, in space",
+        1.0,
+        bound="at least",
+        source="assumed: as much as somebody leans out, with a reserve",
+        ge=0,
+    )
+    acceleration: float | None = limit(
+        "m/s^2",
+        "highest acceleration of the last body of a carriage",
+        1.5,
+        source="assumed: emergency stops usually have 1 to 1.5 m/s^2",
+        gt=0,
+    )
+    stopping_distance: float | None = limit("m", "longest way to a standstill", gt=0)
+    stopping_time: float | None = limit("s", "longest time to a standstill", gt=0)
+    sag: float | None = limit("m", "largest depth of the cable below its chord, of each span", gt=0)
+    dynamic_amplification: float | None = limit("-", "highest tension over that at the start", gt=0)
+    rope_clearance: float | None = limit(
+        "m", "least height of the cable over the terrain", 0.0, bound="at least", source=TOUCHES, ge=0
+    )
+    vehicle_clearance: float | None = limit(
+        "m", "least height of a vehicle over the terrain", 0.0, bound="at least", source=TOUCHES, ge=0
+    )
+    support_load: float | None = limit("N", "highest force of the cable on a support", gt=0)
+    deropement_margin: float | None = limit(
+        "-",
+        "least load of a tower over its load at rest",
+        0.1,
+        bound="at least",
+        source="assumed: a tenth of the load at rest; the cable lifts off at 0",
+        ge=0,
+        le=1,
+    )
+    roller_load: float | None = limit(
+        "N",
+        "least load of a roller of a tower, mean of those of the tower",
+        500.0,
+        bound="at least",
+        source="assumed: 500 N on each roller, so that a rope that swings does not leave it",
+        ge=0,
+    )
+    energy_lost: float | None = limit(
+        "-",
+        "largest energy lost by the solver in 5 s over the kinetic energy exchanged",
+        0.005,
+        source="assumed: equivalent to a damping ratio of 0.08 %, less than that of the rope itself",
+        gt=0,
+    )
+
+
+def bound_of(key: str) -> Bound:
+    """Bound of a key of `limits`: "at most" or "at least"."""
+    return cast(Bound, _extra(key)["bound"])
+
+
+def source_of(key: str) -> str:
+    """Source of the default of a limit; empty without a default."""
+    return cast(str, _extra(key)["source"])
+
+
+def _extra(key: str) -> dict[str, Any]:
+    return cast(dict[str, Any], KeyFigureLimits.model_fields[key].json_schema_extra)
+
+
+__all__ = ["Bound", "KeyFigureLimits", "bound_of", "source_of"]

@@ -1,0 +1,143 @@
+"""Line: `cable` and `ropes` with loads and mesh, `towers`, and the terrain beside the track."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from cable_twin.mechanics.parameters import ELASTIC_MODELS
+from cable_twin.scenario.sections.end_supports import EndSupport
+from cable_twin.scenario.sections.quantities import FromList, Place, Section, Vector, quantity
+
+MOST_ELEMENTS = 100_000
+ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]  # whatever the mechanics have
+
+
+class Load(Section):
+    """Constant load at a point of the cable."""
+
+    arc_length: float = quantity("m", "unstrained arc length from the start", ge=0)
+    force: Place = quantity("N", "force on the cable as x, z, in space as x, y, z", (0.0, 0.0))
+    moment: float = quantity("N m", "moment on an end of the cable, right-handed about y", 0.0)
+
+
+class Grading(Section):
+    """Graded mesh: short elements at towers and ends only."""
+
+    target: float = quantity("m", "length of an element far from towers and ends", gt=0)
+    at_towers: float = quantity("m", "length of an element at towers and ends", gt=0)
+    growth: float = quantity("-", "ratio of the lengths of neighbours between these", 1.5, gt=1, le=4)
+
+
+def _form(elements: Any) -> str:
+    return "#graded" if isinstance(elements, dict | Grading) else "#number"
+
+
+Elements = Annotated[
+    Annotated[int, Field(ge=1, le=MOST_ELEMENTS), Tag("#number")] | Annotated[Grading, Tag("#graded")],
+    Discriminator(_form),
+]
+
+
+class Cable(Section):
+    """Rope of uniform properties, with its supports, loads and mesh."""
+
+    unstrained_length: float = quantity("m", "length without tension", gt=0)
+    mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
+    axial_stiffness: float = quantity("N", "EA, Young's modulus times area of the steel", gt=0)
+    breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
+    bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)
+    elements: Elements = Field(
+        description="number of elements, all of one unstrained length (-), or how long they are where",
+        json_schema_extra={
+            "unit": "-",
+            "allowed": f"a whole number at least 1 and at most {MOST_ELEMENTS}, or a mapping of target, at_towers (m) "
+            "and growth",
+        },
+    )
+    elastic_model: ElasticModel = Field(
+        default="continuum",
+        description="strain energy on the arc itself, or in the frame of each element's chord, which on slack ropes "
+        "needs at least four times the elements",
+    )
+    kinks: Literal["rounded", "sharp"] = Field(
+        default="rounded",
+        description="the bend of the rope under a vehicle: as its elements round it off, or with what they lack of a "
+        "sharp one as a way of the joint",
+    )
+    damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
+    mass_damping: float = quantity("1/s", "of a rope among several: damping per mass", 0.0, ge=0)
+    tension_damping: float = quantity(
+        "s", "of a rope among several: damping per stiffness that the tension at the start gives it", 0.0, ge=0
+    )
+    initial_shape: Literal["equilibrium", "straight"] = Field(
+        default="equilibrium", description="how it starts: in static equilibrium, or unstrained from start towards end"
+    )
+    start: EndSupport = Field(description="what holds it at arc length 0")
+    end: EndSupport = Field(description="what holds it at its other end")
+    loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
+    lateral: float = quantity(
+        "m",
+        "of a rope among several: y, how far to the left of the track it is, with its towers and what is on it; a "
+        "plane only shows it",
+        0.0,
+    )
+    diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
+    drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
+    ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
+    ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
+
+
+class Tower(Section):
+    """Support of the cable between its ends: sheave assembly, or saddle of a track rope; one-sided contact."""
+
+    rope: str | None = Field(default=None, description="the rope that runs over it; null: the first one")
+    position: Place = quantity("m", "where the rope touches its middle, as x, z, in space as x, y, z")
+    kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
+    contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
+    length: float = quantity("m", "length along the rope, from the first contact to the last", 0.0, ge=0)
+    radius: float | None = quantity("m", "radius of the circle of the contacts; null: a straight line", None, gt=0)
+    hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
+    stiffness: float = quantity("N/m", "stiffness of each contact, normal to the rope", 2e6, gt=0)
+    damping: float = quantity("s/m", "damping of each contact: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
+    groove: float = quantity(
+        "1/m",
+        "in space, force sideways over normal force, by how far the rope is off the middle of its groove",
+        20.0,
+        gt=0,
+    )
+    derailment_ratio: float = quantity(
+        "-",
+        "in space, force sideways over normal force of the tower at which the rope leaves it; assumed: flanks of 45 "
+        "degrees and a friction of 0.3 hold up to 0.54 (Nadal)",
+        0.5,
+        gt=0,
+    )
+    groove_friction: float = quantity("-", "in space, friction sideways in the groove per normal force", 0.0, ge=0)
+    groove_height: float = quantity(
+        "m", "in space, how high the rope lifts off all contacts until it has left the tower; assumed", 0.05, gt=0
+    )
+    groove_direction: Place | None = quantity(
+        "-",
+        "in space, where the grooves open, x, y, z of any length; null: upwards, downwards of a hold-down",
+        None,
+    )
+    mast_offset: float | None = quantity(
+        "m",
+        "in space, from the rope to the middle of the mast, positive to the left of the track, also of a strand that "
+        "runs back; null: no mast",
+        None,
+    )
+    mast_width: float | None = quantity("m", "in space, width of the mast, which reaches up to the rope", None, gt=0)
+    friction: float | None = quantity(
+        "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
+    )
+
+
+class TerrainSides(Section):
+    """Terrain beside the track in space: linear from the profile on the track to one on each side, level beyond."""
+
+    distance: float = quantity("m", "how far from the track, y = 0, both profiles are", gt=0)
+    left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z", min_length=2)
+    right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z", min_length=2)

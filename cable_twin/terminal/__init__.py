@@ -1,0 +1,1 @@
+"""What commands show in a terminal: options and faults, bars of progress, the status bar."""

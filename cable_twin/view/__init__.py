@@ -1,0 +1,1 @@
+"""Pictures in rerun: ropes, vehicles, plots and readouts, live and of logs."""

@@ -1,0 +1,315 @@
+"""3D view of a run: ground as a strip, towers with arms, rope, vehicles as solids, and the wind as an arrow."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Columns, Layout
+from cable_twin.geometry.solids import Solid
+from cable_twin.view.geometry import QUIET, entity_path, pixels, rows_without_gaps, time_column
+from cable_twin.view.labels import apart, label_sizes
+from cable_twin.view.place_names import NEAR, gathered
+from cable_twin.view.scene import GROUND, NAME_GAP, WHEEL
+from cable_twin.view.vehicles import BODY_COLORS, CARRIAGE_COLORS
+
+SPACE = "space"
+CLOSE_UPS = f"{SPACE}/close_ups"
+OVERVIEW_WIND, NEAR_WIND = f"{SPACE}/wind", f"{SPACE}/wind_at_vehicles"
+STRIP = 0.04  # of the track, how far the ground reaches to either side of what is above it; assumed
+ARM = 1.2  # of the width of the widest vehicle, from the rope to the middle of the mast; assumed
+NARROW = 0.004  # of the track, an arm at least
+WIND, RIBS = 0x2FA0C8FF, 0xA8977EFF
+BELOW = 0.03  # of the track, below its middle: what is looked at, as there is ground below it
+FROM = (-0.2, -0.55, 0.2)  # of the track, from its middle, where it is seen from
+BEHIND = (-4.0, -1.2, 0.6)  # of the height of a vehicle, from its bodies, the same
+NEARER = (0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 2.0)  # of that distance: the first one at which all is seen
+FIELD = np.radians(55.0)  # of view, rerun's own, from the lower to the upper edge
+FASTEST = 40.0  # m/s, of a wind whose arrow is as long as there is room for
+
+
+@dataclass(frozen=True)
+class InSpace:
+    """Additional scene data for the 3D view: solids of bodies, and towers.
+
+    Attributes:
+        solids: Vehicle -> body -> its triangles.
+        towers: Name -> (3,) m.
+        between: Whether their masts are in the middle, between strands to the left and to the right.
+    """
+
+    solids: Mapping[str, Mapping[str, Solid]]
+    towers: Mapping[str, FloatArray]
+    between: bool = False
+
+
+class Eye(NamedTuple):
+    """Position and target of a 3D view."""
+
+    position: FloatArray  # (3,) m
+    target: FloatArray  # (3,) m
+
+
+class Lens(NamedTuple):
+    """Pinhole camera that projects points onto a view, in pixels."""
+
+    eye: Eye
+    right: FloatArray  # (3,), axes of the picture and into it
+    up: FloatArray
+    ahead: FloatArray
+    focal: float  # pixels
+
+    @classmethod
+    def of(cls, eye: Eye, height: float) -> Lens:
+        """Return the camera of a view with a height in pixels."""
+        ahead = (eye.target - eye.position) / np.linalg.norm(eye.target - eye.position)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        return cls(eye, right, np.cross(right, ahead), ahead, 0.5 * height / np.tan(0.5 * FIELD))
+
+    def seen(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return pixels (n, 2) right and down from the middle, and depths (n,) in m, of points (n, 3) in m."""
+        away = points - self.eye.position
+        depth = away @ self.ahead
+        across = np.stack([away @ self.right, -(away @ self.up)], axis=1)
+        return across * (self.focal / depth)[:, None], depth
+
+
+class _Alike(NamedTuple):
+    """Bodies with equal solids, drawn as one entity."""
+
+    path: str
+    rows: list[int]  # of the bodies
+    solid: Solid
+    color: int
+
+
+class Space:
+    """Drawing of one layout in the 3D view.
+
+    Args:
+        layout: What is drawn.
+        look: How.
+        carriers: Names of the vehicles that are drawn together.
+        followed: Names of those that close-ups follow.
+
+    Attributes:
+        overview: from where the whole is seen.
+        close_ups: entity that a close-up follows -> from where it is seen.
+    """
+
+    def __init__(self, layout: Layout, look: InSpace, carriers: Collection[str], followed: Collection[str]) -> None:
+        self._look = look
+        self._alike = _groups(layout, look, carriers)
+        self._followed = {
+            entity_path(CLOSE_UPS, name): row for row, name in enumerate(layout.vehicles) if name in followed
+        }
+        self._end_samples = layout.end_samples
+        self._ropes = list(layout.ropes)
+        self._reach = 1.0  # m, of an arrow of the wind beside a vehicle
+        self._span = 1.0  # m, of the track
+        self._sky = np.zeros(3)  # m, where the arrow of the wind is
+        self.overview = Eye(np.zeros(3), np.zeros(3))
+        self.close_ups: dict[str, Eye] = {}
+
+    def begin(
+        self,
+        stream: rr.RecordingStream,
+        c: Columns,
+        ground: FloatArray,
+        wheels: Mapping[str, FloatArray],
+        size: tuple[float, float],
+    ) -> None:
+        """Log static entities of the 3D view.
+
+        Args:
+            stream: Takes it.
+            c: A first frame.
+            ground: (n, 2) m, x and z.
+            wheels: Name -> (n, 3) m, rims of bullwheels.
+            size: Pixels of the view of the whole, width and height.
+        """
+        stream.log(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        rope = c.rope_position[~np.isnan(c.rope_position).any(axis=1)]
+        points = np.vstack([rope, *self._look.towers.values()]) if len(rope) else np.zeros((2, 3))
+        low, high = points.min(axis=0), points.max(axis=0)
+        self._span = float(max(high - low)) or 1.0
+        side = STRIP * self._span
+        _draw_ground(stream, ground, low[1] - side, high[1] + side)
+        middle = 0.5 * (low + high) - [0.0, 0.0, BELOW * self._span]
+        self._sky = np.array([middle[0], middle[1], high[2] + 0.05 * self._span])
+        ends = {name: c.rope_position[sample] for name, sample in self._end_samples.items()}
+        known = {name: top for name, top in ends.items() if not np.isnan(top).any()}
+        places = self._draw_supports(stream, known, ground)
+        names = gathered(places, wheels, self._ropes, NEAR * self._span)
+        self.overview, tops = _seen_whole(middle, self._span, points, names, size)
+        labels = rr.Points3D(tops, colors=[QUIET], radii=[0.0], labels=list(names), show_labels=True)
+        stream.log(f"{SPACE}/names", labels, static=True)
+        if wheels:
+            rims = rr.LineStrips3D(list(wheels.values()), colors=[WHEEL], radii=pixels(3.0))
+            stream.log(f"{SPACE}/wheels", rims, static=True)
+        for group in self._alike:
+            mesh = rr.Mesh3D(
+                vertex_positions=group.solid.vertices,
+                vertex_normals=group.solid.normals,
+                triangle_indices=group.solid.triangles,
+                albedo_factor=group.color,
+            )
+            stream.log(group.path, mesh, static=True)
+        for path, row in self._followed.items():
+            color = CARRIAGE_COLORS[row % len(CARRIAGE_COLORS)]
+            stream.log(path, rr.Points3D.from_fields(colors=[color], radii=pixels(5.0)), static=True)
+        for path in (OVERVIEW_WIND, NEAR_WIND):
+            stream.log(path, rr.Arrows3D.from_fields(colors=[WIND], radii=pixels(3.0)), static=True)
+        self._reach = max((_height(group.solid) for group in self._alike), default=1.0)
+        self.close_ups = {}
+        for path, row in self._followed.items():
+            place = c.joint_position[row]
+            if not np.isnan(place).any():
+                target = place - [0.0, 0.0, self._reach]
+                self.close_ups[path] = Eye(target + np.array(BEHIND) * self._reach, target)
+
+    def _draw_supports(
+        self,
+        stream: rr.RecordingStream,
+        ends: Mapping[str, FloatArray],
+        ground: FloatArray,
+    ) -> dict[str, FloatArray]:
+        """Log stations as masts, and towers as masts beside the rope with an arm above.
+
+        Args:
+            stream: Takes it.
+            ends: Name -> (3,) m, ends of ropes.
+            ground: (n, 2) m, x and z.
+
+        Returns:
+            Name -> (3,) m, below the foot of each mast.
+        """
+        arm = max(
+            ARM * max((float(np.ptp(g.solid.vertices[:, 1])) for g in self._alike), default=0.0), NARROW * self._span
+        )
+        strips: list[FloatArray] = []
+        places: dict[str, FloatArray] = {}
+        for name, top in (*ends.items(), *self._look.towers.items()):
+            foot = float(np.interp(top[0], ground[:, 0], ground[:, 1]))
+            beside = top if name in ends else top - [0.0, arm, 0.0]
+            if self._look.between:
+                beside = np.array([top[0], 0.0, top[2]])
+            strips.append(np.array([top, beside, [beside[0], beside[1], foot]]))
+            places[name] = np.array([beside[0], beside[1], foot])
+        stream.log(f"{SPACE}/supports", rr.LineStrips3D(strips, colors=[QUIET], radii=pixels(2.5)), static=True)
+        return places
+
+    def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
+        """Send the poses of vehicles in selected frames of a batch, and the wind."""
+        times = c.time[rows, 0]
+        for group in self._alike:
+            places, turns = c.body_position[rows][:, group.rows], c.body_orientation[rows][:, group.rows]
+            known = rows_without_gaps(places, turns)
+            if not known.any():
+                continue
+            poses = rr.InstancePoses3D.columns(
+                translations=places[known].reshape(-1, 3), quaternions=turns[known].reshape(-1, 4)
+            )
+            columns = [column.partition([len(group.rows)] * int(known.sum())) for column in poses]
+            stream.send_columns(group.path, [time_column(times[known])], columns, strict=True)
+            time.sleep(0)  # the frame loop may be waiting for the interpreter
+        for path, row in self._followed.items():
+            joints = c.joint_position[rows, row]
+            known = rows_without_gaps(joints)
+            if known.any():
+                stream.send_columns(
+                    path, [time_column(times[known])], rr.Points3D.columns(positions=joints[known]), strict=True
+                )
+        self._send_wind(stream, times, c.wind[rows], c.joint_position[rows][:, list(self._followed.values())])
+
+    def _send_wind(self, stream: rr.RecordingStream, times: FloatArray, wind: FloatArray, joints: FloatArray) -> None:
+        """Send the wind (frames, 3) in m/s as arrows: above the track, and at joints (frames, vehicles, 3) in m."""
+        over = rr.Arrows3D.columns(
+            vectors=wind * (0.7 * self._span / FASTEST), origins=np.broadcast_to(self._sky, wind.shape)
+        )
+        stream.send_columns(OVERVIEW_WIND, [time_column(times)], over, strict=True)
+        known = rows_without_gaps(joints)
+        count = joints.shape[1]
+        if not count or not known.any():
+            return
+        vectors = np.repeat(wind[known][:, None] * (3.0 * self._reach / FASTEST), count, axis=1)
+        heights = np.array([0.0, 0.0, -self._reach])
+        near = rr.Arrows3D.columns(
+            vectors=vectors.reshape(-1, 3), origins=(joints[known] + heights - 1.5 * vectors).reshape(-1, 3)
+        )
+        columns = [column.partition([count] * int(known.sum())) for column in near]
+        stream.send_columns(NEAR_WIND, [time_column(times[known])], columns, strict=True)
+
+
+def _seen_whole(
+    middle: FloatArray, span: float, points: FloatArray, names: Mapping[str, FloatArray], size: tuple[float, float]
+) -> tuple[Eye, FloatArray]:
+    """Return the nearest eye that sees everything, and name positions (n, 3) m, stacked where they would overlap.
+
+    Args:
+        middle: (3,) m, what is looked at.
+        span: m, of the track.
+        points: (n, 3) m, what is seen.
+        names: Name -> (3,) m, below which it stands.
+        size: Pixels of the view, width and height.
+    """
+    label = label_sizes(list(names))
+    feet = np.array(list(names.values())).reshape(-1, 3)
+    room = np.array(size) - 2.0 * NAME_GAP
+    for nearer in NEARER:
+        eye = Eye(middle + np.array(FROM) * (span * nearer), middle)
+        for _ in range(4):  # moved across until all is in the middle
+            lens = Lens.of(eye, size[1])
+            seen, depth = lens.seen(feet)
+            moved = apart(np.add(seen, (0.0, NAME_GAP)), label + NAME_GAP)
+            corners = np.vstack([lens.seen(points)[0], moved - label * (0.5, 0.0), moved + label * (0.5, 1.0)])
+            first, last = corners.min(axis=0), corners.max(axis=0)
+            across, down = (first + last) / 2.0 * (np.linalg.norm(eye.target - eye.position) / lens.focal)
+            shift = across * lens.right - down * lens.up
+            eye = Eye(eye.position + shift, eye.target + shift)
+        if (last - first < room).all():
+            break
+    return eye, feet - lens.up * ((moved - seen)[:, 1] * depth / lens.focal)[:, None]
+
+
+def _groups(layout: Layout, look: InSpace, carriers: Collection[str]) -> list[_Alike]:
+    """Groups of bodies for drawing: each body of a carriage alone, equal bodies of carriers together."""
+    groups: dict[object, _Alike] = {}
+    for (vehicle, bodies), (first, _) in zip(layout.vehicles.items(), pairwise(layout.first_body), strict=True):
+        for number, body in enumerate(bodies):
+            solid = look.solids[vehicle][body]
+            color = BODY_COLORS[number % len(BODY_COLORS)]
+            path = entity_path(entity_path(f"{SPACE}/carriages", vehicle), body)
+            alike: object = path
+            if vehicle in carriers:
+                path, alike = f"{SPACE}/carriers/{len(groups)}", (solid.vertices.tobytes(), color)
+            groups.setdefault(alike, _Alike(path, [], solid, color)).rows.append(first + number)
+    return list(groups.values())
+
+
+def _height(solid: Solid) -> float:
+    return float(np.ptp(solid.vertices[:, 2]))
+
+
+def _draw_ground(stream: rr.RecordingStream, ground: FloatArray, right: float, left: float) -> None:
+    """Log the profile (n, 2), x and z in m, as a strip between two places across the track (m)."""
+    edges = [np.column_stack([ground[:, 0], np.full(len(ground), y), ground[:, 1]]) for y in (right, left)]
+    number = np.arange(len(ground) - 1)
+    last = number + len(ground)
+    triangles = np.vstack([np.column_stack([number, number + 1, last]), np.column_stack([number + 1, last + 1, last])])
+    mesh = rr.Mesh3D(vertex_positions=np.vstack(edges), triangle_indices=triangles, albedo_factor=GROUND)
+    stream.log(f"{SPACE}/ground", mesh, static=True)
+    ribs = rr.LineStrips3D([*edges, *np.stack(edges, axis=1)], colors=[RIBS], radii=pixels(0.7))
+    stream.log(f"{SPACE}/ground/ribs", ribs, static=True)
+
+
+__all__ = ["InSpace", "Space"]

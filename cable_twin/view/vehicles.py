@@ -1,0 +1,263 @@
+"""Vehicles in the view: carriages with entities of their own, and carriers of one kind in one entity."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+from numpy.typing import NDArray
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.frame.snapshot import Columns, Layout
+from cable_twin.view.geometry import entity_path, pixels, planar, plane, rows_without_gaps, time_column
+from cable_twin.view.labels import apart, label_sizes
+
+LABELS = 8  # vehicles up to which each has its name beside it
+CLOSE_UPS = 6  # of vehicles, where there are more than that
+CARRIAGE_COLORS = (0xD05AA0FF, 0x2F8FE3FF, 0x2FA06AFF, 0xD9730DFF, 0x9A6EE0FF, 0xE0525AFF)
+BODY_COLORS = (0xC77C00FF, 0x2F8FE3FF, 0x2FA06AFF, 0xE0525AFF, 0x9A6EE0FF)
+CARRIERS = "track/carriers"
+NAMES = "track/vehicle_names"
+LIFT = 8.0  # pixels from a joint to the label with the name
+
+
+class Outlines:
+    """Outlines of bodies, one each, all placed at once; bodies with equal outlines are grouped.
+
+    Args:
+        lines: (n, 2) m of each body, in its axes, in rerun's plane.
+
+    Attributes:
+        bodies: number of the body of each line, in the order in which they are placed.
+        lengths: points of each line.
+    """
+
+    def __init__(self, lines: Sequence[FloatArray]) -> None:
+        groups: dict[bytes, list[int]] = {}
+        for body, line in enumerate(lines):
+            groups.setdefault(line.tobytes(), []).append(body)
+        self._groups = [(bodies, lines[bodies[0]].astype(np.float32)) for bodies in groups.values()]
+        self.bodies = [body for bodies, _ in self._groups for body in bodies]
+        self.lengths = [len(lines[body]) for body in self.bodies]
+
+    def placed(self, positions: FloatArray, pitches: FloatArray) -> NDArray[np.float32]:
+        """Return the points (frames, all lines, 2) in m of bodies at (frames, bodies, 2) m, turned by (frames, bodies).
+
+        Angles are in rad.
+        """
+        frames = len(positions)
+        points = np.empty((frames, sum(self.lengths), 2), dtype=np.float32)
+        first = 0
+        for bodies, line in self._groups:
+            count = len(bodies) * len(line)
+            part = points[:, first : first + count].reshape(frames, len(bodies), len(line), 2)  # a view
+            angles = pitches[:, bodies, None]
+            cos, sin = np.cos(angles).astype(np.float32), np.sin(angles).astype(np.float32)
+            place = positions[:, bodies, None].astype(np.float32)
+            part[..., 0] = place[..., 0] + cos * line[:, 0] - sin * line[:, 1]
+            part[..., 1] = place[..., 1] + sin * line[:, 0] + cos * line[:, 1]
+            first += count
+        return points
+
+
+class Vehicles:
+    """Drawing of all vehicles of a layout.
+
+    Attributes:
+        close_ups: entity -> m, what close-ups follow, and how far the vehicle reaches from its joint.
+        boxes: entities that stand for vehicles where the whole track is shown.
+        followed: names of the vehicles that close-ups follow, one behind the other.
+
+    Args:
+        layout: What is drawn.
+        outlines: Vehicle -> body -> (n, 2) m in rerun's plane, in the body's axes; a body without one is a dot.
+        carriers: Names of the vehicles that are drawn together.
+    """
+
+    def __init__(
+        self, layout: Layout, outlines: Mapping[str, Mapping[str, FloatArray]], carriers: Collection[str]
+    ) -> None:
+        self._names = [*layout.vehicles]
+        self._spans = [range(first, last) for first, last in pairwise(layout.first_body)]
+        self._body_names = [body for bodies in layout.vehicles.values() for body in bodies]
+        self._lines = [outlines.get(name, {}).get(body) for name, bodies in layout.vehicles.items() for body in bodies]
+        self._alone = [index for index, name in enumerate(self._names) if name not in carriers]
+        self._together = [index for index, name in enumerate(self._names) if name in carriers]
+        rows = [row for index in self._together for row in self._spans[index]]
+        self._dots = [row for row in rows if self._lines[row] is None]
+        self._joined_rows = [row for row in rows if self._lines[row] is not None]
+        self._joined = Outlines([line for row in self._joined_rows if (line := self._lines[row]) is not None])
+        spread = np.linspace(0, len(self._together), min(CLOSE_UPS, len(self._together)), endpoint=False, dtype=int)
+        self._followed = {
+            entity_path("track/close_ups", self._names[index]): index
+            for index in (self._together[int(place)] for place in spread)
+        }
+        self._labelled = 0 < len(self._names) <= LABELS
+        self._label_sizes = label_sizes(self._names)
+        self._pixel, self._taken = 1.0, np.empty((0, 4))  # m; see `begin`
+        self.followed = [self._names[index] for index in (*self._alone, *self._followed.values())][:CLOSE_UPS]
+        self.close_ups: dict[str, float] = {}
+        self.boxes = [
+            entity_path(entity_path("track/carriages", self._names[index]), "(box)")
+            for index in self._alone
+            if self._spans[index]
+        ]
+
+    def points(self, c: Columns) -> list[FloatArray]:
+        """Return known points (n, 2) m of each vehicle in a frame, its joint and then its bodies, x and z."""
+        outlines = Outlines([np.zeros((1, 2)) if line is None else line for line in self._lines])
+        bodies, pitches = plane(planar(c.body_position))[None], c.body_angles[None, :, 1]
+        points = plane(outlines.placed(bodies, pitches)[0])
+        owners = np.repeat(outlines.bodies, outlines.lengths)
+        groups = [
+            np.vstack([joint, points[(owners >= span.start) & (owners < span.stop)]])
+            for joint, span in zip(planar(c.joint_position), self._spans, strict=True)
+        ]
+        return [group[~np.isnan(group).any(axis=1)] for group in groups]
+
+    def begin(self, stream: rr.RecordingStream, c: Columns, pixel: float, taken: FloatArray) -> None:
+        """Log static data of the vehicles in a first frame.
+
+        Args:
+            stream: Takes it.
+            c: That frame.
+            pixel: m, of the smallest screen.
+            taken: (n, 4) pixels where other labels stand, see `apart`.
+        """
+        self._pixel, self._taken = pixel, taken
+        if self._labelled:
+            colors = _colors(CARRIAGE_COLORS, range(len(self._names)))
+            names = rr.Points2D.from_fields(colors=colors, radii=[0.0], labels=self._names, show_labels=True)
+            stream.log(NAMES, names, static=True)
+        reaches = [_reach(points) for points in self.points(c)]
+        self.close_ups = {}
+        for index in self._alone:
+            color = CARRIAGE_COLORS[index % len(CARRIAGE_COLORS)]
+            path = entity_path("track/carriages", self._names[index])
+            dot = rr.Points2D([(0.0, 0.0)], colors=[color], radii=pixels(4.5), draw_order=40.0)
+            stream.log(path, dot, static=True)
+            if (box := entity_path(path, "(box)")) in self.boxes:  # it hangs from a short line, as large as can be seen
+                sides = np.array([(0, 0), (0, 1), (1, 1), (1, 3), (-1, 3), (-1, 1), (0, 1)]) * (4.0 * pixel)
+                stream.log(box, rr.LineStrips2D([sides], colors=[color], radii=pixels(1.5)), static=True)
+            for number, row in enumerate(self._spans[index]):
+                tint = BODY_COLORS[number % len(BODY_COLORS)]
+                line = self._lines[row]
+                shape = (
+                    rr.Points2D([(0.0, 0.0)], colors=[tint], radii=pixels(3.0))
+                    if line is None
+                    else rr.LineStrips2D([line], colors=[tint], radii=pixels(2.0))
+                )
+                stream.log(entity_path(path, self._body_names[row]), shape, static=True)
+            self.close_ups[path] = reaches[index]
+        if self._together:
+            numbers = {row: number for span in self._spans for number, row in enumerate(span)}
+            stream.log(
+                CARRIERS,
+                rr.LineStrips2D.from_fields(
+                    colors=_colors(BODY_COLORS, [numbers[self._joined_rows[body]] for body in self._joined.bodies]),
+                    radii=pixels(2.0),
+                ),
+                rr.Points2D.from_fields(
+                    colors=_colors(CARRIAGE_COLORS, range(len(self._together))),
+                    radii=pixels(3.5),
+                    draw_order=40.0,
+                ),
+                static=True,
+            )
+            self.close_ups |= {path: reaches[index] for path, index in self._followed.items()}
+
+    def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
+        """Send the poses of vehicles in selected frames of a batch."""
+        times = c.time[rows, 0]
+        joints = plane(planar(c.joint_position[rows]))
+        bodies = plane(planar(c.body_position[rows]))
+        pitches = c.body_angles[rows, :, 1]
+        for index in self._alone:
+            path = entity_path("track/carriages", self._names[index])
+            _send_pose(stream, path, times, joints[:, index])
+            for row in self._spans[index]:
+                child = entity_path(path, self._body_names[row])
+                _send_pose(stream, child, times, bodies[:, row] - joints[:, index], pitches[:, row])
+        for path, index in self._followed.items():
+            _send_pose(stream, path, times, joints[:, index])
+        if self._labelled:
+            self._send_names(stream, times, joints)
+        if self._together:
+            dots = np.concatenate([joints[:, self._together], bodies[:, self._dots]], axis=1)
+            lines = self._joined.placed(bodies[:, self._joined_rows], pitches[:, self._joined_rows])
+            self._send_joined(stream, times, dots, lines)
+
+    @property
+    def headroom(self) -> float:
+        """Height (pixels) of vehicle names above a rope."""
+        return LIFT + float(self._label_sizes[0, 1]) if self._labelled else 0.0
+
+    def _send_names(self, stream: rr.RecordingStream, times: FloatArray, joints: FloatArray) -> None:
+        """Send name positions above the joints (frames, vehicles, 2) in m, stacked where they would overlap."""
+        known = rows_without_gaps(joints)
+        if not known.any():
+            return
+        upwards = joints[known] / self._pixel * (1.0, -1.0) + (0.0, LIFT)
+        feet = apart(upwards, self._label_sizes, self._taken)
+        tops = (feet + (0.0, 1.0) * self._label_sizes) * (1.0, -1.0) * self._pixel
+        places = rr.Points2D.columns(positions=tops.reshape(-1, 2).astype(np.float32))
+        columns = [column.partition([len(self._names)] * int(known.sum())) for column in places]
+        stream.send_columns(NAMES, [time_column(times[known])], columns, strict=True)
+        time.sleep(0)
+
+    def _send_joined(
+        self, stream: rr.RecordingStream, times: FloatArray, dots: FloatArray, points: NDArray[np.float32]
+    ) -> None:
+        """Send dots (frames, dots, 2) and outlines (frames, points, 2) in m of all carriers together."""
+        known = rows_without_gaps(dots, points)
+        frames = int(known.sum())
+        if not frames:
+            return
+        offsets = np.concatenate(([0], np.cumsum(np.tile(self._joined.lengths, frames)))).astype(np.int32)
+        flat = rr.components.Position2DBatch(points[known].reshape(-1, 2)).as_arrow_array()
+        lines = rr.LineStrips2D.columns(strips=pa.ListArray.from_arrays(offsets, flat, type=LINES_TYPE))
+        places = rr.Points2D.columns(positions=dots[known].reshape(-1, 2).astype(np.float32))
+        columns = [column.partition([len(self._joined.lengths)] * frames) for column in lines]
+        columns += [column.partition([dots.shape[1]] * frames) for column in places]
+        stream.send_columns(CARRIERS, [time_column(times[known])], columns, strict=True)
+        time.sleep(0)
+
+
+def _colors(table: Sequence[int], numbers: Iterable[int]) -> NDArray[np.uint32]:
+    """Return a colour array by number, as rerun would take three or four plain integers for one colour."""
+    return np.array([table[number % len(table)] for number in numbers], dtype=np.uint32)
+
+
+def _reach(points: FloatArray) -> float:
+    """Return the largest distance (m) of points (n, 2) from the first one, at least a minimum above zero."""
+    return max(float(np.hypot(*(points - points[:1]).T).max(initial=0.0)), 1e-3)
+
+
+def _send_pose(
+    stream: rr.RecordingStream,
+    path: str,
+    times: FloatArray,
+    places: FloatArray,
+    angles: FloatArray | None = None,
+) -> None:
+    """Send the poses of an entity: places (frames, 2) in m and angles (frames,) in rad."""
+    known = rows_without_gaps(places) if angles is None else rows_without_gaps(places, angles)
+    if not known.any():
+        return
+    translations = np.zeros((int(known.sum()), 3))
+    translations[:, :2] = places[known]
+    if angles is None:
+        columns = rr.Transform3D.columns(translation=translations)
+    else:
+        half = angles[known] / 2.0
+        quaternions = np.stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)], axis=1)
+        columns = rr.Transform3D.columns(translation=translations, quaternion=quaternions)
+    stream.send_columns(path, [time_column(times[known])], columns, strict=True)
+    time.sleep(0)  # the frame loop may be waiting for the interpreter
+
+
+LINES_TYPE = rr.components.LineStrip2DBatch([]).as_arrow_array().type
