@@ -242,7 +242,7 @@ def modes() -> Iterator[Result]:
 def small_swing() -> Iterator[Result]:
     """The shipped chairlift, its rope undamped: its drive holds with a force, and the rope is pushed along; 40 s."""
     undamped = {f"ropes.{rope}.damping_time": 0.0 for rope in ("up", "down")}
-    for step, apart in ((0.001, 5e-3), (0.01, 2e-2)):
+    for step in (0.001, 0.01):
         swings = []
         for tolerance in (1e-12, 1e-9):
             solver = {"solver.step": step, "solver.tolerance": tolerance}
@@ -252,7 +252,7 @@ def small_swing() -> Iterator[Result]:
             motion.rope.velocity[:] = motion.rim.velocity[:] = 1e-3
             simulation.advance_to(30.0)
             swings.append(1e3 * float(np.std(rung(simulation, 10.0, "rope"))))
-        yield Result(f"rms of 30 to 40 s, {step * 1e3:g} ms", "mm/s", *swings, apart * swings[0])
+        yield Result(f"rms of 30 to 40 s, {step * 1e3:g} ms", "mm/s", *swings, 5e-3 * swings[0])
 
 
 @case("order in the step, of a loop", "generalized-alpha is of second order", needs_jit=True)

@@ -55,13 +55,7 @@ class Solver(Section):
     spectral_radius: float = quantity(
         "-", "what is left of the highest frequencies in a step; more than 0.8 fails now and then", 0.7, ge=0, le=1
     )
-    tolerance: float = quantity(
-        "m",
-        "estimated error of a position at which the Newton iteration ends; with 1e-9 and steps of 10 ms, a small swing "
-        "along the rope of a lift is 1.5 % off after 40 s, with 1e-12 it is not",
-        1e-9,
-        gt=0,
-    )
+    tolerance: float = quantity("m", "estimated error of a position at which the Newton iteration ends", 1e-9, gt=0)
     max_iterations: int = quantity("-", "Newton iterations before a step is halved", 12, ge=1, le=1000)
     max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)
 

@@ -3,8 +3,9 @@
 A wheel counts rope by its unstrained length, of which as much leaves it as comes to it; a force by that length is the
 tension times the stretch there, and times the rate of that length the power. What turns by its forces, and the carriage
 of a counterweight, are coordinates of generalized-alpha as those of the ropes. Their increments come after those of
-the strands, with what these pull with then; the tangent is that of a long strand, and close. What a drive moves, a rope
-that slips, a wheel that its brake stops and a cylinder go as the forces at the start of the step have it.
+the strands, with what these pull with then; the tangent is that of a long strand, times what the steps before have
+measured. What a drive moves, a rope that slips, a wheel that its brake stops and a cylinder go as the forces at the
+start of the step have it.
 """
 
 from __future__ import annotations
@@ -17,13 +18,24 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.readout.columns import STOPPING
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, FIXED, HYDRAULIC, SYSTEM
+from cable_twin.mechanics.solution.bundle.records import (
+    COUNTERWEIGHT,
+    FIXED,
+    HYDRAULIC,
+    LEAST_ANSWER,
+    MOST_ANSWER,
+    SYSTEM,
+)
 from cable_twin.mechanics.solution.newmark import factors
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
 ESTIMATED = 3  # iterations of a step that go by the estimated stiffness, which most steps need no more than
 OVERSHOT = 0.5  # share of the last increment by which one goes back, from which on the stiffness is measured
 GONE_OVER, TRAVEL = range(2)  # BundleWork.wheel_stiffness
+GAIN = 0.2  # of a measurement, in what is known of a stiffness
+LEAST_SHARE = 0.5  # of the largest increment, from which on one measures
+LEAST_TURN = 1e-11  # m, likewise: what is less is rounding
+MOST_LEFT = 0.1  # share of an increment: what leaves more has met something else
 NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 
@@ -163,10 +175,11 @@ def add_increment(motion, number, c, h, delta):
 
 
 @kernel
-def correct_bullwheels(bundle, motion, scratch, system, c, h):
+def correct_bullwheels(bundle, motion, scratch, system, c, h, iteration):
     """Newton increments of freely moving bullwheels and counterweights, from present strand pulls; the largest (m)."""
     sheaves, largest = bundle.sheaves, 0.0
     last, measured = scratch.wheel_increment, scratch.wheel_stiffness
+    most = largest_of(last) if iteration == 2 else inf
     for sheave in range(sheaves.inertia.size):
         if motion.by_forces[sheave] == NOTHING and sheaves.tensioning[sheave] != COUNTERWEIGHT:
             continue
@@ -175,6 +188,9 @@ def correct_bullwheels(bundle, motion, scratch, system, c, h):
         on, off = stiffness_of_end(first, c, h), stiffness_of_end(second, c, h)
         if motion.by_forces[sheave] != NOTHING:
             force, stiffness = missing_rope(sheaves, motion, sheave, c, h, on, off)
+            stiffness = answered(motion, last, sheave, GONE_OVER, force, stiffness, most)
+            if iteration <= ESTIMATED:
+                last[sheave, GONE_OVER] = 0.0
             delta = measured_increment(last, measured, sheave, GONE_OVER, force, stiffness)
             add_increment(motion.rope, sheave, c, h, delta)
             if motion.by_forces[sheave] == WHEEL:
@@ -182,10 +198,45 @@ def correct_bullwheels(bundle, motion, scratch, system, c, h):
             largest = largest if abs(delta) <= largest else abs(delta)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
             force, stiffness = missing_travel(sheaves, motion, sheave, c, h, on + off)
+            stiffness = answered(motion, last, sheave, TRAVEL, force, stiffness, most)
+            if iteration <= ESTIMATED:
+                last[sheave, TRAVEL] = 0.0
             delta = measured_increment(last, measured, sheave, TRAVEL, force, stiffness)
             add_increment(motion.carriage, sheave, c, h, delta)
             largest = largest if abs(delta) <= largest else abs(delta)
     return largest
+
+
+@kernel
+def largest_of(last):
+    """The largest increment (m) of all wheels and carriages in the iteration before."""
+    most = 0.0
+    for sheave in range(last.shape[0]):
+        for kind in range(2):
+            most = max(most, abs(last[sheave, kind]))
+    return most
+
+
+@kernel
+def answered(motion, last, sheave, kind, force, stiffness, most):
+    """Stiffness (N/m) as the second iterations of the steps before have measured it, and this one, if it is one.
+
+    Args:
+        motion: of the bullwheels.
+        last: (wheels, 2) m, increments of the iteration before.
+        sheave: number of the wheel.
+        kind: GONE_OVER or TRAVEL.
+        force: N, that is left.
+        stiffness: N/m, estimated.
+        most: m, largest of the first increments of this step; inf where this is no second iteration.
+    """
+    before = last[sheave, kind]
+    if abs(before) > LEAST_SHARE * most and abs(before) > LEAST_TURN:
+        left = force / (motion.answer[sheave, kind] * stiffness * before)
+        if abs(left) < MOST_LEFT:
+            now = motion.answer[sheave, kind] * (1.0 - GAIN * left)
+            motion.answer[sheave, kind] = min(max(now, LEAST_ANSWER), MOST_ANSWER)
+    return motion.answer[sheave, kind] * stiffness
 
 
 @kernel

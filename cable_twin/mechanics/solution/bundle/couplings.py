@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.solution.bundle.bullwheels import (
-    ESTIMATED,
     correct_bullwheels,
     end_bullwheels,
     move_bullwheels,
@@ -61,9 +60,9 @@ def correct_couplings(bundle, moving, scratch, system, state, c, h, iteration):
     if bundle.sheaves.inertia.size == 0:
         return 0.0
     feel_ends(bundle, moving.sheaves, system, state)
-    if iteration <= ESTIMATED:
+    if iteration == 1:
         scratch.wheel_increment[:] = 0.0
-    turned = correct_bullwheels(bundle, moving.sheaves, scratch, system, c, h)
+    turned = correct_bullwheels(bundle, moving.sheaves, scratch, system, c, h, iteration)
     carry_on(bundle, moving.sheaves, system, state)
     follow_clamps(bundle, moving, system, state)
     return turned

@@ -18,6 +18,7 @@ SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
 FLAG, SIGN = Range(0, 1), Range(-1, 1)
+LEAST_ANSWER, MOST_ANSWER = 0.5, 2.0  # measured stiffness of the strands at a bullwheel, over the estimated one
 LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
 
 
@@ -142,6 +143,9 @@ class BullwheelMotion(NamedTuple):
         FloatArray, Of("wheel", 2, unit="N")
     ]  # of the strand that comes to it, and of that which leaves it
     stretch: Annotated[FloatArray, Of("wheel", first=1.0)]  # length of the rope on it over that without strain
+    answer: Annotated[
+        FloatArray, Of("wheel", 2, first=1.0), Range(LEAST_ANSWER, MOST_ANSWER)
+    ]  # measured stiffness over the estimated one: against rope that goes over it, and against its carriage
     traction: Annotated[FloatArray, Of("wheel", unit="N")]  # of the rim on the rope, by the unstrained rope over it
     pull: Annotated[FloatArray, Of("wheel", unit="N")]  # of both strands against the direction in which it tensions
     slipping: Annotated[
