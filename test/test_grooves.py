@@ -72,7 +72,7 @@ def test_towers_that_the_rope_does_not_reach_in_plan_are_refused():
         load_scenario(BENT, {"towers.tower.position": [100.0, 8.0, 2.0], "cable.unstrained_length": 200.8})
     (fault,) = caught.value.faults
     assert re.search(
-        r"towers\.tower\.position: given \[100\.0, 8\.0, 2\.0\], .* sideways with [\d.]+ N, 0\.\d+ of its normal "
+        r"towers\.tower\.position: given \[100\.0, 8\.0, 2\.0\], .* sideways with [\d.]+ kN, 0\.\d+ of its normal "
         r"force; allowed: at most 0\.5 of it \(derailment_ratio\): move the tower towards y = 0 m",
         fault,
     ), fault

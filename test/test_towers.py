@@ -26,7 +26,7 @@ def faults_of(overrides):
 
 FAULTS = [
     ("cable.end.mass", None, "nothing given, but a counterweight needs it; allowed: a number above 0, in kg"),
-    ("cable.end.mass", 8e6, "a strain of 19.7 %; allowed: at most 1.99e+07 N, for a strain of 5 %"),
+    ("cable.end.mass", 8e6, "a strain of 19.7 %; allowed: at most 19900 kN, for a strain of 5 %"),
     ("cable.end.direction", None, "nothing given, but a counterweight needs it"),
     ("cable.end.direction", [0, 0], "allowed: a direction, not all numbers zero"),
     ("cable.end.direction", [-1, 0], "lets the cable go slack; allowed: one that pulls it away from [500.0, 80.0]"),
@@ -87,7 +87,7 @@ REST = [
     ({"towers.tower.hold_down": True}, r"towers.tower.position: .* passes 6\d.\d m below its top .* lower"),
     ({"cable.end.travel": [-1, 1]}, "cable.end.travel: .* would rest at 4.488 m, it is too heavy, .* between -1 and 1"),
     ({"cable.end.mass": 20e3}, "cable.end.travel: .* would rest at -8.885 m, it is too light"),
-    ({"cable.end.mass": 500.0}, "cable.end.mass: .* too light to hold a cable of 2.07e[+]05 N; allowed: a heavier one"),
+    ({"cable.end.mass": 500.0}, "cable.end.mass: .* too light to hold a cable of 207 kN; allowed: a heavier one"),
 ]
 
 

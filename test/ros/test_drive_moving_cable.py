@@ -83,7 +83,7 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
     ("arguments", "line"),
     [
         (["haul_rope", "--force", "5"], "'haul_rope' moves the cable and takes no force; give it a speed (m/s)"),
-        (["chair_1", "--speed", "1"], "the twin has no carriage or drive 'chair_1' to command; it has: haul_rope"),
+        (["chair_1", "--speed", "1"], "'chair_1' moves with the cable and takes no command; drive: haul_rope"),
         (["haul_rope", "--speed", "9"], "speed of 'haul_rope' is 9 m/s; allowed are -5 to 5 m/s"),
     ],
 )
