@@ -26,16 +26,16 @@ def flows(system, state):
 
 
 @inlined_kernel
-def flow_factors(cable, state, arc_length):
-    """Factors of FLOW by rates (kg/s), FLOW by positions (N/m) and SLOPE (N), of elements around an arc length.
+def flow_factors(cable, state, middle):
+    """Factors of FLOW by rates (kg/s), FLOW by positions (N/m) and SLOPE (N), of elements with a middle arc length (m).
 
     2 ρA u ∫SᵀS_s ds of ė, and ρA u_t ∫SᵀS_s ds - ρA u² / λ ∫S_sᵀS_s ds of e. The last one is SᵀS_ss integrated by
     parts; what w w_s adds to it, and to w_t, and λ_t in that, cancel, so that u_t is all that is left. Its boundary
     term acts on the ends only, which are held; left out, a support's force has the momentum in it that its sheave takes
     over, and is smaller than the tension by ρA u² |r_s| / λ.
     """
-    speed, mass = between_ends(cable, state.rope.velocity, arc_length), cable.mass_per_length
-    rate = between_ends(cable, state.rope.acceleration, arc_length)
+    speed, mass = between_ends(cable, state.rope.velocity, middle), cable.mass_per_length
+    rate = between_ends(cable, state.rope.acceleration, middle)
     return 2.0 * mass * speed, mass * rate, -mass * speed * speed / rest_stretch(cable, state)
 
 
