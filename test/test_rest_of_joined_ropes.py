@@ -14,7 +14,7 @@ from cable_twin.mechanics.solution.bundle.loop_in_closed_form import on_bullwhee
 from cable_twin.mechanics.solution.bundle.records import bullwheels_at_rest
 from cable_twin.mechanics.solution.catenary import rest_over_supports
 from cable_twin.scenario import load_scenario
-from cable_twin.scenario.build.bundle import build_bullwheels, build_ropes
+from cable_twin.scenario.builders.bundle import build_bullwheels, build_ropes
 from cable_twin.simulation import EquilibriumError, Simulation
 from verification import JIT
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from cable_twin.scenario.build.vehicles import PRESLIDING
+from cable_twin.scenario.builders.vehicles import PRESLIDING
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import GRAVITY, beam

@@ -1,7 +1,7 @@
 """Scenarios: YAML files checked with all faults at once, and built into the constants of the mechanics."""
 
-from cable_twin.scenario.build.system import build_payloads, build_system, masts, tower_axes
-from cable_twin.scenario.build.vehicles import vehicle_buffer
+from cable_twin.scenario.builders.system import build_payloads, build_system, masts, tower_axes
+from cable_twin.scenario.builders.vehicles import vehicle_buffer
 from cable_twin.scenario.checks.wind_conflicts import wind_unfelt
 from cable_twin.scenario.command_limits import (
     CommandLimits,

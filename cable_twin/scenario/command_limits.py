@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cable_twin.basics.printable import printable
 from cable_twin.basics.units import rounded
-from cable_twin.scenario.build.vehicles import stop_stroke
+from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.schema import Scenario
 
 SAFETY = 4.5  # -, of a haul rope in operation

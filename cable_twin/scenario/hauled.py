@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from cable_twin.scenario.build.vehicles import stop_stroke
+from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.checks.fault import Fault
 from cable_twin.scenario.schema import Scenario
 

@@ -27,7 +27,7 @@ from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import note_rest, relax, watching_relaxation
 from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.build.bundle import (
+from cable_twin.scenario.builders.bundle import (
     build_bullwheels,
     build_clamps,
     build_connectors,

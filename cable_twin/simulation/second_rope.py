@@ -10,7 +10,7 @@ from cable_twin.mechanics.readout.samples import places_on, sample_positions
 from cable_twin.mechanics.solution.bundle.records import BundleState, Clamps
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.build.bundle import clamped
+from cable_twin.scenario.builders.bundle import clamped
 from cable_twin.simulation.ropeway import Ropeway
 
 BESIDE = 1e-3  # m, on both sides of a place, for the slope there

@@ -7,7 +7,7 @@ from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import deflection, friction_force, settle_friction
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import build_system, load_scenario
-from cable_twin.scenario.build.vehicles import PRESLIDING
+from cable_twin.scenario.builders.vehicles import PRESLIDING
 from verification import JIT
 from verification.drives import GRAVITY, MASS, gained_speed, slope
 

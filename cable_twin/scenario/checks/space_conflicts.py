@@ -11,7 +11,7 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
-from cable_twin.scenario.build.system import build_system, tower_axes
+from cable_twin.scenario.builders.system import build_system, tower_axes
 from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import Tower

@@ -9,7 +9,7 @@ from re import fullmatch
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.scenario.build.vehicles import BRAKES, inertia_tensor, stop_stroke
+from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.checks.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.carriers import Carriers

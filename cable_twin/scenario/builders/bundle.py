@@ -17,8 +17,8 @@ from cable_twin.mechanics.solution.bundle.records import (
     Connectors,
     Pantographs,
 )
-from cable_twin.scenario.build.system import BUFFER, build_system
-from cable_twin.scenario.build.vehicles import floats
+from cable_twin.scenario.builders.system import BUFFER, build_system
+from cable_twin.scenario.builders.vehicles import floats
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.bullwheels import Sheave
 from cable_twin.scenario.sections.drives import Limits

@@ -9,9 +9,9 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads
 from cable_twin.mechanics.solution.catenary import line_over
-from cable_twin.scenario.build.mesh import even_nodes, nodes_of, with_marks
-from cable_twin.scenario.build.vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
-from cable_twin.scenario.build.wind import build_wind
+from cable_twin.scenario.builders.mesh import even_nodes, nodes_of, with_marks
+from cable_twin.scenario.builders.vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
+from cable_twin.scenario.builders.wind import build_wind
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.end_supports import EndSupport
 from cable_twin.scenario.sections.line import Cable, Tower

@@ -6,8 +6,8 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import STEADY, FloatArray
-from cable_twin.scenario.build.turbulence import make_turbulence
-from cable_twin.scenario.build.vehicles import floats
+from cable_twin.scenario.builders.turbulence import make_turbulence
+from cable_twin.scenario.builders.vehicles import floats
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.quantities import in_space
 
