@@ -92,6 +92,7 @@ def test_kernels_of_another_folder_follow_their_sources_and_leave_those_of_the_m
         "print(scaled(2.0), cache_directory(MECHANICS))\n"
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # which would be that of a file as long, written in the same second
     outputs = []
     for factor in (3.0, 4.0):
         (folder / "constants.py").write_text(f"FACTOR = {factor}\n")
