@@ -155,6 +155,20 @@ def test_a_passenger_swings_on_and_back_and_counts_until_told_to_move():
     assert "cabin: stopping distance" in gathered(figures)
 
 
+def test_a_stop_from_a_creep_is_none_of_a_passengers_either():
+    """Told to creep at 0.05 m/s and to stand again after a stop from 6 m/s: what counts stays that stop."""
+    figures = KeyFigures(scenario())
+    drive(figures, lambda _: 6.0, 5.0)
+    figures.command(AppliedCommand(5.0, Command("speed", {"cabin": 0.0}), "test"))
+    drive(figures, lambda moment: max(6.0 - 1.2 * (moment - 5.0), 0.0), 6.0, start=130.0, begin=5.0)
+    figures.command(AppliedCommand(11.5, Command("speed", {"cabin": 0.05}), "test"))
+    drive(figures, lambda _: 0.05, 1.0, start=145.0, begin=11.5)
+    figures.command(AppliedCommand(12.5, Command("speed", {"cabin": 0.0}), "test"))
+    drive(figures, lambda _: 0.02, 1.0, start=145.05, begin=12.51)
+    for name in ("stopping distance", "passenger's stopping distance"):
+        assert gathered(figures)[f"cabin: {name}"].place.startswith("stop from 6.00 m/s")
+
+
 def test_stopping_distance_counts_from_the_command_also_between_frames():
     figures = KeyFigures(scenario())
     drive(figures, lambda _: 6.0, 5.0)

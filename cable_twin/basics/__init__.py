@@ -1,1 +1,1 @@
-"""What every room may use: texts that can be printed, units, YAML within limits, files on a disk."""
+"""Basics of the whole package: printable texts, units, YAML within limits, files on disk."""

@@ -1,1 +1,1 @@
-"""A frame: what goes in and out of a simulation, one row of numbers with named columns, commands and signals."""
+"""Frames of a simulation: records, snapshots as rows of named columns, commands, signals and sensors."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures.figure import KeyFigure
-from cable_twin.key_figures.stops import STANDSTILL, along_rope
+from cable_twin.key_figures.stops import SLOWEST, along_rope
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.vehicles import Carriage
 
@@ -105,7 +105,7 @@ class SeatStops:
             return
         row, self._stands[number] = self._rows[number], True
         speed = float(last.columns.speed[row])
-        if abs(speed) > STANDSTILL and last.columns.attached[row] == 1.0:
+        if abs(speed) > SLOWEST and last.columns.attached[row] == 1.0:
             self._kinds[number], self._over[number], self._under_way = kind, False, True
             self._start[number], self._begun[number] = speed, time
             self._way[number] = -abs(speed) * (time - last.time)  # gone since the last frame, before the command

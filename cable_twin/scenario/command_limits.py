@@ -77,7 +77,7 @@ def _not_commanded(scenario: Scenario, name: str) -> str:
 
 
 def unknown_name(scenario: Scenario, name: str) -> str:
-    """What is said where a command names nothing that the scenario has."""
+    """Message for a command to a name that the scenario does not have."""
     own = [other for other, one in scenario.vehicles.items() if one.joint != "clamped" and not one.clamped_to]
     known = ", ".join([*scenario.drives, *own]) or "none in this scenario"
     return f"unknown carriage or drive '{printable(name)}'; known: {known}"

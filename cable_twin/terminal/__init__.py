@@ -1,1 +1,1 @@
-"""What commands show in a terminal: options and faults, bars of progress, the status bar."""
+"""Terminal output of the commands: options, faults, progress bars and the status bar."""

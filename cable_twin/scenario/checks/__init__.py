@@ -1,1 +1,1 @@
-"""What values may not be together, and how a fault is told."""
+"""Checks of a scenario: values that exclude each other, and the faults that report them."""
