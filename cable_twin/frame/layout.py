@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.column_shapes import SHAPES
 from cable_twin.frame.records import FloatArray
-from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.mechanics.readout.columns import Columns, Rows
 from cable_twin.scenario import Scenario, most_by_friction
 
 IntArray = NDArray[np.int64]
@@ -22,19 +22,14 @@ CABLE = "cable"  # name of the only rope
 COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
 DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
 
-NOWHERE, EVERYWHERE = -2, -1  # of `_Share.owner`: what is no part of a frame, and what is there whatever is attached
-
 
 class _Share(NamedTuple):
     """Numbers of a frame that belong to one rope, in the order of the rope's own frame."""
 
     number: int  # of the rope
     numbers: IntArray  # (size of that,) their places in the frame
-    owner: IntArray  # (size of that,) number of the vehicle there of which it is, NOWHERE or EVERYWHERE
     attached: IntArray  # (vehicles there,) place of the number of that name, in its own frame
-    always: NDArray[np.bool_]  # (vehicles there,) it is told by this rope also where it is on none
     rope: IntArray  # (vehicles there,) place of the number of its rope, in its own frame
-    across: IntArray  # places of the y of all points, in its own frame
 
 
 class Layout:
@@ -60,6 +55,7 @@ class Layout:
         sample_ropes: number of the rope of each sample (samples,).
         vehicle_ropes: (vehicles,) number of the rope of each vehicle, of one that goes round a loop the first.
         joints: (joints, 2) numbers of a rope and of a vehicle that may be on it: of carriers, one a strand.
+        rope_supports: rows of the supports of each rope.
         tensioned: names of the bullwheels that something tensions.
         arms: (drives,) m, radius of the bullwheel of each drive.
         drive_limits: (drives,) N, force of each at which the rope slips on its bullwheel; NaN of a moving cable.
@@ -153,8 +149,8 @@ class Layout:
         self.drive_limits = np.full(len(self.drives), np.nan)
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
+        self.rope_supports: tuple[slice, ...] = (slice(0, len(self.supports)),)
         self._shares: dict[str, _Share] = {}
-        self._written: dict[str, tuple[bytes, IntArray, IntArray, IntArray]] = {}  # of which vehicles by `put`, where
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -180,6 +176,8 @@ class Layout:
         )
         if scenario.ropes:
             layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=True)}
+        ends = [0, *np.cumsum([len(own) for own in supports]).tolist()]
+        layout.rope_supports = tuple(slice(first, last) for first, last in pairwise(ends))
         wheels = scenario.sheaves
         layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
         layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
@@ -210,40 +208,53 @@ class Layout:
 
     def _share_of(self, number: int, name: str) -> _Share:
         """Share of one rope in the numbers of a frame."""
-        own = self.alone[name]
-        home = next((row for row, one in enumerate(self.alone.values()) if one.carriers), 0)
-        before = sum(len(other.supports) for other in list(self.alone.values())[:number])
+        own, supports = self.alone[name], self.rope_supports[number]
         vehicles = np.array([self.vehicle_rows[vehicle] for vehicle in own.vehicles], dtype=np.int64)
         bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
         rows: dict[str, Any] = {
             "samples": self.ropes[name],
             "ropes": slice(number, number + 1),
-            "supports": slice(before, before + len(own.supports)),
+            "supports": supports,
             "vehicles": vehicles,
             "carriages": vehicles[: len(own.carriages)],
             "bodies": np.array(bodies, dtype=np.int64),
             **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), slice(0, 0)),
         }
-        places, owner = self.places, np.full(own.size, EVERYWHERE)
+        places, here = self.places, own.places
         there = [field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in places._asdict().items()]
-        owners, here = own.columns(owner), own.places  # views of `owner`
-        numbers = np.arange(len(vehicles))
-        owned = {"vehicles": numbers, "carriages": numbers[: len(own.carriages)]}
-        owned["bodies"] = np.repeat(numbers, np.diff(own.first_body))
-        for key, field in owners._asdict().items():
-            if (whose := owned.get(str(SHAPES[key][0]))) is not None:
-                field[:] = whose.reshape(-1, *(1 for _ in field.shape[1:]))
-        owners.vehicle_rope[:] = owners.time[:] = NOWHERE
-        across = [here.rope_position[:, 1], here.joint_position[:, 1], here.body_position[:, 1]]
         return _Share(
             number=number,
             numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
-            owner=owner,
             attached=here.attached.astype(np.int64),
-            always=(numbers < len(own.carriages)) | (number == home),
             rope=here.vehicle_rope.astype(np.int64),
-            across=np.concatenate(across).astype(np.int64),
         )
+
+    def rows_of(self, rope: int) -> Rows:
+        """Rows of the vehicles and bodies of one rope; the first rope with carriers reports those on no rope."""
+        vehicles = self.joints[self.joints[:, 0] == rope, 1]
+        carried = self.joints[self.joints[:, 1] >= len(self.carriages), 0]
+        bodies = [np.arange(self.first_body[row], self.first_body[row + 1]) for row in vehicles]
+        return Rows(
+            rope=rope,
+            vehicle=vehicles.copy(),
+            body=np.concatenate([np.zeros(0, dtype=np.int64), *bodies]),
+            own=int(np.sum(vehicles < len(self.carriages))),
+            reports_detached=rope == min(carried.tolist(), default=0),
+            lateral=[*self.laterals.values()][rope],
+        )
+
+    def columns_of(self, rope: int, columns: Columns) -> Columns:
+        """Views of the columns of a frame with the samples, supports and tension range of one rope, by its number.
+
+        Columns of vehicles and bodies stay whole; drives of several ropes are those of bullwheels, on no rope.
+        """
+        rows = {
+            "samples": [*self.ropes.values()][rope],
+            "supports": self.rope_supports[rope],
+            "ropes": slice(rope, rope + 1),
+            "drives": slice(None) if len(self.ropes) == 1 else slice(0),
+        }
+        return Columns(*(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items()))
 
     def of_rope(self, numbers: FloatArray, name: str) -> FloatArray:
         """Frame of one rope in its own layout, from the numbers (size,) of the whole frame.
@@ -257,23 +268,6 @@ class Layout:
         if self.rides_loop:
             own[share.attached[own[share.rope] != share.number]] = 0.0
         return own
-
-    def put(self, numbers: FloatArray, name: str, own: FloatArray) -> None:
-        """Write the frame of one rope into the numbers of the whole frame.
-
-        Of carriers, those that are on it; the first rope that has any gives what is on none.
-        """
-        share = self._shares[name]
-        here = share.always | (own[share.attached] == 1.0)
-        if self.laterals[name]:  # of what was planar
-            own[share.across] = self.laterals[name]
-        present = here.tobytes()
-        if name not in self._written or self._written[name][0] != present:  # hardly ever: most frames are like the last
-            chosen = np.flatnonzero(np.append(here, (False, True))[share.owner])
-            self._written[name] = present, chosen, share.numbers[chosen], share.numbers[share.rope[here]]
-        _, chosen, places, ropes = self._written[name]
-        numbers[places] = own.take(chosen, mode="clip")
-        numbers[ropes] = share.number
 
     def on_loop(self, columns: Columns) -> FloatArray:
         """Places (..., vehicles) in m along the cable; of carriers on a loop, along its strands one after the other."""

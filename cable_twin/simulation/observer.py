@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.frame.records import FloatArray, SolverReport
+from cable_twin.frame.records import SolverReport
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.readout.columns import observe
@@ -30,20 +30,15 @@ class Observer:
         self.layout = layout = Layout.of(scenario, samples)
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
-        self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], Any]] = []
-        self._own: dict[str, FloatArray] = {}
+        self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], tuple[Any, ...]]] = []
 
     def _prepare(self) -> None:
-        """Find the places at which ropes are shown: by kernels, which a bare rope without a rest is not to wait for."""
-        layout = self.layout
-        for part, (name, points) in zip(self._engine.parts, layout.ropes.items(), strict=True):
-            own, columns = layout.alone.get(name), self._columns
-            if own is not None:
-                self._own[name] = numbers = np.zeros(own.size)
-                columns = own.columns(numbers)
-            places = places_on(part.system.cable, layout.arc_lengths[points])
-            packed = pack(part.state), pack(part.sections), pack(places)
-            self._of_ropes.append((part, packed, pack(columns)))
+        """Find the sample places on ropes: by kernels, for which a bare rope without an equilibrium is not to wait."""
+        for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
+            places = places_on(part.system.cable, self.layout.arc_lengths[samples])
+            read = pack(part.state), pack(part.sections), pack(places)
+            written = pack(self.layout.rows_of(number)), pack(self.layout.columns_of(number, self._columns))
+            self._of_ropes.append((part, read, written))
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read a snapshot from the present state.
@@ -55,10 +50,8 @@ class Observer:
         if not self._of_ropes:
             self._prepare()
         self._engine.couple()
-        for part, packed, columns in self._of_ropes:
-            observe(part.packed_system, *packed, part.start.tower_load, columns)
-        for name, own in self._own.items():
-            self.layout.put(self._numbers, name, own)
+        for part, read, written in self._of_ropes:
+            observe(part.packed_system, *read, part.start.tower_load, *written)
         self._engine.observe(self._columns)
         self._numbers[0] = time
         return Snapshot(self.layout, self._numbers.copy(), report)

@@ -26,6 +26,14 @@ def store_in_space(vector, row):
         row[1] = vector[1]
 
 
+@kernel
+def store_beside(vector, lateral, row):
+    """Write a vector (dim,) into `row` (3,) like `store_in_space`; in a plane with y at `lateral` (m)."""
+    store_in_space(vector, row)
+    if len(vector) == 2:
+        row[1] = lateral
+
+
 @by_reference
 class Places(NamedTuple):
     """Sample places on a rope, with their elements and shape functions."""
@@ -115,12 +123,11 @@ def bend_down(cable, state, arc_length, way, position):
 
 
 @kernel
-def sample_joints(system, state, positions):
-    """Fill `positions` (vehicles, 3) in m with the joints of vehicles on the rope, at their sharp kinks."""
+def joint_place(system, state, carriage):
+    """Position (dim,) in m of the joint of a vehicle, at its sharp kink on the rope."""
     cable = system.cable
-    for carriage in range(system.carriages.fixed.size):
-        place = position_on_cable(cable, state, state.joints.position[carriage])
-        if has_kinks(cable) and state.attached[carriage]:
-            way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
-            place = subtract(place, way)
-        store_in_space(place, positions[carriage])
+    place = position_on_cable(cable, state, state.joints.position[carriage])
+    if has_kinks(cable) and state.attached[carriage]:
+        way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
+        place = subtract(place, way)
+    return place
