@@ -20,7 +20,7 @@ from rich.progress import Progress
 from benchmarks.live_processes import NODE, PERIOD, BareTimer
 from benchmarks.measure import BenchmarkError, Effort, environment_of_user
 from benchmarks.report import Part, Table, Value
-from cable_twin.runtime.time_slice import wake_promptly
+from cable_twin.runtime.frame_loop import wake_promptly
 
 SCENARIO = "single_span"
 RATE = 100.0  # calls in a second, a stop and its release in turn

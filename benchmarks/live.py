@@ -21,7 +21,7 @@ from rich.progress import Progress
 from benchmarks.live_processes import PERIOD, BareTimer, Twin, memory, processor_seconds
 from benchmarks.measure import Effort
 from benchmarks.report import Part, Table, Value
-from cable_twin.runtime.lateness import COARSE_NAMES
+from cable_twin.runtime.frame_statistics import COARSE_NAMES
 
 SCENARIO = "aerial_tramway"
 MINUTES, QUICK_MINUTES = 2.0, 0.1

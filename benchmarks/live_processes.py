@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.measure import BenchmarkError, environment_of_user
 from cable_twin.messages import SECOND
-from cable_twin.runtime.lateness import LatenessHistogram
+from cable_twin.runtime.frame_statistics import LatenessHistogram
 from cable_twin.scenario import load_scenario
 
 NODE = "/cable_twin"

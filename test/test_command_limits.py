@@ -8,7 +8,7 @@ import pytest
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.ros.client.twin_list import UNLIMITED, limits_in
 from cable_twin.ros.description import robot_description
-from cable_twin.runtime.approach import target_of
+from cable_twin.runtime.point_to_point import target_of
 from cable_twin.scenario import command_limits, load_scenario, places_of
 from cable_twin.simulation.command_checks import check_drive
 

@@ -13,8 +13,8 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, compilation_watch
 from cable_twin.simulation.compilation_watch import Moment, watching_compilation, work_ahead
 from cable_twin.simulation.engine import Engine
-from cable_twin.terminal import compilation_bar
-from cable_twin.terminal.compilation_bar import BEGIN, compilation_shown
+from cable_twin.terminal import bars
+from cable_twin.terminal.bars import BEGIN, compilation_shown
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -72,7 +72,7 @@ def test_a_bar_is_for_terminals_and_lines_for_the_rest(monkeypatch, terminal):
             shown(Moment(share, "condense_chain", 20.0 * share))
         yield
 
-    monkeypatch.setattr(compilation_bar, "watching_compilation", compilation_bar.contextmanager(watching))
+    monkeypatch.setattr(bars, "watching_compilation", bars.contextmanager(watching))
     output, lines = StringIO(), []
     with compilation_shown(Console(file=output, force_terminal=terminal, width=100), lines.append):
         pass

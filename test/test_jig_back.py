@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from cable_twin.frame.records import CommandError
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.readout.boxes import box_distance
-from cable_twin.runtime.approach import target_of
+from cable_twin.runtime.point_to_point import target_of
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT

@@ -15,7 +15,7 @@ from cable_twin.offline.scripted_run import simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, advance
 from cable_twin.simulation.engine import watching_relaxation
-from cable_twin.terminal.compilation_bar import compilation_shown
+from cable_twin.terminal.bars import compilation_shown
 
 HEARD = 1.0  # s within which Ctrl-C is, and what a busy machine adds
 BUSY = 2.0  # s
@@ -66,8 +66,8 @@ def test_a_rest_in_parts_has_the_same_bits_and_tells_how_far_it_is(name, monkeyp
 
 
 def test_a_large_mesh_says_how_long_its_start_may_take(monkeypatch):
-    monkeypatch.setattr("cable_twin.terminal.compilation_bar.SOON", 0.0)
-    monkeypatch.setattr("cable_twin.terminal.compilation_bar.LARGE", 30)
+    monkeypatch.setattr("cable_twin.terminal.bars.SOON", 0.0)
+    monkeypatch.setattr("cable_twin.terminal.bars.LARGE", 30)
     monkeypatch.setattr(relaxation, "PART", 1)
     lines, output = [], StringIO()
     with compilation_shown(Console(file=output, force_terminal=False), lines.append):

@@ -10,7 +10,7 @@ from test_simulation import numbers, same
 from cable_twin.key_figures import BUFFER_FORCE, KeyFigures
 from cable_twin.messages.figure_messages import describe
 from cable_twin.offline import replay, simulate
-from cable_twin.runtime.figure_watch import FigureWatch
+from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 from cable_twin.simulation.meeting import with_buffers
@@ -46,7 +46,7 @@ def test_two_cabins_push_each_other_whatever_the_pacing():
     for snapshot in meet(simulation, 0.05 * np.arange(1, 91)):
         watch.update(snapshot)
         watch.statuses()
-        told += watch.take_news()
+        told += watch.take_messages()
         least = min(least, snapshot.carriages["down"].arc_length - snapshot.carriages["up"].arc_length)
     assert 1.0 < least < 2.0
     # 30 m less what a ramp to 5 m/s at 2 m/s² takes, at 10 m/s, until 2 m are left; the rope is stretched a little

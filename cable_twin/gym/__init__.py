@@ -5,8 +5,7 @@
 
 import gymnasium
 
-from cable_twin.gym.environment import RopewayEnv, vector_env
-from cable_twin.gym.observation import Observed
+from cable_twin.gym.environment import Observed, RopewayEnv, vector_env
 
 NAME = "cable_twin/Ropeway-v0"
 

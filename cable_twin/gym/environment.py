@@ -1,12 +1,14 @@
-"""Gymnasium environment with one twin, its actions and observations; rewards are left to the user."""
+"""Gymnasium environment with one twin: actions, observations by name; rewards are left to the user."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
 from functools import partial
+from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -15,9 +17,132 @@ from gymnasium.vector import AsyncVectorEnv
 
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, FloatArray
-from cable_twin.gym.observation import Observed, by_default, chosen, quantities
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation, SolverError
+
+
+class Quantity(NamedTuple):
+    """Observable number: unit, column in a row of a frame, and bounds."""
+
+    unit: str
+    column: float  # a whole number
+    low: float = -inf
+    high: float = inf
+
+
+class Observed(Mapping[str, float]):
+    """Observation with access by name: `after["cabin/speed"]`.
+
+    Attributes:
+        array: observed numbers (n,), in the order of `RopewayEnv.observation_names`.
+    """
+
+    __slots__ = ("_numbers", "array")
+
+    def __init__(self, numbers: Mapping[str, int], array: FloatArray) -> None:
+        self._numbers, self.array = numbers, array
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.array[self._numbers[name]])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._numbers)
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+
+def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
+    """All observable quantities of a scenario, by name; the cable is observed at its ends."""
+    columns = layout.columns(np.arange(layout.size, dtype=np.float64))
+    length = scenario.cable.unstrained_length
+    found = {"time": Quantity("s", 0, 0.0)}
+    for row, name in enumerate(layout.vehicles):
+        found |= {
+            f"{name}/arc_length": Quantity("m", columns.arc_length[row], 0.0, length),
+            f"{name}/speed": Quantity("m/s", columns.speed[row]),
+            f"{name}/drive_force": Quantity("N", columns.drive_force[row]),
+            f"{name}/payload": Quantity("kg", columns.payload[row], 0.0),
+            f"{name}/attached": Quantity("-", columns.attached[row], 0.0, 1.0),
+            f"{name}/contact_force_x": Quantity("N", columns.contact_force[row, 0]),
+            f"{name}/contact_force_z": Quantity("N", columns.contact_force[row, 2]),
+        }
+    for row, name in enumerate(layout.bodies):
+        found |= {
+            f"{name}/x": Quantity("m", columns.body_position[row, 0]),
+            f"{name}/z": Quantity("m", columns.body_position[row, 2]),
+            f"{name}/pitch": Quantity("rad", columns.body_angles[row, 1]),
+            f"{name}/pitch_rate": Quantity("rad/s", columns.body_angular_velocity[row, 1]),
+        }
+    for row, name in enumerate(layout.drives):
+        found |= {
+            f"{name}/position": Quantity("m", columns.drive_position[row]),
+            f"{name}/speed": Quantity("m/s", columns.drive_speed[row]),
+            f"{name}/force": Quantity("N", columns.moving_cable_force[row]),
+        }
+    of_carriages = [row for name, row in layout.vehicle_rows.items() if name in layout.commanded]
+    commanded = [(row, "") for row in of_carriages] + [(row, "drive_") for row in range(len(layout.drives))]
+    for name, (row, prefix) in zip(layout.commanded, commanded, strict=True):
+        found |= {
+            f"{name}/{signal}": Quantity(unit, getattr(columns, f"{prefix}{signal}")[row])
+            for signal, unit in (
+                ("commanded_speed", "m/s"),
+                ("commanded_force", "N"),
+                ("reference_position", "m"),
+                ("reference_speed", "m/s"),
+            )
+        }
+    for row, name in enumerate(layout.supports):
+        found |= {
+            f"{name}/force_x": Quantity("N", columns.support_force[row, 0]),
+            f"{name}/force_z": Quantity("N", columns.support_force[row, 2]),
+            f"{name}/travel": Quantity("m", columns.support_travel[row]),
+            f"{name}/load": Quantity("N", columns.tower_load[row], 0.0),
+        }
+    for row, name in enumerate(layout.sheaves):
+        found |= {
+            f"{name}/tension_on": Quantity("N", columns.sheave_tension[row, 0]),
+            f"{name}/tension_off": Quantity("N", columns.sheave_tension[row, 1]),
+            f"{name}/slip": Quantity("m", columns.sheave_slip[row]),
+            f"{name}/travel": Quantity("m", columns.sheave_travel[row]),
+        }
+    for name, sample in layout.end_samples.items():
+        found[f"{name}/tension"] = Quantity("N", columns.rope_tension[sample])
+    return found
+
+
+def by_default(layout: Layout) -> tuple[str, ...]:
+    """Default quantities: motion of driven objects, and pitch of the bodies of carriages, with their rates."""
+    return (
+        *(f"{name}/{signal}" for name in layout.drives for signal in ("position", "speed")),
+        *(f"{name}/{signal}" for name in layout.carriages for signal in ("arc_length", "speed")),
+        *(
+            f"{name}/{body}/{signal}"
+            for name in layout.carriages
+            for body in layout.vehicles[name]
+            for signal in ("pitch", "pitch_rate")
+        ),
+    )
+
+
+def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapshot) -> dict[str, Quantity]:
+    """Quantities with names that match the patterns (`*` for any text), in the order of the patterns.
+
+    Raises:
+        ValueError: a pattern matches no quantity of this scenario.
+    """
+    has = {name: one for name, one in known.items() if np.isfinite(start.numbers[int(one.column)])}
+    found: dict[str, Quantity] = {}
+    for pattern in patterns:
+        fitting = {name: one for name, one in has.items() if fnmatchcase(name, pattern)}
+        if not fitting:
+            raise ValueError(f"observations: {pattern!r} given; allowed, with * for any text: {', '.join(has)}")
+        found |= {name: one for name, one in fitting.items() if name not in found}
+    if not found:
+        raise ValueError(f"observations: none given; allowed, with * for any text: {', '.join(has)}")
+    return found
+
 
 Reward = Callable[[Observed, FloatArray, Observed], float]
 ENDS_OF_CABLE = 2  # samples of the cable: the fewest
@@ -26,28 +151,28 @@ ENDS_OF_CABLE = 2  # samples of the cable: the fewest
 class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
     """Gymnasium environment of a ropeway scenario.
 
-    An action is a number for each of `action_names`, a speed (m/s) or a force (N), within the limits of the scenario;
-    what is beyond is cut off there. An observation is a number for each of `observation_names`, in `observation_units`.
+    An action is a number for each of `action_names`, a speed (m/s) or a force (N), clipped to the limits of the
+    scenario. An observation is a number for each of `observation_names`, in `observation_units`.
     Each episode begins with the same bits; `prepare` may change that. It ends (`terminated`) where `ended` says so, or
     where the solver fails or vehicles meet, of which `info["fault"]` has the line; and after `duration` (`truncated`).
 
-    A subclass may have `reward`, `ended` and `prepare` as methods instead of giving them as arguments.
+    A subclass may override `reward`, `ended` and `prepare` instead of passing them as arguments.
 
     Args:
-        scenario: name, path, mapping, or one that is loaded.
+        scenario: name, path, mapping, or loaded scenario.
         overrides: values of the scenario by dotted key.
-        command: what actions are, "speed" (m/s) or "force" (N); or that by name of carriage or drive, for some of them.
+        command: kind of the actions, "speed" (m/s) or "force" (N); or a mapping of carriages or drives to their kind.
         observations: names, with * for any text, such as ("cabin/*", "end/tension"); None for motion and pitch.
-        period: s of simulated time in a step, a whole number of solver steps.
-        duration: s of simulated time in an episode.
-        reward: takes the observation before, the action and the observation after, with names; without it, 0.
-        ended: takes an observation with names, and says whether the episode has ended.
-        prepare: takes the simulation at its start and the random generator of the environment, before an episode.
+        period: simulated time (s) of a step, a whole number of solver steps.
+        duration: simulated time (s) of an episode.
+        reward: takes the observation before, the action and the observation after; without it rewards are 0.
+        ended: takes an observation, returns whether the episode has ended.
+        prepare: takes the simulation at its start and the random generator of the environment, before each episode.
 
     Raises:
-        ScenarioError: the scenario does not load.
-        EquilibriumError: its cable finds no rest.
-        ValueError: an argument that does not fit the scenario, in one line.
+        ScenarioError: the scenario is invalid.
+        EquilibriumError: the cable of the scenario has no equilibrium.
+        ValueError: an argument does not fit the scenario; the message is one line.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
@@ -124,7 +249,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         """Apply an action (n,) for one period.
 
         Raises:
-            ValueError: not one finite number for each name.
+            ValueError: the action is not one finite number for each of `action_names`.
             RuntimeError: no episode has begun.
         """
         if self._steps_left <= 0:
@@ -132,7 +257,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         numbers = np.asarray(action, dtype=np.float64).tolist()
         if not isinstance(numbers, list) or len(numbers) != len(self._highest) or not all(map(_is_finite, numbers)):
             raise ValueError(f"action: {action} given; allowed: finite numbers for {', '.join(self.action_names)}")
-        # numbers, not arrays: there are few, and thousands of steps in a second
+        # floats and no arrays, which cost more for a few numbers in thousands of steps a second
         numbers = [min(max(number, -high), high) for number, high in zip(numbers, self._highest, strict=True)]
         simulation, names = self.simulation, self.action_names
         for kind, members in self._by_kind:
@@ -158,10 +283,10 @@ def vector_env(count: int, *arguments: Any, context: str | None = None, **named:
     """Vector of `count` environments, each in its own process; full speed with one core for each.
 
     Args:
-        count: how many.
-        arguments: of `RopewayEnv`.
-        context: how processes are started, of `multiprocessing`; None for the default of the system.
-        named: of `RopewayEnv`.
+        count: number of environments.
+        arguments: arguments of `RopewayEnv`.
+        context: start method of `multiprocessing`; None for the default of the system.
+        named: keyword arguments of `RopewayEnv`.
     """
     return AsyncVectorEnv([partial(RopewayEnv, *arguments, **named)] * count, context=context)
 
@@ -203,6 +328,3 @@ def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, t
     if not found:
         raise ValueError(f"command: the scenario '{scenario.name}' has nothing that is driven")
     return found
-
-
-__all__ = ["RopewayEnv", "vector_env"]

@@ -39,8 +39,8 @@ from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import run_metadata
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
+from cable_twin.terminal.bars import compilation_shown
 from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell
-from cable_twin.terminal.compilation_bar import compilation_shown
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made

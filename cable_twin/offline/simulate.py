@@ -40,8 +40,8 @@ from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
+from cable_twin.terminal.bars import compilation_shown
 from cable_twin.terminal.command_line import ending_signals, left_at_once, tell
-from cable_twin.terminal.compilation_bar import compilation_shown
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 

@@ -24,8 +24,8 @@ from cable_twin.offline.sweep_runs import Job, SweptRun, is_whole, side_by_side,
 from cable_twin.scenario import ScenarioError
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.terminal.bars import compilation_shown
 from cable_twin.terminal.command_line import INTERRUPTED, left_at_once, tell
-from cable_twin.terminal.compilation_bar import compilation_shown
 
 DONE, FAILED = 0, 1
 DRAWN = (".png", ".pdf", ".svg")

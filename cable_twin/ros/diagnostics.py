@@ -10,9 +10,8 @@ from cable_twin.messages import DIAGNOSTICS, KEY_FIGURES, Status, diagnostics_me
 from cable_twin.messages.figure_messages import OK, WARNING
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.output import Output
-from cable_twin.runtime.pace_watch import PaceWatch
-from cable_twin.runtime.recording_watch import RecordingWatch
 from cable_twin.runtime.run_clock import RunClock
+from cable_twin.runtime.watches import PaceWatch, RecordingWatch
 from cable_twin.simulation import Simulation
 
 ERROR = 2  # level of diagnostics
@@ -54,17 +53,17 @@ class Diagnostics:
     def publish(self) -> None:
         """Publish the diagnostics, and log new events."""
         statistics = self._loop.take_statistics().summary()
-        self.recording.look()
+        self.recording.check()
         stamp_ns = self._clock.stamp_ns(self._loop.simulated_time)
         figures = self._output.figures.statuses()
-        for line in self._output.figures.take_news():
+        for line in self._output.figures.take_messages():
             self._node.get_logger().warning(line)
         tasks: dict[str, Judged] = {
             "pace": self._pace({key: value for key, value in statistics.items() if key not in SOLVER}),
             "solver": self._solver({key: statistics[key] for key in SOLVER}),
             "commands": self._commands(),
-            "recording": self.recording.judged(),
-            "limits": self._output.figures.judged(),
+            "recording": self.recording.status(),
+            "limits": self._output.figures.status(),
         }
         node, scenario = self._node.get_fully_qualified_name().lstrip("/"), self._simulation.scenario.name
         statuses = [
@@ -83,7 +82,7 @@ class Diagnostics:
         total = {f"total_{key}": value for key, value in loop.total_lateness.summary().items()}
         values = _texts({**statistics, **total})
         values |= {"simulated_time_s": f"{loop.simulated_time:.3f}", "paused": str(loop.paused).lower()}
-        values |= self.pace.look()
+        values |= self.pace.check()
         missed = statistics["missed_frames"]
         if missed and not loop.paused:
             return WARNING, f"{missed:.0f} frames late, up to {statistics['lateness_max_ms']:.1f} ms", values

@@ -22,8 +22,7 @@ from std_srvs.srv import SetBool
 from cable_twin.frame.commands import kinds_by_service
 from cable_twin.frame.records import Command
 from cable_twin.ros.executor import done, new_executor
-from cable_twin.runtime.frame_loop import FrameLoop
-from cable_twin.runtime.time_slice import wake_promptly
+from cable_twin.runtime.frame_loop import FrameLoop, wake_promptly
 
 SERVICE = "emergency_stop"
 ANSWER = 0.025  # s after which a call is answered though the frame boundary at which it takes effect is still to come

@@ -53,12 +53,12 @@ from cable_twin.ros.status import Status, live_hint
 from cable_twin.ros.world_loading import WorldLoading
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.output import Output
-from cable_twin.runtime.recording_watch import RecordingWatch
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.runtime.scenario_reading import ScenarioReader
+from cable_twin.runtime.watches import RecordingWatch
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.terminal.compilation_bar import compilation_shown
+from cable_twin.terminal.bars import compilation_shown
 
 READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
 
@@ -235,7 +235,7 @@ class TwinNode(Node):
             waiting.start()
             self._output.run.close()
             waiting.cancel()
-            self._diagnostics.recording.look()
+            self._diagnostics.recording.check()
             self.get_logger().info(f"log closed: {self._output.run.directory}")
         if self._held_name is not None:
             self._held_name.close()
@@ -285,7 +285,7 @@ class TwinNode(Node):
         factor = self._settings["real_time_factor"]
         frame_time = self._loop.frame_period / factor if factor > 0.0 else 0.0
         self._diagnostics.recording = RecordingWatch(self.get_logger(), run.recorder, frame_time)
-        self._diagnostics.recording.look()
+        self._diagnostics.recording.check()
 
     def _log_directory(self) -> Path:
         """Directory for the files of this run; raises RuntimeError for ~ of a user without a home."""
@@ -303,7 +303,7 @@ class TwinNode(Node):
         """Set the epoch at the first start of simulated time; after a pause, report the delay of stamps."""
         if first:
             self._begin()
-        self._diagnostics.pace.tell_start(self.simulation.time)
+        self._diagnostics.pace.log_start(self.simulation.time)
 
     def _begin(self) -> None:
         """Set the epoch and give the first frame, once, before time runs and before any change of the twin."""

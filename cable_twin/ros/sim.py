@@ -134,21 +134,21 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(node: TwinNode, ending: Ending) -> None:
     """Run a node until a signal, a fault of the program, or the loading of another scenario."""
     from cable_twin.ros.executor import new_executor  # noqa: PLC0415
-    from cable_twin.terminal.status_bar import BottomRow  # noqa: PLC0415 - as above
+    from cable_twin.terminal.bars import StatusBar  # noqa: PLC0415 - as above
 
     executor = new_executor()
     executor.add_node(node)
-    row = BottomRow(node.status.text, sys.stdout, sys.stderr)
+    bar = StatusBar(node.status.text, sys.stdout, sys.stderr)
     try:
         node.start()
-        row.start()
+        bar.start()
         while not ending.is_set() and not node.failed and node.loading.loaded is None:
             executor.spin_once(timeout_sec=0.2)
         until = time.monotonic() + LINGER
         while node.loading.loaded is not None and time.monotonic() < until:
             executor.spin_once(timeout_sec=0.05)
     finally:
-        row.stop()
+        bar.stop()
         node.stop()
         executor.shutdown()
         node.destroy_node()

@@ -21,9 +21,9 @@ from cable_twin.ros.services import SERVICE_TIMEOUT, Services
 from cable_twin.ros.world_loading import WorldLoading
 from cable_twin.ros.world_services import FAILED, INCORRECT_STATE, NOT_FOUND, UNSUPPORTED, WorldServices, told
 from cable_twin.runtime.frame_loop import FrameLoop
-from cable_twin.runtime.name_matching import FilterError, matching_names
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.runtime.scenario_reading import ScenarioReader
+from cable_twin.runtime.separate_process import FilterError, matching_names
 from cable_twin.simulation import Simulation
 
 PACKAGE = "simulation_interfaces"

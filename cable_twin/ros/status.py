@@ -109,9 +109,9 @@ class Status:
         return text, "red" if highest[name] > limits[name] else ""
 
     def _recording(self) -> tuple[str, str]:
-        judged = self._diagnostics.recording.judge()
-        if judged is not None:
-            return ("log fails", "bold red") if judged[0] == 2 else ("log falls behind", "yellow")
+        problem = self._diagnostics.recording.problem()
+        if problem is not None:
+            return ("log fails", "bold red") if problem[0] == 2 else ("log falls behind", "yellow")
         return ("recording", "green") if self._output.run is not None else ("not recorded", "dim")
 
 

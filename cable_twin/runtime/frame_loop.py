@@ -1,4 +1,4 @@
-"""Real-time frame loop in the solver's thread: frames at absolute deadlines, commands at frame boundaries, no rclpy.
+"""Real-time frame loop in the solver's thread: frames at absolute deadlines, commands at frame boundaries.
 
 A frame is computed and encoded ahead and published when its simulated time is due, so that lateness is that of the
 clock and not of the solver. A command takes effect at the boundary after its arrival. No step is ever skipped: a loop
@@ -7,47 +7,97 @@ that is late computes without waiting until it has caught up.
 
 from __future__ import annotations
 
+import ctypes
 import math
+import os
+import platform
+import struct
 import threading
-import time
 import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass, field
 from typing import Any
 
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import AppliedCommand, Command, CommandError, Goal
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.runtime.frame_statistics import FrameStatistics
-from cable_twin.runtime.goals import ARRIVAL, SOURCE, Goals
-from cable_twin.runtime.lateness import LatenessHistogram
-from cable_twin.runtime.stepping import Stepping
-from cable_twin.runtime.time_slice import wake_promptly
+from cable_twin.runtime.frame_statistics import FrameStatistics, LatenessHistogram
+from cable_twin.runtime.point_to_point import ARRIVAL, SOURCE, Goals
+from cable_twin.runtime.run_clock import SteadyClock
 from cable_twin.simulation import Simulation, SolverError
 from cable_twin.simulation.snapshot_file import FullState
 
 IDLE = 0.5  # s between two looks at the queue while paused and nobody wakes the loop
-SHORT = 0.05  # s that the end of a run may have to wait for
+SYSTEM_CALLS = {"x86_64": 314, "aarch64": 274}  # sched_setattr, for which C libraries have a function only lately
+ATTRIBUTES = struct.Struct("=IIQiIQQQ")  # struct sched_attr: size, policy, flags, nice, priority, runtime, two more
+SHORTEST = 100_000  # ns, the shortest slice that Linux gives
 _Request = tuple[Command | Goal | Callable[[], Any], str, Future[Any]]
+
+
+def wake_promptly() -> bool:
+    """Give the calling thread the shortest scheduler slice, so that it runs soon after it wakes; needs no privilege.
+
+    A thread that wakes waits until the slice of the one that has the processor has run out, some milliseconds; unless
+    its own slice is the shorter one, which it may choose since Linux 6.12 (sched(7), sched_setattr(2)). Its share
+    of the processor stays as it was. Returns False on systems without support.
+    """
+    number = SYSTEM_CALLS.get(platform.machine())
+    if platform.system() != "Linux" or number is None or os.sched_getscheduler(0) != os.SCHED_OTHER:
+        return False
+    nice = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    attributes = ATTRIBUTES.pack(ATTRIBUTES.size, os.SCHED_OTHER, 0, nice, 0, SHORTEST, 0, 0)
+    return ctypes.CDLL(None).syscall(number, 0, attributes, 0) == 0
+
+
+@dataclass(slots=True)
+class Stepping:
+    """Requested number of frames while paused, with its progress."""
+
+    count: int
+    on_frame: Callable[[int], bool] | None = None  # takes the number of frames so far, returns whether to continue
+    taken: int = 0
+    future: Future[int] = field(default_factory=Future)
+
+    def took(self, took: bool) -> bool:
+        """Record a computed or failed frame; returns whether the request is finished."""
+        self.taken += took
+        on = took and (self.on_frame is None or self.on_frame(self.taken))
+        if on and self.taken < self.count:
+            return False
+        if self.future.set_running_or_notify_cancel():
+            self.future.set_result(self.taken)
+        return True
 
 
 class FrameLoop:
     """Real-time loop of a simulation: frame by frame, in its own thread.
 
     Args:
-        simulation: whose only user this becomes.
-        frame_steps: solver steps in a frame.
-        real_time_factor: simulated seconds a second, 0 for as fast as possible.
-        command_timeout: s of the clock after which a carriage that was told to move is told to stop.
-        on_run: called where time begins to run, first with True, after a pause with False; not for steps while paused.
-        prepare: called with every new snapshot as soon as it is computed; the one to start from is not new.
-        publish: called with what `prepare` gave, when it is due.
-        before_command: called before a command takes effect, be it the first thing that happens to a paused twin.
-        on_applied: called with every command as it takes effect, before the frame that shows it.
-        on_fault: called with a line about what failed.
-        on_goal: called with a line about a goal that is reached, and with True where it is given up.
-        paused: wait for `pause(False)` or `step`.
+        simulation: advanced by this loop alone while it runs.
+        frame_steps: number of solver steps in a frame.
+        real_time_factor: simulated seconds per second, 0 for as fast as possible.
+        command_timeout: time (s) without a command after which a moving carriage or drive ramps to a stop.
+        on_run: called when simulated time starts to run: with True at the first start, with False after a pause; not
+            for single steps while paused.
+        prepare: called with each computed snapshot, except that of the start; returns the frame to publish.
+        publish: called with each prepared frame when it is due.
+        before_command: called before a command takes effect, also while the twin is paused before its first start.
+        on_applied: called with each applied command, before the frame that shows it.
+        on_fault: called with a message, in lines, when a step or the loop fails.
+        on_goal: called with a message when a goal is reached (False) or abandoned (True).
+        paused: start paused, until `pause(False)` or `step`.
+        clock: steady clock that paces the frames.
+
+    Attributes:
+        command_timeout: as given; may be changed while the loop runs.
+        frame_period: simulated time (s) of a frame.
+        fault: message of a failed step or of the program, empty while the loop works.
+        failed: whether the loop has ended by a fault of the program.
+        behind: lateness (s) of the newest frame.
+        goals: point-to-point motions.
+        total_lateness: lateness of all frames since the start.
     """
 
     def __init__(
@@ -65,25 +115,25 @@ class FrameLoop:
         on_fault: Callable[[str], None],
         on_goal: Callable[[str, bool], None] = lambda line, given_up: None,
         paused: bool = False,
+        clock: SteadyClock | None = None,
     ) -> None:
         self.command_timeout = command_timeout
         self.frame_period = frame_steps * simulation.step
-        self.fault = ""  # why the twin stands still, if it does
-        self.failed = False  # by a fault of the program; the thread has ended
-        self.behind = 0.0  # s, how late the newest frame was
+        self.fault, self.failed, self.behind = "", False, 0.0
+        self._clock = clock or SteadyClock()
         self._simulation = simulation
         self._factor = real_time_factor
         self._on_run, self._prepare, self._publish = on_run, prepare, publish
         self._before_command, self._on_applied, self._on_fault = before_command, on_applied, on_fault
         self._paused = paused
         self.goals = Goals(simulation, on_goal)
-        self._requests: deque[_Request] = deque()  # what the loop does between frames
-        self._urgent: deque[_Request] = deque()  # and what it does before that
-        self._stepping: deque[Stepping] = deque()  # frames that are asked for while paused
-        self._deadlines: dict[str, float] = {}  # carriages told to move, and until when that holds
+        self._requests: deque[_Request] = deque()  # handled between two frames
+        self._urgent: deque[_Request] = deque()  # handled before them
+        self._stepping: deque[Stepping] = deque()  # requested frames while paused
+        self._deadlines: dict[str, float] = {}  # name of a moving carriage or drive -> clock (s) of its time-out
         self._clock_period = self.frame_period / real_time_factor if real_time_factor > 0.0 else math.inf
-        self.total_lateness = LatenessHistogram(self._clock_period)  # since the start
-        self._statistics = FrameStatistics(LatenessHistogram(self._clock_period))
+        self.total_lateness = LatenessHistogram(self._clock_period)
+        self._statistics = FrameStatistics(self._clock_period)
         self._stopping, self._asked = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._guard, name="solver", daemon=True)
 
@@ -126,9 +176,9 @@ class FrameLoop:
     def submit(self, command: Command | Goal, source: str, *, urgent: bool = False) -> Future[AppliedCommand | None]:
         """Queue a command; the future gives the applied command, None for a goal, or the `CommandError`.
 
-        At a frame boundary an `urgent` one goes before all that are not.
+        Urgent commands are handled before all others at the next frame boundary.
         """
-        return self._ask(command, source, self._urgent if urgent else self._requests)
+        return self._queue(command, source, self._urgent if urgent else self._requests)
 
     def pause(self, paused: bool) -> None:
         """Pause simulated time, stepping included, or resume."""
@@ -140,7 +190,7 @@ class FrameLoop:
     def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
         """Compute frames while paused, as fast as possible; the future gives the number, fewer on a fault or pause.
 
-        After each one `on_frame` gets how many there were, and says whether to go on.
+        After each frame `on_frame` takes the number of frames so far, and returns whether to continue.
         """
         stepping = Stepping(count, on_frame)
         self._stepping.append(stepping)
@@ -153,23 +203,21 @@ class FrameLoop:
 
     def call(self, function: Callable[[], Any]) -> Future[Any]:
         """Call a function that raises nothing at the next frame boundary; the future gives its result."""
-        return self._ask(function, "")
+        return self._queue(function, "", self._requests)
 
-    def _ask(
-        self, command: Command | Goal | Callable[[], Any], source: str, queue: deque[_Request] | None = None
-    ) -> Future[Any]:
+    def _queue(self, command: Command | Goal | Callable[[], Any], source: str, queue: deque[_Request]) -> Future[Any]:
         future: Future[Any] = Future()
-        (self._requests if queue is None else queue).append((command, source, future))
+        queue.append((command, source, future))
         self._asked.set()
         return future
 
     def take_statistics(self) -> FrameStatistics:
         """Frame statistics since the last call."""
-        taken, self._statistics = self._statistics, FrameStatistics(LatenessHistogram(self._clock_period))
+        taken, self._statistics = self._statistics, FrameStatistics(self._clock_period)
         return taken
 
     def _guard(self) -> None:
-        """Report an exception that ends the thread, which the node would otherwise outlive in silence."""
+        """Run the loop and report an exception that ends its thread."""
         wake_promptly()
         try:
             self._run()
@@ -179,12 +227,12 @@ class FrameLoop:
             self.failed = True
 
     def _run(self) -> None:
-        self._hold_all()
-        anchor: tuple[float, float] | None = None  # clock and simulated time between which pacing counts
+        self._start_timeouts()
+        anchor: tuple[float, float] | None = None  # clock (s) and simulated time (s) from which frames are paced
         first = True
         while not self._stopping.is_set():
             if self._urgent or self._requests or self._deadlines:
-                self._obey()
+                self._handle_requests()
             stepping = self._stepping[0] if self._stepping else None
             if self._paused and stepping is None:
                 anchor = None
@@ -193,12 +241,12 @@ class FrameLoop:
                 continue
             paced = self._factor > 0.0 and not self._paused
             if anchor is None:
-                anchor = time.monotonic(), self._simulation.time
+                anchor = self._clock.now(), self._simulation.time
                 if first or not self._paused:
                     self._on_run(first)
                 first = False
             for command, source in self.goals.commands():
-                self._drive(command, source)
+                self._apply_goal(command, source)
             snapshot = self._advance()
             if snapshot is not None:
                 frame = self._prepare(snapshot)
@@ -232,32 +280,28 @@ class FrameLoop:
         return snapshot
 
     def _wait(self, due: float) -> None:
-        remaining = due - time.monotonic()
-        if remaining > SHORT:
-            self._stopping.wait(min(remaining - SHORT, threading.TIMEOUT_MAX))
-            remaining = due - time.monotonic()
-        if remaining > 0.0 and not self._stopping.is_set():
-            time.sleep(remaining)  # wakes more exactly than an event, which takes a lock and gives it back
+        """Wait until a frame is due on the clock (s), and record its lateness."""
+        self._clock.wait_until(due, self._stopping)
         if self._stopping.is_set():
-            return  # nobody gets to see this frame
-        late = self.behind = max(time.monotonic() - due, 0.0)
+            return  # this frame is not published
+        late = self.behind = max(self._clock.now() - due, 0.0)
         self._statistics.lateness.add(late)
         self.total_lateness.add(late)
 
-    def _obey(self) -> None:
+    def _handle_requests(self) -> None:
         """Handle queued requests, urgent commands first; later requests wait for the next boundary unless urgent."""
         for _ in range(len(self._requests)):
             while self._urgent:
-                self._do(*self._urgent.popleft())
-            self._do(*self._requests.popleft())
+                self._handle(*self._urgent.popleft())
+            self._handle(*self._requests.popleft())
         while self._urgent:
-            self._do(*self._urgent.popleft())
-        now = time.monotonic()
+            self._handle(*self._urgent.popleft())
+        now = self._clock.now()
         silent = [name for name, deadline in self._deadlines.items() if now > deadline]
         if silent and not self._paused:
             self._apply(Command("speed", dict.fromkeys(silent, 0.0)), "command_timeout")
 
-    def _do(self, command: Command | Goal | Callable[[], Any], source: str, future: Future[Any]) -> None:
+    def _handle(self, command: Command | Goal | Callable[[], Any], source: str, future: Future[Any]) -> None:
         """Handle one request, unless its future is cancelled."""
         if not future.set_running_or_notify_cancel():
             return
@@ -274,40 +318,39 @@ class FrameLoop:
         else:
             future.set_result(applied)
 
-    def _drive(self, command: Command, source: str) -> None:
-        """Apply the due speed of a goal."""
+    def _apply_goal(self, command: Command, source: str) -> None:
+        """Apply the speed due on the way to a goal; a refused speed abandons the goal."""
         try:
             self._apply(command, source)
         except CommandError as error:
             for name in command.values:
-                self.goals.give_up(name, str(error))
+                self.goals.abandon(name, str(error))
 
     def _apply(self, command: Command, source: str) -> AppliedCommand:
         self._before_command()
         applied = self._simulation.apply(command, source)
         self.goals.note(command, source)
         if KINDS[command.kind].drives:
-            self._hold(command, source)
+            self._start_timeout(command, source)
         elif KINDS[command.kind].halts:
             self._deadlines.clear()
-            self._hold_all()
+            self._start_timeouts()
             if command.kind == "reset" and self.fault:
                 self.fault = ""
                 self._paused = False
         self._on_applied(applied)
         return applied
 
-    def _hold_all(self) -> None:
+    def _start_timeouts(self) -> None:
         for command in self._simulation.commands.values():  # of a snapshot, or of a start in motion
-            self._hold(command, "")
+            self._start_timeout(command, "")
 
-    def _hold(self, command: Command, source: str) -> None:
+    def _start_timeout(self, command: Command, source: str) -> None:
         """Start the time-out of a drive command; commands towards a goal have no time-out."""
-        until = time.monotonic() + self.command_timeout
+        until = self._clock.now() + self.command_timeout
         for name, value in command.values.items():
-            if source not in (SOURCE, ARRIVAL) and (
-                value != 0.0 or command.kind == "force"
-            ):  # without force it rolls on
+            moving = value != 0.0 or command.kind == "force"  # without force it rolls on
+            if moving and source not in (SOURCE, ARRIVAL):
                 self._deadlines[name] = until
             else:
                 self._deadlines.pop(name, None)

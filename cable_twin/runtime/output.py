@@ -1,4 +1,4 @@
-"""Output of the node frame by frame: each message built once, for its publisher and for the log."""
+"""Output of a running twin: each message is built once, for its publisher and for the log."""
 
 from __future__ import annotations
 
@@ -12,26 +12,29 @@ from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, FrameNames, Topic
 from cable_twin.messages.frame import Filled
 from cable_twin.recording.frame_output import FrameOutput, Messages, Prepared
 from cable_twin.recording.run import Run
-from cable_twin.runtime.figure_watch import FigureWatch
 from cable_twin.runtime.run_clock import RunClock
+from cable_twin.runtime.watches import FigureWatch
 from cable_twin.simulation import Simulation
 
-BACKLOG = 1000  # frames that may wait for the recorder where nothing else sets the pace
+BACKLOG = 1000  # frames that may wait for the recorder where the clock does not set the pace
 
 
 class Output:
     """Publishers and logs of a running simulation.
 
     Args:
-        simulation: what runs.
-        table: its topics.
-        publishers: of those that are published, by name.
-        rates: Hz by group of topics, of publishers and of logs.
-        frame_rate: Hz.
-        own: carriers with topics of their own.
-        makers: of messages of further topics.
+        simulation: running simulation.
+        table: topics of the twin.
+        publishers: functions that publish the bytes of a message, by topic.
+        rates: rates (Hz) by group of topics, of the publishers and of the log.
+        frame_rate: rate of frames (Hz).
+        own: names of carriers with topics of their own.
+        makers: makers of the messages of further topics, by topic.
         frames: names of coordinate frames.
-        paced: whether the clock sets the pace; where not, the recorder does.
+        paced: whether the clock sets the pace; otherwise the recorder does.
+
+    Attributes:
+        figures: key figures of the run, with the watch of their limits.
     """
 
     def __init__(
@@ -57,9 +60,8 @@ class Output:
         for name, make in makers.items():
             self._frames.encoder.offer(name, make)
         self._once: Messages = []
-        self._last_ns = 0  # newest stamp that was published
-        # what is laid out, or compiled, at the first use
-        self._frames.lay_out()
+        self._last_ns = 0  # newest published stamp
+        self._frames.lay_out()  # now, as the first use compiles kernels
         self.figures.update(simulation.snapshot)
         self.prepare = self._frames.prepare
 
@@ -77,7 +79,7 @@ class Output:
         epoch_ns = self._frames.encoder.epoch_ns = clock.begin(self._simulation.time)
         if self.run is not None:
             self.run.begin(epoch_ns)
-        self._send_frame(self.prepare(self._simulation.snapshot))  # whose figures are taken already
+        self._send_frame(self.prepare(self._simulation.snapshot))  # its key figures are updated already
         self.record(self._once, epoch_ns)
 
     def send_once(self, messages: Messages) -> None:
@@ -87,12 +89,12 @@ class Output:
             self._publishers[topic](data)
 
     def publish(self, frame: Prepared) -> None:
-        """Publish a frame at its due time, then update the key figures, which thus cover published frames."""
+        """Publish a frame at its due time, then update the key figures, so that they cover published frames."""
         self._send_frame(frame)
         self.figures.update(frame.snapshot)
 
     def finish(self) -> None:
-        """Record the key figures of all frames, in the end."""
+        """Record the key figures of all frames at the end of the run."""
         self.record([(KEY_FIGURES, diagnostics_message(self._last_ns, *self.figures.statuses()))], self._last_ns)
 
     def _send_frame(self, frame: Prepared) -> None:

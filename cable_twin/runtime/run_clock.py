@@ -1,26 +1,46 @@
-"""Clock of a run: time of day of a simulated time, and its lag behind the present time.
+"""Clocks of a run: the steady clock that paces frames, and time stamps as time of day of a simulated time.
 
 Stamps are the epoch plus simulated time. The epoch is taken when time starts to run, so that at real_time_factor 1 a
 stamp is the time of day at which its frame is due. It never changes in a run: a log gives simulated times back by it,
-and no stamp ever goes back. What moves stamps away from the clock is told: a pause, and a clock that somebody sets.
+and no stamp ever goes back. A pause, or somebody who sets the clock, moves stamps away from the clock; the node's log
+reports both.
 """
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 
 from cable_twin.messages import SECOND, nanoseconds
 
 SET = 0.02  # s by which the time of day has moved against the steady clock: it was set, not slewed
+SHORT = 0.05  # s before a deadline in which a wait is no longer interrupted
+
+
+class SteadyClock:
+    """Monotonic clock that nobody sets, and waits for deadlines on it."""
+
+    def now(self) -> float:
+        """Time (s) on the clock."""
+        return time.monotonic()
+
+    def wait_until(self, due: float, interrupt: threading.Event) -> None:
+        """Wait until a time (s) on the clock, or until the interrupt is set."""
+        remaining = due - self.now()
+        if remaining > SHORT:
+            interrupt.wait(min(remaining - SHORT, threading.TIMEOUT_MAX))
+            remaining = due - self.now()
+        if remaining > 0.0 and not interrupt.is_set():
+            time.sleep(remaining)  # wakes more exactly than an event, which takes a lock and gives it back
 
 
 class RunClock:
     """Clock that gives the time stamps of a run.
 
     Args:
-        time_of_day: ns since 1970.
-        steady: ns of a clock that nobody sets, slewed as the other one.
+        time_of_day: returns ns since 1970.
+        steady: returns ns of a clock that nobody sets, slewed as the time of day is.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
-"""Scenarios named or sent by other nodes: from allowed directories alone, read and checked in a separate process.
+"""Scenarios named or sent by other nodes: only from allowed directories, read and checked in a separate process.
 
-A file that never ends, a pipe or a scenario that takes long holds nothing up, and whatever goes wrong is a refusal.
-What files elsewhere hold, and whether they are there, is not told.
+A file that never ends, a pipe or a slow scenario delays nothing, and every failure is a refusal. The contents of files
+elsewhere, and whether they exist, are not revealed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from cable_twin.basics.printable import printable, printable_lines
-from cable_twin.runtime.beside import BesideError, answer, ask_beside
+from cable_twin.runtime.separate_process import SeparateProcessError, answer, ask_process
 from cable_twin.scenario import (
     Scenario,
     ScenarioError,
@@ -37,15 +37,15 @@ class ScenarioReader:
     """Reader of scenarios for one twin, in a separate process.
 
     Args:
-        directories: below which files may be, beside those of the package; faults of such a file are told.
-        started_with: name or path of the scenario of the start: files beside it may be read too; that they are faulty
-            is told, and not why.
+        directories: allowed directories besides that of the package; messages quote the faults of files below them.
+        started_with: name or path of the scenario at the start; files beside it are allowed too, but messages do not
+            quote their faults.
     """
 
     def __init__(self, directories: Sequence[Path], started_with: str) -> None:
-        self._told = [config_directory().resolve(), *(_resolved(one) for one in directories)]
-        beside = Path(started_with)
-        self._silent = [_resolved(beside.parent)] if beside.suffix in SUFFIXES else []
+        self._quoted = [config_directory().resolve(), *(_resolved(one) for one in directories)]
+        first = Path(started_with)
+        self._unquoted = [_resolved(first.parent)] if first.suffix in SUFFIXES else []
         self._lock = Lock()
 
     def read(self, source: str, text: str = "") -> Future[Scenario]:
@@ -64,7 +64,7 @@ class ScenarioReader:
         def run() -> None:
             names = scenario_names()
             try:
-                future.set_result([*zip(names, ask_beside("runtime.scenario_reading", names, SECONDS), strict=True)])
+                future.set_result([*zip(names, ask_process("runtime.scenario_reading", names, SECONDS), strict=True)])
             except Exception as error:
                 future.set_exception(ScenarioError(f"the scenarios are not read: {printable(error)}"))
 
@@ -76,7 +76,7 @@ class ScenarioReader:
             scenario = self._read(source, text)
         except ScenarioError as error:
             future.set_exception(error)
-        except Exception as error:  # a fault of the program, which the caller is to hear of and the twin survives
+        except Exception as error:  # a fault of the program: reported to the caller, and the twin goes on
             future.set_exception(ScenarioError(f"{printable(source)}: fault of the program: {type(error).__name__}"))
         else:
             future.set_result(scenario)
@@ -86,8 +86,8 @@ class ScenarioReader:
     def _read(self, source: str, text: str) -> Scenario:
         named, quoted = (source, True) if text else self._place(source)
         try:
-            found = ask_beside("runtime.scenario_reading", {"source": named, "text": text}, SECONDS)
-        except BesideError as error:
+            found = ask_process("runtime.scenario_reading", {"source": named, "text": text}, SECONDS)
+        except SeparateProcessError as error:
             raise ScenarioError(f"{printable(source or 'text')}: not a scenario: {error}") from None
         if "faults" in found:
             if not quoted:
@@ -100,7 +100,7 @@ class ScenarioReader:
         """Source to read for a name or path, and whether error messages may quote its contents.
 
         Raises:
-            NoScenarioError: it is no scenario, or nowhere where one may be.
+            NoScenarioError: there is no such scenario, or its path is not allowed.
         """
         names = scenario_names()
         if source in names:
@@ -112,14 +112,14 @@ class ScenarioReader:
                 f"allowed: {', '.join(names) or '(none installed)'}, or the path of a YAML file"
             )
         if path.parent == config_directory() and path.suffix in SUFFIXES and path.stem in names:
-            return path.stem, True  # be it a link to where the package is developed
+            return path.stem, True  # also a link, as in a development install
         file = _resolved(path)
-        for directories, quoted in ((self._told, True), (self._silent, False)):
+        for directories, quoted in ((self._quoted, True), (self._unquoted, False)):
             if file.suffix in SUFFIXES and any(file.is_relative_to(one) for one in directories):
                 if not _is_regular(file):
                     raise NoScenarioError(f"{printable(source, 400)}: no such file; allowed: a YAML file")
                 return str(file), quoted
-        places = ", ".join(map(str, dict.fromkeys([*self._told, *self._silent])))
+        places = ", ".join(map(str, dict.fromkeys([*self._quoted, *self._unquoted])))
         raise NoScenarioError(
             f"{printable(source, 400)}: not a scenario; allowed: the name of one, or a .yaml file below {places} "
             "or what the parameter scenario_directories says"
@@ -158,6 +158,3 @@ def _work(request: Any) -> Any:
 
 if __name__ == "__main__":
     answer(_work)
-
-
-__all__ = ["NoScenarioError", "ScenarioReader"]

@@ -9,7 +9,7 @@ from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.key_figures import ENERGY_LOST, KeyFigures
 from cable_twin.offline import review, simulate
-from cable_twin.runtime.figure_watch import FigureWatch
+from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -41,6 +41,6 @@ def test_a_running_twin_and_the_log_of_its_run_have_one_verdict(tramway, tmp_pat
         statuses = {status.name: status for status in watch.statuses()}
         levels |= {statuses[ENERGY_LOST].level} if ENERGY_LOST in statuses else set()
     assert levels == {0}  # at no moment a warning
-    assert not [line for line in watch.take_news() if ENERGY_LOST in line]
+    assert not [line for line in watch.take_messages() if ENERGY_LOST in line]
     assert found["kept"] is True
     assert found["value"] == pytest.approx(float(statuses[ENERGY_LOST].values["value"]), rel=1e-9)

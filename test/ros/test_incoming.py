@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_frame_loop import frame_loop
+from frame_loops import frame_loop
 
 from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.frame.records import Command, CommandError
@@ -35,7 +35,7 @@ class Taken:
 
     def take(self, data):
         self.incoming.take(JOINT_COMMANDS, data)
-        self.loop._obey()
+        self.loop._handle_requests()
 
 
 def command(*names, frame="", speed=1.0, stamp_ns=0):
@@ -166,10 +166,10 @@ def test_an_urgent_command_goes_before_others_and_those_that_come_meanwhile_wait
     first = taken.loop.call(ask_again)
     taken.loop.submit(Command("speed", {"cabin": 1.0}), "test")
     stop = taken.loop.submit(Command("emergency_stop", {}), "service", urgent=True)
-    taken.loop._obey()
+    taken.loop._handle_requests()
     assert [one.command.kind for one in taken.applied] == ["emergency_stop"]  # the speed is refused then
     assert first.done()
     assert stop.done()
     assert not later[0].done()
-    taken.loop._obey()
+    taken.loop._handle_requests()
     assert later[0].done()

@@ -28,7 +28,7 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.status import Status, live_hint
-from cable_twin.runtime.figure_watch import FigureWatch
+from cable_twin.runtime.watches import FigureWatch
 
 ROWS, COLUMNS = 24, 150
 # the row, as it is drawn: the cursor is kept, and comes back to where the log goes on
@@ -178,7 +178,7 @@ def status_of(scenario, **counts):
     figures.update(simulation.snapshot)
     loop = SimpleNamespace(simulated_time=12.5, behind=0.0, fault=None, paused=False)
     diagnostics = SimpleNamespace(
-        counts={"commands_applied": 0, **counts}, recording=SimpleNamespace(judge=lambda: None)
+        counts={"commands_applied": 0, **counts}, recording=SimpleNamespace(problem=lambda: None)
     )
     return Status(simulation, loop, SimpleNamespace(figures=figures, run=None), diagnostics, TopicNames())
 

@@ -41,7 +41,7 @@ class Trip(Driver):
 
     def find_twin(self) -> str | None:
         """Wait for the twin and resolve the target place in its scenario; returns the error message."""
-        from cable_twin.runtime.approach import target_of  # noqa: PLC0415 - numpy and the mechanics, half a second
+        from cable_twin.runtime.point_to_point import target_of  # noqa: PLC0415 - numpy and the mechanics, half a second
 
         fault = super().find_twin()
         if fault is not None or self._ending.is_set():
@@ -91,7 +91,7 @@ class Trip(Driver):
         print(f"arrived: {self._options.name} at {place:.2f} m, {away}, after {elapsed:.1f} s", file=sys.stdout)
 
     def _on_applied(self, data: bytes) -> None:
-        from cable_twin.runtime.goals import ARRIVAL, SOURCE  # noqa: PLC0415 - is there by now
+        from cable_twin.runtime.point_to_point import ARRIVAL, SOURCE  # noqa: PLC0415 - is there by now
 
         applied = applied_command_from_message(data)
         if applied.source in (SOURCE, ARRIVAL) and self._options.name in applied.command.values:
@@ -104,10 +104,10 @@ class Trip(Driver):
 
     def _on_log(self, message: Any) -> None:
         """Record an abandoned trip from the log of the twin."""
-        from cable_twin.runtime.goals import GIVEN_UP  # noqa: PLC0415 - is there by now
+        from cable_twin.runtime.point_to_point import ABANDONED  # noqa: PLC0415 - is there by now
 
         own = message.name == self._options.node.strip("/").replace("/", ".")
-        if own and self._answered < math.inf and message.msg.startswith(f"{GIVEN_UP}{self._options.name}: "):
+        if own and self._answered < math.inf and message.msg.startswith(f"{ABANDONED}{self._options.name}: "):
             self._refusal = f"the twin has abandoned this trip: {message.msg.partition(': ')[2]}"
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cable_twin.runtime.lateness import BIN_COUNT, COARSE_NAMES, LIMITS_MS, RESOLUTION, LatenessHistogram
+from cable_twin.runtime.frame_statistics import BIN_COUNT, COARSE_NAMES, LIMITS_MS, RESOLUTION, LatenessHistogram
 
 
 @settings(max_examples=50, deadline=None)

@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from cable_twin.runtime.time_slice import ATTRIBUTES, SHORTEST, SYSTEM_CALLS, wake_promptly
+from cable_twin.runtime.frame_loop import ATTRIBUTES, SHORTEST, SYSTEM_CALLS, wake_promptly
 
 KERNEL = tuple(int(part) for part in platform.release().split("-")[0].split(".")[:2])
 pytestmark = pytest.mark.skipif(

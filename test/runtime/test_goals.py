@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from frame_loops import frame_loop
 from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.frame.records import Command, CommandError, Goal
 from cable_twin.ros.client.trip import points_of, tower_places
-from cable_twin.runtime.frame_loop import FrameLoop
-from cable_twin.runtime.goals import SOURCE, Goals
+from cable_twin.runtime.point_to_point import SOURCE, Goals
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -24,7 +24,7 @@ class Driven:
 
     def __init__(self, scenario):
         self.simulation, self.told = Simulation(scenario), []
-        self.goals = Goals(self.simulation, lambda line, given_up: self.told.append((line, given_up)))
+        self.goals = Goals(self.simulation, lambda line, abandoned: self.told.append((line, abandoned)))
         self.frames = []
 
     def apply(self, command, source=SOURCE):
@@ -60,8 +60,8 @@ def test_it_arrives_over_a_tower_and_comes_back(driven, tramway):
         assert driven.goals.texts["cabin"] == f"on its way to {target:.2f} m"
         driven.frames.clear()
         driven.run(200.0)
-        line, given_up = driven.told[-1]
-        assert not given_up
+        line, abandoned = driven.told[-1]
+        assert not abandoned
         assert line.startswith("cabin has arrived at ")
         snapshot = driven.simulation.snapshot
         assert snapshot.carriages["cabin"].arc_length == pytest.approx(target, abs=0.1)
@@ -133,33 +133,21 @@ def test_goals_are_refused_whole(driven, places, at_most, complaint):
     assert not list(driven.goals.commands())
 
 
-def test_a_held_vehicle_gives_up(driven, monkeypatch):
-    monkeypatch.setattr("cable_twin.runtime.approach.STALLED", 0.5)
+def test_the_goal_of_a_held_vehicle_is_abandoned(driven, monkeypatch):
+    monkeypatch.setattr("cable_twin.runtime.point_to_point.STALLED", 0.5)
     driven.goals.take(Goal({"cabin": 50.0}, {}))
     next(driven.goals.commands())
     driven.simulation.advance_to(driven.simulation.time + 1.0)  # whoever drives it does not
     assert list(driven.goals.commands()) == [(Command("speed", {"cabin": 0.0}), SOURCE)]
-    (line, given_up) = driven.told[-1]
-    assert given_up
+    (line, abandoned) = driven.told[-1]
+    assert abandoned
     assert "'cabin' has come no nearer than " in line
 
 
 def test_a_goal_needs_nobody_who_repeats_it_while_a_speed_does(tramway):
     """The loop's time-out of commands is for those who may fall silent."""
     applied = []
-    loop = FrameLoop(
-        Simulation(tramway),
-        frame_steps=2,
-        real_time_factor=1.0,
-        command_timeout=0.05,
-        on_run=lambda first: None,
-        prepare=lambda snapshot: snapshot,
-        publish=lambda frame: None,
-        before_command=lambda: None,
-        on_applied=applied.append,
-        on_fault=lambda line: None,
-        paused=True,
-    )
+    loop = frame_loop(tramway, command_timeout=0.05, on_applied=applied.append, paused=True)
     loop.start()
     asked = loop.submit(Goal({"cabin": 50.0}, {}), "joint_commands")
     assert asked.result(60.0) is None

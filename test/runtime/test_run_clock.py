@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from cable_twin.messages import SECOND
-from cable_twin.runtime.pace_watch import PaceWatch
 from cable_twin.runtime.run_clock import RunClock
+from cable_twin.runtime.watches import PaceWatch
 
 
 class Clocks:
@@ -63,20 +63,20 @@ def test_stamps_are_the_time_of_day_from_the_start_on(clocks, clock):
 def test_a_clock_that_is_set_is_told_once_and_stamps_go_on(clocks, clock, by):
     logger, loop = Logger(), Loop()
     watch = PaceWatch(logger, clock, loop, real_time=True)
-    assert watch.look() == {}
+    assert watch.check() == {}
     clock.begin(0.0)
-    assert watch.look() == {"stamps_behind_clock_s": "0.000"}
+    assert watch.check() == {"stamps_behind_clock_s": "0.000"}
     clocks.run(1.0)
     loop.simulated_time = 1.0
     before = clock.stamp_ns(1.0)
     clocks.set_by(by)
     assert clock.stamp_ns(1.0) == before
-    assert float(watch.look()["stamps_behind_clock_s"]) == by
+    assert float(watch.check()["stamps_behind_clock_s"]) == by
     (line,) = logger.lines
     assert f"set by {by:+.3f} s" in line
     assert f"{abs(by):.3f} s {'behind' if by > 0.0 else 'ahead of'} it" in line
     clocks.run(1.0)
-    watch.look()
+    watch.check()
     assert len(logger.lines) == 1
 
 
@@ -92,13 +92,13 @@ def test_stamps_that_a_pause_left_behind_are_told(clocks, clock):
     logger = Logger()
     watch = PaceWatch(logger, clock, Loop(), real_time=True)
     clock.begin(0.0)
-    watch.tell_start(0.0)
+    watch.log_start(0.0)
     assert logger.lines == []
     clocks.run(12.5)
-    watch.tell_start(0.0)
+    watch.log_start(0.0)
     (line,) = logger.lines
     assert "from now on time stamps are 12.500 s behind the clock" in line
-    PaceWatch(logger, clock, Loop(), real_time=False).tell_start(0.0)  # faster or slower, they go their own way
+    PaceWatch(logger, clock, Loop(), real_time=False).log_start(0.0)  # faster or slower, they go their own way
     assert len(logger.lines) == 1
 
 
@@ -107,7 +107,7 @@ def test_falling_behind_and_catching_up_are_a_line_each(clock):
     watch = PaceWatch(logger, clock, loop, real_time=True)
     for behind in (0.0, 0.9, 1.2, 5.0, 0.5, 0.01, 0.0, 2.0):
         loop.behind = behind
-        watch.look()
+        watch.check()
     assert [line.split(":")[0] for line in logger.lines] == [
         "falls behind the clock",
         "has caught up with the clock",
