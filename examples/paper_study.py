@@ -40,7 +40,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from cable_twin.frame.records import BodyState, FloatArray
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.geometry.outlines import body_outlines
+from cable_twin.geometry.bodies import body_outlines
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 

@@ -8,7 +8,7 @@ from strands import one_strand
 from test_simulation import numbers, same
 
 from cable_twin.frame.records import Command, CommandError
-from cable_twin.geometry.outlines import body_outline
+from cable_twin.geometry.bodies import body_outline
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 

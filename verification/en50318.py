@@ -271,7 +271,7 @@ HEAD = """\
 
 def main() -> None:
     """Write the scenario."""
-    from cable_twin.scenario.as_yaml import as_yaml  # noqa: PLC0415 - for this command alone
+    from cable_twin.basics.limited_yaml import as_yaml  # noqa: PLC0415 - for this command alone
 
     print(HEAD + as_yaml(reference_model(int(sys.argv[1]) if len(sys.argv) > 1 else 250)), end="")
 

@@ -14,7 +14,7 @@ from cable_twin.mechanics.on_rope.wind import blow, set_wind
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import build_system, load_scenario
-from cable_twin.scenario.builders.turbulence import coherence, components
+from cable_twin.scenario.builders.wind import coherence, components
 from cable_twin.scenario.sections.air import Turbulence
 from cable_twin.simulation import Simulation
 from verification import Result, case

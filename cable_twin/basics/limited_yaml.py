@@ -6,6 +6,7 @@ A few lines of aliases stand for a great many values, and are refused before the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+from ruamel.yaml.representer import SafeRepresenter
 
 LARGEST = 2**20  # bytes
 DEEPEST = 60  # lists and mappings within each other
@@ -160,4 +162,26 @@ def _check_size(size: int, largest: int) -> None:
         raise UnreadableYamlError(f"larger than {largest / 2**20:g} MB; allowed: up to that")
 
 
-__all__ = ["Document", "Double", "UnreadableYamlError", "limited_text", "read_yaml"]
+class _Representer(SafeRepresenter):
+    """YAML floats with a decimal point: 1e-06 is a text in YAML 1.1, 1.0e-06 is a number."""
+
+    def represent_float(self, value: float) -> Any:
+        text = repr(value)
+        return self.represent_scalar(
+            "tag:yaml.org,2002:float", text.replace("e", ".0e") if "e" in text and "." not in text else text
+        )
+
+
+_Representer.add_representer(float, _Representer.represent_float)
+
+
+def as_yaml(data: dict[str, Any]) -> str:
+    """YAML text, readable as YAML 1.1 and 1.2 alike."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Representer = _Representer
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # bodies in the order of the chain
+    yaml.default_flow_style = None
+    yaml.width = 120
+    text = StringIO()
+    yaml.dump(data, text)
+    return text.getvalue()

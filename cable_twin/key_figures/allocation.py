@@ -6,7 +6,7 @@ from math import inf, nan
 
 import numpy as np
 
-from cable_twin.geometry.clearance import ground_of
+from cable_twin.geometry.ground import ground_of
 from cable_twin.key_figures.extremes import highest, lowest
 from cable_twin.key_figures.rope_measures import PLACES, DriveExtremes, Memory
 from cable_twin.scenario import Grading, Scenario

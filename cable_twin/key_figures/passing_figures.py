@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.geometry.outlines import body_box, body_outline
+from cable_twin.geometry.bodies import body_box, body_outline
 from cable_twin.key_figures.extremes import lowest
 from cable_twin.key_figures.figure import KeyFigure, figure_of
 from cable_twin.key_figures.limits import limited

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from cable_twin.frame.snapshot import DERAILED as HOW
 from cable_twin.frame.snapshot import ENDS
-from cable_twin.geometry.clearance import surroundings_of
+from cable_twin.geometry.ground import surroundings_of
 from cable_twin.key_figures.figure import KeyFigure, figure_of, wind_at, with_limit
 from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.key_figures.space_measures import allocate_across, take_across

@@ -12,7 +12,7 @@ from rich.table import Table
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.thinned_series import Comparison, Difference, unit_of
-from cable_twin.scenario.sections.carriers import Carriers
+from cable_twin.scenario.sections.vehicles import Carriers
 
 WIDE = 110  # characters that the whole table needs
 

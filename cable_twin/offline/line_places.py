@@ -11,7 +11,7 @@ from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Columns, Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.scenario import Scenario, build_system, load_scenario
-from cable_twin.scenario.hauled import sense_of, way_between_stops
+from cable_twin.scenario.command_limits import sense_of, way_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
 
 MOVING = (  # figures of a motion, of which there is none

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Layout
-from cable_twin.geometry.clearance import heights_over_ground
+from cable_twin.geometry.ground import heights_over_ground
 from cable_twin.offline.line_places import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from cable_twin.geometry.bodies import body_outlines, body_solids
 from cable_twin.geometry.bullwheel_rims import wheel_rims
-from cable_twin.geometry.outlines import body_outlines
-from cable_twin.geometry.solids import body_solids
 from cable_twin.messages import FrameNames, Topic, TopicNames
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import View

@@ -15,8 +15,7 @@ from xml.etree import ElementTree
 
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.geometry.outlines import body_box
-from cable_twin.geometry.solids import THICK, body_bars
+from cable_twin.geometry.bodies import THICK, body_bars, body_box
 from cable_twin.messages import header, serialize
 from cable_twin.messages.topics import TFMessage
 from cable_twin.ros.client.twin_list import UNLIMITED

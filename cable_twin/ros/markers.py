@@ -15,9 +15,9 @@ from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
+from cable_twin.geometry.bodies import body_box, body_outline
 from cable_twin.geometry.bullwheel_rims import wheel_rims
-from cable_twin.geometry.ground_line import default_ground
-from cable_twin.geometry.outlines import body_box, body_outline
+from cable_twin.geometry.ground import default_ground
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.scenario import Scenario

@@ -2,7 +2,7 @@
 
 from cable_twin.scenario.builders.system import build_payloads, build_system, masts, tower_axes
 from cable_twin.scenario.builders.vehicles import vehicle_buffer
-from cable_twin.scenario.checks.wind_conflicts import wind_unfelt
+from cable_twin.scenario.checks.air import wind_unfelt
 from cable_twin.scenario.command_limits import (
     CommandLimits,
     command_fault,

@@ -116,12 +116,26 @@ def _or_none(limit: float | None) -> float:
     return inf if limit is None else limit
 
 
-__all__ = [
-    "CommandLimits",
-    "command_fault",
-    "command_limits",
-    "limits_of",
-    "most_by_friction",
-    "places_of",
-    "unknown_name",
-]
+class Way(NamedTuple):
+    """Range of travel of a haul rope between the end stops of a carriage at both ends of its track."""
+
+    low: float  # m of haul rope gone by since the start
+    high: float
+
+
+def way_between_stops(scenario: Scenario, name: str) -> Way:
+    """Travel of the haul rope between the end stops of a carriage clamped to it, for inextensible ropes."""
+    carriage = scenario.carriages[name]
+    track = carriage.rope or next(iter(scenario.ropes))
+    stroke, length = stop_stroke(scenario.of_rope(track), carriage), scenario.ropes[track].unstrained_length
+    ends = (sense_of(scenario, name) * (end - carriage.arc_length) for end in (stroke, length - stroke))
+    return Way(*sorted(ends))
+
+
+def sense_of(scenario: Scenario, name: str) -> float:
+    """Sense of the track rope of a carriage relative to its haul rope: 1 for equal directions, else -1."""
+    carriage = scenario.carriages[name]
+    haul = scenario.ropes[next(iter(carriage.clamped_to))]
+    track = scenario.ropes[carriage.rope or next(iter(scenario.ropes))]
+    ways = [rope.end.position[0] - rope.start.position[0] for rope in (track, haul)]
+    return 1.0 if ways[0] * ways[1] >= 0.0 else -1.0

@@ -12,12 +12,17 @@ import numpy as np
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.basics.printable import printable
-from cable_twin.scenario.as_written import Written
 from cable_twin.scenario.checks.fault import Fault, refuse, show
 from cable_twin.scenario.checks.find_faults import find_faults
-from cable_twin.scenario.overrides import UnknownKeyError, full_key, override
+from cable_twin.scenario.overrides import (
+    UnknownKeyError,
+    Written,
+    expand_bullwheels,
+    faults_in_file,
+    full_key,
+    override,
+)
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.bullwheels import expand_bullwheels, faults_in_file
 
 LONGEST_DESCRIPTION = 400  # characters of it in a list
 LONGEST_NAME = 200  # characters of that of a file, where a scenario has none

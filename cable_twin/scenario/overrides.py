@@ -1,15 +1,15 @@
-"""Overrides of scenario values by dotted key: parsing of KEY=VALUE, and assignment to one place."""
+"""Keys of a scenario file: overrides by dotted key, and forms of keys that exist in a file only."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, read_yaml
-from cable_twin.scenario.checks.fault import Fault, KeyPath
+from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse
 from cable_twin.scenario.checks.find_faults import inner_model, unknown_key
 from cable_twin.scenario.schema import Scenario
 
@@ -160,4 +160,192 @@ def _in_names(node: Any, model: type[BaseModel] | None, parts: Sequence[str], va
     return {**node, part: _in_model(node[part], model, rest, value, (*path, part))}
 
 
-__all__ = ["UnknownKeyError", "assignment", "full_key", "override", "put_into_list"]
+OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, what only a file has below its things
+
+
+class _Place(NamedTuple):
+    """Key path in the file of a drive, or of a tower of one rope."""
+
+    own: KeyPath
+    keys: frozenset[str]  # that are there
+    common: KeyPath  # where all others are
+
+
+class Written:
+    """Keys of a file before `expand_bullwheels` rewrites drives at bullwheels and towers of several ropes.
+
+    Args:
+        data: what the file has, as plain dicts; overrides of such keys are put into it.
+    """
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        self._data = data
+        self._given: set[str] = set()  # keys of overrides, as they are given and as the file has them
+
+    def put(self, key: str, value: Any) -> bool:
+        """Set a key that exists in the file only; returns whether the key is of this kind.
+
+        That is what is below `sheaves.NAME.drive` or `towers.NAME.ropes`, a whole sheave or tower, and all of them.
+
+        Raises:
+            UnknownKeyError: the key ends in a list that has no such place.
+        """
+        self._given.add(key)
+        section, *below = key.split(".")
+        if section not in OWN:
+            return False
+        if not below:
+            self._data[section] = value
+            return True
+        name, *inner = below
+        places = self._places()
+        if (section, name) in places:
+            whole = not inner and isinstance(value, dict)
+            return whole and self.put(".".join(map(str, places[section, name].own)), value)
+        if not inner and isinstance(value, dict):
+            self._data.setdefault(section, {})
+        things = self._data.get(section)
+        if not isinstance(things, dict):
+            return False
+        if not inner:
+            if name not in things and not isinstance(value, dict):
+                return False
+            things[name] = value
+            return True
+        node = things.get(name)
+        if inner[0] != OWN[section] or not isinstance(node, dict):
+            return False
+        if inner[1:] and not isinstance(node.get(inner[0]), dict):
+            return False
+        *sections, last = inner
+        for depth, part in enumerate(sections):
+            if isinstance(items := node.get(part), list):
+                path = (section, name, *sections[: depth + 1])
+                node[part] = put_into_list(items, inner[depth + 1 :], value, path)
+                self.give(path)
+                return True
+            if not isinstance(node.get(part), dict):
+                node[part] = {}  # not there yet, or null
+            node = node[part]
+        node[last] = value
+        return True
+
+    def give(self, path: KeyPath) -> None:
+        """Record a key path changed by an override."""
+        self._given.add(".".join(map(str, path)))
+
+    def depth(self, key: str) -> int:
+        """Depth in the file of a key of the scenario."""
+        return len(self.path(tuple(key.split("."))))
+
+    def expanded(self, key: str) -> list[str]:
+        """Scenario keys of one key of the file: for a tower of several ropes, the key of each of its towers."""
+        parts = tuple(key.split("."))
+        ropes = [place for place, where in self._places().items() if where.common == parts[:2]]
+        keys = [".".join((*map(str, place), *parts[2:])) for place in ropes]
+        self._given |= {".".join(map(str, self.path(tuple(one.split("."))))) for one in keys}
+        return keys or [key]
+
+    def path(self, path: KeyPath) -> KeyPath:
+        """Key path in the file, or in an override, of a key path of the scenario."""
+        place, rest = self._places().get(path[:2]), path[2:]
+        if place is None or self.is_given(path, by_name=True):
+            return path
+        return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
+
+    def is_given(self, path: KeyPath, *, by_name: bool = False) -> bool:
+        """Return whether an override names a key path or a parent; `by_name`: not just a whole section."""
+        key = ".".join(map(str, path))
+        given = (one for one in self._given if "." in one or not by_name)
+        return any(key == one or key.startswith(f"{one}.") for one in given)
+
+    def _places(self) -> dict[KeyPath, _Place]:
+        """Key paths in the file by section and name in the scenario."""
+        found: dict[KeyPath, _Place] = {}
+        for section, own in OWN.items():
+            things = self._data.get(section)
+            for name, thing in things.items() if isinstance(things, dict) else ():
+                written = thing.get(own) if isinstance(thing, dict) else None
+                if not isinstance(written, dict):
+                    continue
+                if section == "sheaves":
+                    drive = (section, name, own)
+                    called = written.get("name")
+                    found["drives", called if isinstance(called, str) else name] = _Place(drive, frozenset(), drive)
+                    continue
+                for rope, differs in written.items():
+                    keys = frozenset(differs if isinstance(differs, dict) else ())
+                    found[section, f"{name}_{rope}"] = _Place((section, name, own, rope), keys, (section, name))
+        return found
+
+
+FILE_SECTIONS = "sheaves", "towers", "ropes"
+ROPES_EXAMPLE = "{up: {}, down: {}}"
+
+
+def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
+    """Faults of keys that exist in a file only and are rewritten by `expand_bullwheels`."""
+    sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
+    drives = data.get("drives")
+    called = set(drives if isinstance(drives, dict) else ())
+    for name, sheave in sheaves.items():
+        if not isinstance(sheave, dict) or "drive" not in sheave:
+            continue
+        drive, path = sheave["drive"], ("sheaves", name, "drive")
+        if not isinstance(drive, dict):
+            yield refuse(path, drive, "a mapping with the keys of a drive")
+        elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
+            yield refuse((*path, "name"), drive["name"], "a text, not empty")
+        elif (own := drive.get("name") or name) in called:
+            yield refuse((*path, "name"), own, "another name", detail=", as another drive is called")
+        else:
+            called.add(own)
+    for name, tower in towers.items():
+        if isinstance(tower, dict) and "ropes" in tower:
+            yield from _faults_of_tower(name, tower["ropes"], towers, ropes)
+
+
+def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[str, Any]) -> Iterator[Fault]:
+    """Faults of the keys that a tower has for each of its ropes."""
+    path: KeyPath = ("towers", name, "ropes")
+    if not isinstance(own, dict):
+        yield refuse(path, own, f"a mapping of ropes to what is another there: {ROPES_EXAMPLE}")
+        return
+    for rope, differs in own.items():
+        if rope not in ropes:
+            yield Fault((*path, rope), f"no such rope; allowed: {', '.join(ropes) or 'none, there is one cable'}")
+        elif differs is not None and not isinstance(differs, dict):
+            yield refuse((*path, rope), differs, "a mapping of keys of a tower, or null")
+        elif f"{name}_{rope}" in towers:
+            yield Fault((*path, rope), f"it is called '{name}_{rope}', as another tower is; allowed: another name")
+        else:
+            for key in {"rope", "ropes"} & (differs := differs or {}).keys():
+                yield refuse((*path, rope, key), differs[key], f"nothing, {rope!r} is the rope")
+
+
+def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:
+    """Move drives of bullwheels to `drives`, and split towers of several ropes into one tower per rope."""
+    sheaves, drives = data.get("sheaves"), data.get("drives", {})
+    if isinstance(sheaves, dict) and isinstance(drives, dict):
+        plain, drives = {}, dict(drives)
+        for name, sheave in sheaves.items():
+            plain[name] = sheave
+            if isinstance(sheave, dict) and isinstance(sheave.get("drive"), dict):
+                plain[name] = {key: value for key, value in sheave.items() if key != "drive"}
+                given = dict(sheave["drive"])
+                called = given.pop("name", None) or name
+                drives[called] = {"kind": "moving_cable", "sheave": name, **given}
+        data = {**data, "sheaves": plain} | ({"drives": drives} if drives else {})
+    towers = data.get("towers")
+    if isinstance(towers, dict):
+        plain = {}
+        for name, tower in towers.items():
+            ropes = tower.get("ropes") if isinstance(tower, dict) else None
+            if not isinstance(ropes, dict):
+                plain[name] = tower
+                continue
+            common = {key: value for key, value in tower.items() if key != "ropes"}
+            for rope, own in ropes.items():
+                plain[f"{name}_{rope}"] = {**common, **(own or {}), "rope": rope}
+        data = {**data, "towers": plain}
+    return data

@@ -19,7 +19,7 @@ from pydantic.fields import FieldInfo
 
 from cable_twin.scenario.checks.find_faults import allowed
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.bullwheels import Sheave
+from cable_twin.scenario.sections.couplings import Sheave
 from cable_twin.scenario.sections.drives import BullwheelDrive
 from cable_twin.scenario.sections.line import Tower
 

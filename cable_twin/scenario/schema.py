@@ -1,7 +1,7 @@
 """Scenario schema with sensors, solver and limits; other sections are in the imported files.
 
 The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
-is in `find_faults` and the `*_conflicts` beside it; use `load_scenario`, which applies both.
+is in `checks/`; use `load_scenario`, which applies both.
 """
 
 from __future__ import annotations
@@ -10,17 +10,22 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from cable_twin.basics.limited_yaml import as_yaml
 from cable_twin.mechanics.parameters import INTEGRATORS
-from cable_twin.scenario.as_yaml import as_yaml
 from cable_twin.scenario.sections.air import Air
-from cable_twin.scenario.sections.bullwheels import Riding, Sheave, Strand, expand_bullwheels, strands_of
-from cable_twin.scenario.sections.carriers import CarrierKind, Carriers
-from cable_twin.scenario.sections.couplings import Connector, Pantograph
+from cable_twin.scenario.sections.couplings import (
+    Connector,
+    Pantograph,
+    Riding,
+    Sheave,
+    Strand,
+    strands_of,
+)
 from cable_twin.scenario.sections.drives import RopeDrive
 from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.scenario.sections.line import Cable, TerrainSides, Tower
 from cable_twin.scenario.sections.quantities import Description, FromList, OneLine, Section, Vector, in_space, quantity
-from cable_twin.scenario.sections.vehicles import Carriage, Payload
+from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind, Carriers, Payload
 
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
 
@@ -105,9 +110,7 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _first_of_ropes(cls, data: Any) -> Any:
-        """Set the cable to the first of several ropes, and expand drives of bullwheels and towers of several ropes."""
-        if isinstance(data, dict):
-            data = expand_bullwheels(data)
+        """Set the cable to the first of several ropes."""
         ropes = data.get("ropes") if isinstance(data, dict) else None
         if isinstance(ropes, dict) and ropes and "cable" not in data:
             return {**data, "cable": next(iter(ropes.values()))}

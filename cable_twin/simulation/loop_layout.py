@@ -11,7 +11,7 @@ from cable_twin.mechanics.solution.bundle.loop_in_closed_form import on_bullwhee
 from cable_twin.mechanics.solution.bundle.records import FIXED, BullwheelMotion, Bullwheels, bullwheels_at_rest
 from cable_twin.mechanics.solution.catenary import Cure, EquilibriumError, check_rest, rest_over_supports
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.checks.space_conflicts import groove_faults
+from cable_twin.scenario.checks.line import groove_faults
 from cable_twin.simulation.ropeway import Ropeway, of_rope
 
 

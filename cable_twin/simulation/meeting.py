@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.geometry.outlines import body_outline
+from cable_twin.geometry.bodies import body_outline
 from cable_twin.mechanics.parameters import System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.frame.records import Clearance, Energy, SolverReport
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.geometry.clearance import clearance_seen, ground_of, surroundings_of
+from cable_twin.geometry.ground import clearance_seen, ground_of, surroundings_of
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground

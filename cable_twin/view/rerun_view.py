@@ -66,7 +66,7 @@ class RerunView:
         Args:
             scenario_name: Title of the recording.
             body_outlines: Carriage -> body -> (n, 2) m, one line in the body's axes from its centre of mass (see
-                `cable_twin.geometry.outlines`). A body without one is drawn as a dot.
+                `cable_twin.geometry.bodies`). A body without one is drawn as a dot.
             path: The .rrd to write, or None.
             live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
             live_port: TCP port of the live view.

@@ -10,7 +10,7 @@ import rerun as rr
 from numpy.typing import ArrayLike
 
 from cable_twin.frame.records import FloatArray
-from cable_twin.geometry.ground_line import default_ground
+from cable_twin.geometry.ground import default_ground
 from cable_twin.view.geometry import QUIET, pixels, planar, plane
 from cable_twin.view.labels import apart, label_sizes
 from cable_twin.view.place_names import NEAR, gathered

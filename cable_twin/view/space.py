@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.geometry.solids import Solid
+from cable_twin.geometry.bodies import Solid
 from cable_twin.view.geometry import QUIET, entity_path, pixels, rows_without_gaps, time_column
 from cable_twin.view.labels import apart, label_sizes
 from cable_twin.view.place_names import NEAR, gathered

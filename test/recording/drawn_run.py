@@ -13,7 +13,7 @@ from hand_made_snapshot import body_in_plane, snapshot_of
 from rerun.chunk import RrdReader
 
 from cable_twin.frame.records import AppliedCommand, CableSamples, CarriageState, Command, SupportState
-from cable_twin.geometry.outlines import outline_from_pivots
+from cable_twin.geometry.bodies import outline_from_pivots
 from cable_twin.view.rerun_view import RerunView
 
 RERUN = Path(sys.executable).with_name("rerun")

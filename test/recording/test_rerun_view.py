@@ -34,7 +34,7 @@ from cable_twin.frame.records import (  # noqa: E402
     SupportState,
     TowerState,
 )
-from cable_twin.geometry.outlines import outline_from_pivots  # noqa: E402
+from cable_twin.geometry.bodies import outline_from_pivots  # noqa: E402
 from cable_twin.view.readout import describe_command  # noqa: E402
 from cable_twin.view.rerun_view import RerunView  # noqa: E402
 

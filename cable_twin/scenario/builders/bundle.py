@@ -20,7 +20,7 @@ from cable_twin.mechanics.solution.bundle.records import (
 from cable_twin.scenario.builders.system import BUFFER, build_system
 from cable_twin.scenario.builders.vehicles import floats
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.bullwheels import Sheave
+from cable_twin.scenario.sections.couplings import Sheave
 from cable_twin.scenario.sections.drives import Limits
 from cable_twin.scenario.sections.quantities import Vector
 from cable_twin.scenario.sections.vehicles import Carriage

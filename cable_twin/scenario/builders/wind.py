@@ -1,15 +1,115 @@
-"""Constants of the wind for the mechanics, built from a scenario."""
+"""Constants of the wind for the mechanics, built from a scenario, and turbulence by spectral representation.
+
+With n = k L, k the wave number in 1/m along the wind and L the length scale, a component has the spectrum k S / σ²
+
+    4 n / (1 + 6 n)^(5/3)             Kaimal et al. 1972, as IEC 61400-1 (2005), B.14, has it: across the wind with
+                                      L / 3 and 0.8 σ, upwards with 0.66 / 8.1 L and 0.5 σ,
+    4 n / (1 + 71 n²)^(5/6)           von Karman 1948, along the wind; across it and upwards, with the same L and σ,
+    2 n (1 + 71 8/3 n²) / (1 + 71 n²)^(11/6),
+
+and at two points with the distance d across the wind the coherence exp(-12 √((k d)² + (0.12 d / L)²)) of IEC 61400-1,
+B.16, which is taken for all three components. All of that is by wave number: what a mean wind of the speed U brings has
+the spectrum at f = k U, whatever U is.
+
+The samples are those of Shinozuka and Deodatis (1991, 1996): a sum of cosines with random phases, amplitudes by the
+Cholesky factor of the coherence, summed by a fast Fourier transform.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import STEADY, FloatArray
-from cable_twin.scenario.builders.turbulence import make_turbulence
 from cable_twin.scenario.builders.vehicles import floats
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.air import Turbulence
 from cable_twin.scenario.sections.quantities import in_space
+
+SAMPLES = 2**14
+PER_LENGTH = 128.0  # samples in a length scale: half of that are the shortest waves
+QUANTUM = 2.0**-20  # of what is kept: a cosine differs from processor to processor by 1e-16
+CHUNK = 1024  # wave numbers at a time
+KAIMAL = ((1.0, 1.0), (2.7 / 8.1, 0.8), (0.66 / 8.1, 0.5))  # of L and of σ: along the wind, across it, upwards
+
+
+def kaimal(n: FloatArray) -> FloatArray:
+    """Kaimal spectrum k S / σ² over n = k L, divided by n."""
+    return 4.0 / (1.0 + 6.0 * n) ** (5.0 / 3.0)
+
+
+def von_karman(n: FloatArray) -> FloatArray:
+    """Von Karman spectrum k S / σ² along the wind over n = k L, divided by n."""
+    return 4.0 / (1.0 + 71.0 * n**2) ** (5.0 / 6.0)
+
+
+def von_karman_across(n: FloatArray) -> FloatArray:
+    """Von Karman spectrum k S / σ² across the wind over n = k L, divided by n, in isotropic turbulence."""
+    return 2.0 * (1.0 + 71.0 * 8.0 / 3.0 * n**2) / (1.0 + 71.0 * n**2) ** (11.0 / 6.0)
+
+
+def components(turbulence: Turbulence) -> list[Callable[[FloatArray], FloatArray]]:
+    """Spectra S / σ² in m over the wave number in 1/m, along the wind, across, upwards; σ is the one along the wind."""
+    length = turbulence.length_scale
+    shapes = (kaimal,) * 3 if turbulence.spectrum == "kaimal" else (von_karman, von_karman_across, von_karman_across)
+    scales = KAIMAL if turbulence.spectrum == "kaimal" else ((1.0, 1.0),) * 3
+
+    def of(shape: Callable[[FloatArray], FloatArray], share: float, deviation: float) -> Callable[..., FloatArray]:
+        return lambda k: deviation**2 * share * length * shape(k * share * length)
+
+    return [of(shape, *scale) for shape, scale in zip(shapes, scales, strict=True)]
+
+
+def coherence(turbulence: Turbulence, k: FloatArray, distance: FloatArray) -> FloatArray:
+    """Coherence (wave numbers, ...) of points at a distance (...) in m across the wind."""
+    d = distance[None]
+    waves = k.reshape(-1, *(1,) * distance.ndim)
+    return np.exp(-turbulence.decay * np.sqrt((waves * d) ** 2 + (0.12 * d / turbulence.length_scale) ** 2))
+
+
+def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray) -> tuple[FloatArray, float]:
+    """Generate turbulence samples at points (points, 3) in m in a wind (3,) of given direction.
+
+    Returns:
+        Samples (points, SAMPLES, 3) for a deviation of 1 m/s along the wind, across it and upwards; their spacing in m.
+        They go on from the last to the first.
+    """
+    spacing = turbulence.length_scale / PER_LENGTH
+    step = 1.0 / (SAMPLES * spacing)
+    k = step * np.arange(1.0, SAMPLES // 2, dtype=np.float64)
+    ahead = wind / np.linalg.norm(wind)
+    apart = points[:, None] - points[None]
+    across = np.linalg.norm(apart - (apart @ ahead)[..., None] * ahead, axis=-1)
+    generator = np.random.default_rng(turbulence.seed)
+    phases = 2.0 * np.pi * generator.random((3, k.size, len(points)))
+    waves = np.exp(1j * phases)
+    for first in range(0, k.size, CHUNK):
+        part = slice(first, first + CHUNK)
+        matrix = coherence(turbulence, k[part], across) + 1e-12 * np.eye(len(points))  # where points see the same
+        waves[:, part] = np.einsum("kij,ckj->cki", np.linalg.cholesky(matrix), waves[:, part])
+    spectra = np.stack([_amplitudes(spectrum, k, step) for spectrum in components(turbulence)])
+    return _summed(spectra[:, :, None] * waves), spacing
+
+
+def _amplitudes(spectrum: Callable[[FloatArray], FloatArray], k: FloatArray, step: float) -> FloatArray:
+    """Amplitudes (wave numbers,) in m/s of the cosines; the first one includes the variance of all longer waves."""
+    variance = step * spectrum(k)
+    places, weights = np.polynomial.legendre.leggauss(20)
+    end = 1.5 * k[0]
+    variance[0] = 0.5 * end * float(weights @ spectrum(0.5 * end * (places + 1.0)))
+    return np.sqrt(2.0 * variance)
+
+
+def _summed(waves: NDArray[np.complex128]) -> FloatArray:
+    """Samples (points, SAMPLES, 3) of waves (3, wave numbers, points), rounded to be equal on every processor."""
+    whole = np.zeros((3, SAMPLES // 2 + 1, waves.shape[2]), dtype=np.complex128)
+    whole[:, 1:-1] = 0.5 * SAMPLES * waves
+    samples = np.fft.irfft(whole, axis=1).transpose(2, 1, 0)
+    return np.ascontiguousarray(np.round(samples / QUANTUM) * QUANTUM)
+
 
 GROUND_STEP = 1.0  # m, at which the terrain is looked up
 
@@ -68,6 +168,3 @@ def _ground(scenario: Scenario, level: float) -> tuple[float, float, FloatArray]
     count = max(int(np.ceil(np.ptp(terrain[:, 0]) / GROUND_STEP)), 1) + 1
     x, step = np.linspace(terrain[0, 0], terrain[-1, 0], count, retstep=True)
     return float(x[0]), float(step), np.interp(x, terrain[:, 0], terrain[:, 1])
-
-
-__all__ = ["build_wind"]

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
 from re import fullmatch
-from typing import Any, NamedTuple
+from types import UnionType
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from cable_twin.scenario.schema import Scenario
 
 KeyPath = tuple[str | int, ...]
 
@@ -48,3 +55,113 @@ def name_faults(path: tuple[str, ...], name: str | None = None) -> Iterator[Faul
     name = path[-1] if name is None else name
     if not fullmatch(NAME, name):
         yield Fault(path, f"given the name {name!r}; allowed: a letter, then letters, digits and underscores")
+
+
+def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
+    """Fault of an unknown key, with the most similar known key."""
+    known = list(known)
+    near = get_close_matches(str(path[-1]), known, n=1)
+    if near:
+        hint = f"did you mean {near[0]!r}?"
+    else:
+        hint = f"allowed: {', '.join(known)}" if known else "nothing can be set below this"
+    return Fault(path, f"this key does not exist; {hint}")
+
+
+def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
+    """Container and model of a field: (None, Cable), (dict, Carriage), (tuple, Load), or no model."""
+    annotation, _ = scalar(field.annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return None, annotation
+    if (other := alternative(annotation)) is not None:
+        return None, other
+    container, inner = get_origin(annotation), get_args(annotation)
+    model = {dict: inner[1:2], tuple: inner[:1]}.get(container, ())
+    if model and isinstance(model[0], type) and issubclass(model[0], BaseModel):
+        return container, model[0]
+    return (dict, None) if container is dict else (None, None)
+
+
+def alternative(annotation: Any) -> type[BaseModel] | None:
+    """Model allowed in place of a number; None without one."""
+    if get_origin(annotation) not in (Union, UnionType):
+        return None
+    members = [get_args(member)[0] if get_origin(member) is Annotated else member for member in get_args(annotation)]
+    return next((item for item in members if isinstance(item, type) and issubclass(item, BaseModel)), None)
+
+
+def locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:
+    """Deepest field on a key path, the model at its end, and the number of path parts up to there."""
+    field: FieldInfo | None = None
+    model: type[BaseModel] | None = Scenario
+    used = 0
+    while model is not None and used < len(path):
+        field = model.model_fields[str(path[used])]
+        container, model = inner_model(field)
+        used += 1
+        if container is not None:
+            if used == len(path):
+                return field, None, used
+            used += 1  # the name or the number of the item
+    if field is not None and model is None and get_origin(scalar(field.annotation)[0]) is dict:
+        used = min(used + 1, len(path))
+    return field, model, used
+
+
+def scalar(annotation: Any) -> tuple[Any, bool]:
+    """Strip Annotated and Optional from an annotation; returns the type and whether null is allowed."""
+    if get_origin(annotation) is Annotated:
+        return scalar(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType) and type(None) in get_args(annotation):
+        return scalar(next(arg for arg in get_args(annotation) if arg is not type(None)))[0], True
+    return annotation, False
+
+
+def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
+    """Allowed values of a field in words, with or without its unit."""
+    if field is None:
+        return "a mapping"
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    if "allowed" in extra:
+        return str(extra["allowed"])
+    container, model = inner_model(field)
+    kind, optional = scalar(field.annotation)
+    bounds = {
+        "gt": "above",
+        "ge": "at least",
+        "lt": "below",
+        "le": "at most",
+        "min_length": "with a length of at least",
+    }
+    limits = [
+        f"{word} {getattr(limit, name):g}"
+        for limit in field.metadata
+        for name, word in bounds.items()
+        if getattr(limit, name, None) is not None
+    ]
+    if model is not None or container is not None:
+        text = "a list of mappings" if container is tuple else "a mapping"
+    elif get_origin(kind) is Literal:
+        text = f"one of {', '.join(map(str, get_args(kind)))}"
+    elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
+        inner = get_args(kind)[0]
+        words = get_args(inner) if get_origin(inner) is Literal else ("names",) if inner is str else ()
+        text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
+        if get_args(kind)[0] is float:
+            text, limits = _numbers(field), []
+    elif get_origin(kind) is tuple:
+        text = f"a list of {len(get_args(kind))} finite numbers"
+    else:
+        text = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}[kind]
+    text = " ".join([text, " and ".join(limits)]) if limits else text
+    own = extra.get("unit")
+    text = f"{text}, in {own}" if unit and own not in (None, "-") else text
+    return f"{text}, or null" if optional else text
+
+
+def _numbers(field: FieldInfo) -> str:
+    """Allowed number of entries of a list of numbers, in words."""
+    annotation = str(field.annotation) + str(field.metadata)
+    return (
+        "a list of 3 or 6 finite numbers" if "max_length=6" in annotation else "a list of 2 finite numbers, 3 in space"
+    )

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from difflib import get_close_matches
+from collections.abc import Iterator, Mapping
 from math import isfinite, nan
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse
-from cable_twin.scenario.checks.line_conflicts import cable_faults
-from cable_twin.scenario.checks.rope_conflicts import rope_faults
-from cable_twin.scenario.checks.sensor_conflicts import sensor_faults
-from cable_twin.scenario.checks.space_conflicts import rest_faults, space_faults
-from cable_twin.scenario.checks.vehicle_conflicts import vehicle_faults
-from cable_twin.scenario.checks.wind_conflicts import wind_faults
+from cable_twin.scenario.checks.air import wind_faults
+from cable_twin.scenario.checks.couplings import (
+    bullwheel_faults,
+    clamp_faults,
+    connector_faults,
+    pantograph_faults,
+    track_faults,
+    travel_faults,
+    unknown_rope_faults,
+)
+from cable_twin.scenario.checks.fault import (
+    Fault,
+    KeyPath,
+    allowed,
+    alternative,
+    inner_model,
+    locate,
+    name_faults,
+    refuse,
+    scalar,
+    show,
+    unknown_key,
+)
+from cable_twin.scenario.checks.line import cable_faults, rest_faults, space_faults
+from cable_twin.scenario.checks.vehicles import vehicle_faults
 from cable_twin.scenario.schema import Scenario
 
 LARGEST, SMALLEST = 1e15, 1e-30  # of a number in SI units, by size
@@ -60,55 +75,22 @@ def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
         if not is_finite or SMALLEST <= abs(data) <= LARGEST or data == 0:
             return
         try:
-            field, _, used = _locate(path)
+            field, _, used = locate(path)
         except KeyError:  # it does not exist, which is a fault of its own
             return
-        if field is not None and _scalar(field.annotation)[0] is not int:
+        if field is not None and scalar(field.annotation)[0] is not int:
             within = " in it" if used < len(path) else ""
             limits = f"numbers of {SMALLEST:g} to {LARGEST:g} in size, or 0"
             yield refuse(path[:used], data, f"{allowed(field)}; {limits}", detail=within)
-
-
-def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
-    """Fault of an unknown key, with the most similar known key."""
-    known = list(known)
-    near = get_close_matches(str(path[-1]), known, n=1)
-    if near:
-        hint = f"did you mean {near[0]!r}?"
-    else:
-        hint = f"allowed: {', '.join(known)}" if known else "nothing can be set below this"
-    return Fault(path, f"this key does not exist; {hint}")
-
-
-def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
-    """Container and model of a field: (None, Cable), (dict, Carriage), (tuple, Load), or no model."""
-    annotation, _ = _scalar(field.annotation)
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return None, annotation
-    if alternative := _alternative(annotation):
-        return None, alternative
-    container, inner = get_origin(annotation), get_args(annotation)
-    model = {dict: inner[1:2], tuple: inner[:1]}.get(container, ())
-    if model and isinstance(model[0], type) and issubclass(model[0], BaseModel):
-        return container, model[0]
-    return (dict, None) if container is dict else (None, None)
-
-
-def _alternative(annotation: Any) -> type[BaseModel] | None:
-    """Model allowed in place of a number; None without one."""
-    if get_origin(annotation) not in (Union, UnionType):
-        return None
-    members = [get_args(member)[0] if get_origin(member) is Annotated else member for member in get_args(annotation)]
-    return next((item for item in members if isinstance(item, type) and issubclass(item, BaseModel)), None)
 
 
 def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
     """Convert one validation error of pydantic into a fault."""
     location = tuple(key for key in location if not str(key).startswith("#"))  # tags of alternatives
     if kind == "extra_forbidden":
-        _, model, _ = _locate(location[:-1])
+        _, model, _ = locate(location[:-1])
         return unknown_key(location, model.model_fields if model else ())
-    field, _, used = _locate(location)
+    field, _, used = locate(location)
     path = location[:used]
     given: Any = data
     for key in path:
@@ -118,83 +100,6 @@ def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
     return refuse(path, given, f"{allowed(field)}")
 
 
-def _locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:
-    """Deepest field on a key path, the model at its end, and the number of path parts up to there."""
-    field: FieldInfo | None = None
-    model: type[BaseModel] | None = Scenario
-    used = 0
-    while model is not None and used < len(path):
-        field = model.model_fields[str(path[used])]
-        container, model = inner_model(field)
-        used += 1
-        if container is not None:
-            if used == len(path):
-                return field, None, used
-            used += 1  # the name or the number of the item
-    if field is not None and model is None and get_origin(_scalar(field.annotation)[0]) is dict:
-        used = min(used + 1, len(path))
-    return field, model, used
-
-
-def _scalar(annotation: Any) -> tuple[Any, bool]:
-    """Strip Annotated and Optional from an annotation; returns the type and whether null is allowed."""
-    if get_origin(annotation) is Annotated:
-        return _scalar(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType) and type(None) in get_args(annotation):
-        return _scalar(next(arg for arg in get_args(annotation) if arg is not type(None)))[0], True
-    return annotation, False
-
-
-def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
-    """Allowed values of a field in words, with or without its unit."""
-    if field is None:
-        return "a mapping"
-    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    if "allowed" in extra:
-        return str(extra["allowed"])
-    container, model = inner_model(field)
-    kind, optional = _scalar(field.annotation)
-    bounds = {
-        "gt": "above",
-        "ge": "at least",
-        "lt": "below",
-        "le": "at most",
-        "min_length": "with a length of at least",
-    }
-    limits = [
-        f"{word} {getattr(limit, name):g}"
-        for limit in field.metadata
-        for name, word in bounds.items()
-        if getattr(limit, name, None) is not None
-    ]
-    if model is not None or container is not None:
-        text = "a list of mappings" if container is tuple else "a mapping"
-    elif get_origin(kind) is Literal:
-        text = f"one of {', '.join(map(str, get_args(kind)))}"
-    elif get_origin(kind) is tuple and get_args(kind)[1:] == (Ellipsis,):
-        inner = get_args(kind)[0]
-        words = get_args(inner) if get_origin(inner) is Literal else ("names",) if inner is str else ()
-        text = f"a list of some of {', '.join(words)}" if words else "a list of points, 2 finite numbers each"
-        if get_args(kind)[0] is float:
-            text, limits = _numbers(field), []
-    elif get_origin(kind) is tuple:
-        text = f"a list of {len(get_args(kind))} finite numbers"
-    else:
-        text = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}[kind]
-    text = " ".join([text, " and ".join(limits)]) if limits else text
-    own = extra.get("unit")
-    text = f"{text}, in {own}" if unit and own not in (None, "-") else text
-    return f"{text}, or null" if optional else text
-
-
-def _numbers(field: FieldInfo) -> str:
-    """Allowed number of entries of a list of numbers, in words."""
-    annotation = str(field.annotation) + str(field.metadata)
-    return (
-        "a list of 3 or 6 finite numbers" if "max_length=6" in annotation else "a list of 2 finite numbers, 3 in space"
-    )
-
-
 def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath = ()) -> Any:
     """Build a model from its sound values; missing numbers are NaN, for which every comparison is false."""
     values: dict[str, Any] = {}
@@ -202,12 +107,12 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
     for name, field in model.model_fields.items():
         here = (*at, name)
         container, inner = inner_model(field)
-        kind, _ = _scalar(field.annotation)
+        kind, _ = scalar(field.annotation)
         given = data.get(name)
-        if _alternative(kind) and not isinstance(given, dict):
+        if alternative(kind) and not isinstance(given, dict):
             values[name] = nan if here in bad or name not in data else given
         elif inner is not None and container is None:
-            absent = given is None and _scalar(field.annotation)[1]
+            absent = given is None and scalar(field.annotation)[1]
             values[name] = None if absent else _salvage(inner, given, bad, here)
         elif inner is not None and container is dict:
             items = given.items() if isinstance(given, dict) else ()
@@ -236,3 +141,88 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
         yield from space_faults(scenario)
     yield from sensor_faults(scenario)
     yield from wind_faults(scenario)
+
+
+def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of sensors: unknown objects, two of one kind on one object, or keys of another kind."""
+    vehicles = _vehicles(scenario)
+    ends = [end for rope in scenario.cables for end in scenario.end_names(rope)]
+    bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
+    known = {
+        "encoder": [*scenario.drives, *vehicles],
+        "load_cell": [*ends, *scenario.towers],
+        "inclinometer": [*vehicles, *bodies],
+        "imu": [*vehicles, *bodies],
+    }
+    taken: dict[tuple[str, str], str] = {}
+    for name, sensor in scenario.sensors.items():
+        path = ("sensors", name)
+        yield from name_faults(path)
+        if sensor.kind not in known or not isinstance(sensor.of, str):
+            continue  # a fault of its own
+        if sensor.of not in known[sensor.kind]:
+            allowed = ", ".join(known[sensor.kind][:8]) or "nothing in this scenario"
+            more = ", ..." if len(known[sensor.kind]) > 8 else ""
+            yield Fault((*path, "of"), f"given {show(sensor.of)}; allowed for {sensor.kind}: {allowed}{more}")
+        first = taken.setdefault((sensor.kind, sensor.of), name)
+        if first != name:
+            yield refuse(
+                (*path, "of"), sensor.of, f"one {sensor.kind} for each", detail=f", which '{first}' measures already"
+            )
+        if sensor.kind != "imu":
+            for key in ("rate_noise", "rate_bias"):
+                if getattr(sensor, key) != 0.0:
+                    yield refuse((*path, key), getattr(sensor, key), "0, only an imu has it")
+
+
+def _vehicles(scenario: Scenario) -> dict[str, list[str]]:
+    """Body names of all vehicles, also for a scenario with other faults."""
+    found = {name: [*vehicle.bodies] for name, vehicle in scenario.carriages.items()}
+    carriers = scenario.carriers
+    if carriers is None or not isinstance(carriers.count, int):
+        return found
+    order = carriers.order or tuple(carriers.kinds)
+    for number in range(carriers.count):
+        kind = carriers.kinds.get(order[number % len(order)]) if order else None
+        found[f"{carriers.name}_{number + 1}"] = [*(carriers.bodies if kind is None else kind.bodies)]
+    return found
+
+
+def rope_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of each rope alone, and of the couplings between ropes."""
+    yield from unknown_rope_faults(scenario)
+    if not scenario.ropes:
+        for key in ("sheaves", "connectors", "pantographs"):
+            for name in getattr(scenario, key):
+                yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
+        if scenario.carriers is not None and scenario.carriers.tracks:
+            yield Fault(("carriers", "tracks"), "given with one cable; allowed: with several `ropes`")
+        for name, carriage in scenario.carriages.items():
+            if carriage.clamped_to:
+                yield Fault(("carriages", name, "clamped_to"), "given with one cable; allowed: with several `ropes`")
+        for key in ("mass_damping", "tension_damping", "lateral"):
+            if getattr(scenario.cable, key) != 0.0:
+                yield refuse(("cable", key), getattr(scenario.cable, key), "0, or several `ropes`")
+        return
+    if scenario.solver.integrator != "generalized_alpha":
+        yield refuse(
+            ("solver", "integrator"), scenario.solver.integrator, "generalized_alpha", detail=" with several ropes"
+        )
+    seen = set()  # what rides a loop is on each of its strands
+    for name in scenario.ropes:
+        yield from name_faults(("ropes", name))
+        alone = scenario.of_rope(name)
+        for fault in (*cable_faults(alone), *vehicle_faults(alone)):
+            path: KeyPath = ("ropes", name, *fault.path[1:]) if fault.path[0] == "cable" else fault.path
+            if path not in seen:
+                seen.add(path)
+                yield Fault(path, fault.text)
+    yield from bullwheel_faults(scenario)
+    if scenario.carriers is not None:
+        yield from track_faults(scenario, scenario.carriers)
+    yield from connector_faults(scenario)
+    yield from pantograph_faults(scenario)
+    clamps = list(clamp_faults(scenario))
+    yield from clamps
+    if not clamps and not list(unknown_rope_faults(scenario)):
+        yield from travel_faults(scenario)

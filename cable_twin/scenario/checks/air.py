@@ -66,6 +66,3 @@ def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
         yield from ((("carriers", "bodies", body), value) for body, value in carriers.bodies.items())
         for name, kind in carriers.kinds.items():
             yield from ((("carriers", "kinds", name, "bodies", body), value) for body, value in kind.bodies.items())
-
-
-__all__ = ["wind_faults", "wind_unfelt"]

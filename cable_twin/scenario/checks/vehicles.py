@@ -12,8 +12,7 @@ from cable_twin.basics.units import with_unit
 from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.checks.fault import Fault, KeyPath, name_faults, refuse, show
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.carriers import Carriers
-from cable_twin.scenario.sections.vehicles import Body, Carriage
+from cable_twin.scenario.sections.vehicles import Body, Carriage, Carriers
 
 SHORTEST_STAY = 0.1  # s in a station, in which what gets in and out is changed
 FASTEST_ROPE = 12.0  # m/s, of a drive without a limit
