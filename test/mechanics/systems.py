@@ -200,6 +200,12 @@ def disturbed_state(system, seed=1):
     return state, work
 
 
+def turned(pitch, offset):
+    """A u with A = [[cos, sin], [-sin, cos]]: right-handed about y, so x turns towards -z."""
+    c, s = np.cos(pitch), np.sin(pitch)
+    return np.array([[c, s], [-s, c]]) @ offset
+
+
 def difference(function, x, step):
     """Derivative (values, x.size) of `function` at `x` by central differences of fourth order."""
     columns = []

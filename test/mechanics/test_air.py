@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from systems import disturbed_state, make_system
-from test_equations_of_motion import ELASTIC, rows
-from test_haul_rope import check_newton_step
+from test_equations_of_motion import ELASTIC, check_newton_step, rows
 
 from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.on_rope.body_drag import drag_bodies
@@ -82,7 +81,7 @@ def test_force_on_the_rope(dim):
     ("rope", "body"), [(ROPE_DRAG, (0.0, 0.0)), (0.0, (3.0, 3.0)), (ROPE_DRAG, (3.0, 3.0)), (0.0, (1.0, 6.0))]
 )
 def test_newton_step(rope, body, modes):
-    """Drag on the rope, on bodies, on both, by the axes of bodies, which turn: the tangent is exact, to 1e-8."""
+    """Drag on the rope, on bodies, on both, by the axes of bodies, which turn: the tangent is exact, to 3e-8."""
     system, state, work = setup(rope=rope, body=body, modes=modes)
 
     def residual(moved):
@@ -97,7 +96,7 @@ def test_newton_step(rope, body, modes):
         bare[nodal : nodal + bodies.size] -= bodies.ravel()
         return np.concatenate([bare, np.zeros(4)])  # no sheaves, no haul ropes
 
-    check_newton_step(system, state, work, residual)
+    check_newton_step(system, state, work, 3e-8, residual)
 
 
 def test_no_wind_and_no_motion_is_no_force():

@@ -142,20 +142,22 @@ def test_elastic_energy_is_that_of_the_strains(model, dim):
     np.testing.assert_allclose(-work.right_side.ravel(), force, rtol=0, atol=1e-8 * np.abs(force).max())
 
 
-@DIMS
-def test_tangent_of_element_frame_is_exact(dim):
-    """Against fourth-order differences of the force, to 1e-9."""
-    cable = make_cable(dim, elastic_model=ELEMENT_FRAME)
-    q = vectors(dim).ravel()
-    exact = difference(lambda x: evaluate(cable, x)[0], q, 1e-3 * 0.7)
-    np.testing.assert_allclose(evaluate(cable, q)[1], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+STRAIGHT = 0.73 * np.outer(np.ones(3), [0.6, 0.8, 0.0])
 
 
+@pytest.mark.parametrize(
+    ("model", "bending_stiffness", "straight"),
+    [(ELEMENT_FRAME, 7.0, False), (CONTINUUM, 0.0, False), (CONTINUUM, 7.0, True)],
+    ids=["element_frame", "continuum without bending", "continuum where it is straight"],
+)
 @DIMS
-def test_tangent_of_continuum_is_exact_without_bending(dim):
-    """Against fourth-order differences of the force, to 1e-9: the tension term is in it."""
-    cable = make_cable(dim, bending_stiffness=0.0)
-    q = vectors(dim).ravel()
+def test_tangent_is_exact(model, bending_stiffness, straight, dim):
+    """Against fourth-order differences of the force, to 1e-9; the tension term is in it.
+
+    In a straight element r_xx lies along r_x, and Gauss-Newton leaves nothing out that does not vanish with it.
+    """
+    cable = make_cable(dim, elastic_model=model, bending_stiffness=bending_stiffness)
+    q = STRAIGHT[:, :dim].ravel() if straight else vectors(dim).ravel()
     exact = difference(lambda x: evaluate(cable, x)[0], q, 1e-3 * 0.7)
     np.testing.assert_allclose(evaluate(cable, q)[1], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
 
@@ -172,16 +174,6 @@ def test_tangent_of_continuum_in_bending_is_gauss_newton_on_chi(dim):
         factor = weight * cable.bending_stiffness / (rho @ rho * cable.element_length[ELEMENT])
         exact += factor * np.kron(np.outer(curvatures(u), curvatures(u)), across)
     np.testing.assert_allclose(evaluate(cable, q)[1], exact, rtol=0, atol=1e-13 * np.abs(exact).max())
-
-
-@DIMS
-def test_tangent_of_continuum_is_exact_where_the_element_is_straight(dim):
-    """Then r_xx lies along r_x, and Gauss-Newton leaves nothing out that does not vanish with it: to 1e-9."""
-    cable = make_cable(dim)
-    direction = np.array([0.6, 0.8, 0.0][:dim])
-    q = np.outer([0.73, 0.73, 0.73], direction).ravel()
-    exact = difference(lambda x: evaluate(cable, x)[0], q, 1e-3 * 0.7)
-    np.testing.assert_allclose(evaluate(cable, q)[1], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
 
 
 @MODELS

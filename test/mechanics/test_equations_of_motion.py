@@ -6,15 +6,17 @@ its own tests. Their derivatives are differences of fourth order.
 
 import numpy as np
 import pytest
-from systems import changed, difference, disturbed_state, make_system, second_difference
-from test_chain import chain_residual, gaps, hinge_moments
+from systems import changed, difference, disturbed_state, make_system, second_difference, turned
 from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.language.declared import clone
+from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.chain import arm_to, carriage_mass
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
-from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, SPEED
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, HAULED, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.solution.equations_of_motion import (
@@ -26,8 +28,68 @@ from cable_twin.mechanics.solution.equations_of_motion import (
     solve_accelerations,
 )
 from cable_twin.mechanics.solution.kinks import hold_kinks
+from cable_twin.mechanics.state import Motion
 
+GRAVITY = np.array([0.0, -9.81])
+MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
+LEVEL = (1.0, 0.0)  # any vector of a plane
 ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
+
+
+def gaps(carriages, place, bodies):
+    """Gaps (2 bodies,) in m of a chain that hangs at `place`, from its coordinates (bodies, 3)."""
+    result, above = [], place
+    for body, (x, z, pitch) in enumerate(bodies):
+        centre = np.array([x, z])
+        result.append(above - centre - turned(pitch, carriages.upper_pivot[body]))
+        above = centre + turned(pitch, carriages.lower_pivot[body])
+    return np.concatenate(result)
+
+
+def test_positive_pitch_turns_x_towards_minus_z():
+    axes = orientation((0.0, 0.0, np.pi / 2), LEVEL)
+    assert arm_to(axes, np.array([1.0, 0.0]), LEVEL) == pytest.approx((0.0, -1.0), abs=1e-15)
+
+
+def test_arm_and_its_derivative():
+    """Closed form to 1e-15, derivative by fourth-order differences to 1e-10."""
+    offset = np.array([0.3, -0.8])
+    reached = arm_to(orientation((0.0, 0.0, 0.7), LEVEL), offset, LEVEL)
+    np.testing.assert_allclose(reached, turned(0.7, offset), atol=1e-15)
+    exact = difference(lambda p: turned(p[0], offset), np.array([0.7]), 1e-3)[:, 0]
+    np.testing.assert_allclose(cross((1.0,), reached), exact, atol=1e-10)
+
+
+def hinge_moments(carriages, pitches, spins, direction):
+    """Moments (bodies,) in N m on the bodies of a chain, from their pitches and rates and those of the cable."""
+    angle = np.diff(np.concatenate([[direction[0]], pitches]))
+    rate = np.diff(np.concatenate([[direction[1]], spins]))
+    return -carriages.hinge_stiffness * angle - carriages.hinge_damping * rate
+
+
+def chain_residual(carriages, q, multipliers, accelerations, moments=None):
+    """M q_ddot - Q - Φ_qᵀ λ of all bodies (3 bodies,), written from the virtual work of the joint forces.
+
+    A hinge has a moment on the body below it, and the opposite one on the body above.
+    """
+    rows = []
+    moments = np.zeros(len(q)) if moments is None else moments
+    last = len(q) - 1
+    for body, (_, _, pitch) in enumerate(q):
+        force = multipliers[body]
+        below = multipliers[body + 1] if body < last else np.zeros(2)
+        up, low = turned(pitch, carriages.upper_pivot[body]), turned(pitch, carriages.lower_pivot[body])
+        row = carriages.mass[body] * (accelerations[body, :2] - GRAVITY) - force + below
+        # the moment about y of a force F at (x, z) is z F_x - x F_z
+        moment = up[1] * force[0] - up[0] * force[1] - low[1] * below[0] + low[0] * below[1]
+        moment += moments[body] - (moments[body + 1] if body < last else 0.0)
+        rows.append([*row, carriages.inertia[body] * accelerations[body, 2] - moment])
+    return np.ravel(rows)
+
+
+def test_mass_of_a_carriage():
+    system = make_system(chains=(1, 3))
+    assert carriage_mass(system.carriages, 1) == pytest.approx(system.carriages.mass[1:].sum(), rel=1e-15)
 
 
 def setup(chains, *, places=None, modes=None, cable=None, **carriages):
@@ -155,49 +217,60 @@ def held(system):
     return matrix
 
 
-def dense_newton_step(system, state, work, mass_factor, rate_factor):
-    """Increments of all unknowns from the uncondensed system."""
-    size = 4 * (system.cable.element_count + 1)
-    total = size + 5 * system.carriages.mass.size + system.carriages.fixed.size
+def moved_by(system, state, unknown):
+    """State moved by Newton increments of all unknowns, as the integrator moves it."""
+    count = system.carriages.fixed.size
+    size = unknown.size - 2 * count
+    e, q, s, multipliers = split(system, unknown[:size])
+    factors = [1.0, RATE_FACTOR, MASS_FACTOR, 0.0]
+    sheaves = np.array(state.sheaves) + np.outer(factors, unknown[size : size + count])
+    hauled = np.array(state.hauled) + np.outer(factors, unknown[size + count :])
+    return changed(
+        state,
+        nodes_position=state.nodes.position + e,
+        nodes_velocity=state.nodes.velocity + RATE_FACTOR * e,
+        nodes_acceleration=state.nodes.acceleration + MASS_FACTOR * e,
+        bodies_position=state.bodies.position + q,
+        bodies_velocity=state.bodies.velocity + RATE_FACTOR * q,
+        bodies_acceleration=state.bodies.acceleration + MASS_FACTOR * q,
+        joints_position=state.joints.position + s,
+        joints_velocity=state.joints.velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
+        multipliers=state.multipliers + multipliers,
+        sheaves=Motion(*sheaves),
+        hauled=Motion(*hauled),
+    )
+
+
+def check_newton_step(system, state, work, tolerance=1e-8, residual=None):
+    """`assemble` and `solve` against the dense solution of all rows, relative to the largest entry of each kind.
+
+    `residual` gives the rows of a state; after those of eq. 16 come sheaves and ways of the haul ropes.
+    """
+    size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
+    total = size + 5 * system.carriages.mass.size + 3 * count
+    residual = residual or (lambda moved: np.concatenate([rows(system, moved, work), np.zeros(2 * count)]))
     still = held(system)
-
-    def residual(unknown):
-        e, q, s, multipliers = split(system, unknown)
-        driven = state.drive_mode == SPEED
-        moved = changed(
-            state,
-            nodes_position=state.nodes.position + e,
-            nodes_velocity=state.nodes.velocity + rate_factor * e,
-            nodes_acceleration=state.nodes.acceleration + mass_factor * e,
-            bodies_position=state.bodies.position + q,
-            bodies_velocity=state.bodies.velocity + rate_factor * q,
-            bodies_acceleration=state.bodies.acceleration + mass_factor * q,
-            joints_position=state.joints.position + s,
-            joints_velocity=state.joints.velocity + np.where(driven, 0.0, rate_factor) * s,
-            multipliers=state.multipliers + multipliers,
-        )
-        return rows(system, moved, work)
-
-    matrix = difference(residual, np.zeros(total), 1e-4)
-    right = -residual(np.zeros(total))
+    hold_kinks(system, state, work)
+    matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
+    right = -residual(state)
     # what is held does not move: P K P + (1 - P)
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
     matrix[:size, :size] += still
-    return np.linalg.solve(matrix, right)
-
-
-def check_newton_step(system, state, work, tolerance=1e-8):
-    """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
-    mass_factor, rate_factor = 400.0, 25.0
-    hold_kinks(system, state, work)
-    exact = split(system, dense_newton_step(system, state, work, mass_factor, rate_factor))
+    for k in range(count):  # what is not there does not move, and a sheave that is led is where it has to be
+        hauled, led = state.drive_mode[k] == HAULED, state.sheave_mode[k] == SPEED
+        for row, free in ((total - 2 * count + k, hauled and not led), (total - count + k, hauled)):
+            matrix[row] = matrix[row] if free else np.eye(total)[row]
+    exact = np.linalg.solve(matrix, right)
     before = state.multipliers.copy()
     measure_gaps(system, state, work, True)
-    assemble(system, state, mass_factor, rate_factor, 1.0, work)
+    assemble(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     assert solve(system, state, work)
+    right = (*split(system, exact[: total - 2 * count]), *np.split(exact[total - 2 * count :], 2))
     got = (work.right_side, work.body_increment, work.sliding_increment, state.multipliers - before)
-    for name, value, expected in zip(("cable", "bodies", "sliding", "multipliers"), got, exact, strict=True):
-        scale = np.abs(expected).max(initial=1e-6)
+    got = (*got, work.sheave_increment, work.haul_increment)
+    names = ("cable", "bodies", "sliding", "multipliers", "sheaves", "ways")
+    for name, value, expected in zip(names, got, right, strict=True):
+        scale = np.abs(expected).max(initial=1e-6)  # of a difference, 1e-14 is rounding
         np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * scale, err_msg=name)
 
 
@@ -313,7 +386,7 @@ def test_gaps_are_those_of_the_constraints():
 @pytest.mark.parametrize("feedback", [0.0, 3.0])
 def test_right_side_of_the_constraints(feedback):
     """γ: second differences of Φ along a motion without accelerations, and Baumgarte's terms: to 1e-6."""
-    system, state, work = setup([1, 2], modes=[FREE, SPEED])
+    system, state, work = setup([1, 3], modes=[FREE, SPEED])
 
     def along(t):
         return constraints(system, moving(state, t))

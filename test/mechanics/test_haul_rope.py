@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from systems import changed, difference, disturbed_state, make_system, put
-from test_equations_of_motion import ELASTIC, ROUGH, held, rows, split, yielded
+from test_equations_of_motion import ELASTIC, ROUGH, check_newton_step, rows, yielded
 from test_kink import YIELDING
 
 from cable_twin.mechanics.drives.haul_rope import (
@@ -20,11 +20,6 @@ from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
 from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
-from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.kinks import hold_kinks
-from cable_twin.mechanics.state import Motion
-
-MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 
 
 def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
@@ -76,58 +71,6 @@ def haul_rows(system, state):
     return np.array(on_w), np.array(on_u)
 
 
-def moved_by(system, state, unknown):
-    """State moved by Newton increments of all unknowns, as the integrator moves it."""
-    count = system.carriages.fixed.size
-    size = unknown.size - 2 * count
-    e, q, s, multipliers = split(system, unknown[:size])
-    factors = [1.0, RATE_FACTOR, MASS_FACTOR, 0.0]
-    sheaves = np.array(state.sheaves) + np.outer(factors, unknown[size : size + count])
-    hauled = np.array(state.hauled) + np.outer(factors, unknown[size + count :])
-    return changed(
-        state,
-        nodes_position=state.nodes.position + e,
-        nodes_velocity=state.nodes.velocity + RATE_FACTOR * e,
-        nodes_acceleration=state.nodes.acceleration + MASS_FACTOR * e,
-        bodies_position=state.bodies.position + q,
-        bodies_velocity=state.bodies.velocity + RATE_FACTOR * q,
-        bodies_acceleration=state.bodies.acceleration + MASS_FACTOR * q,
-        joints_position=state.joints.position + s,
-        joints_velocity=state.joints.velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
-        multipliers=state.multipliers + multipliers,
-        sheaves=Motion(*sheaves),
-        hauled=Motion(*hauled),
-    )
-
-
-def check_newton_step(system, state, work, residual, tolerance=3e-8):
-    """`assemble` and `solve` against the dense solution of `residual` (state), whose last rows are sheaves and ways."""
-    size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
-    total = size + 5 * system.carriages.mass.size + 3 * count
-    still = held(system)
-    hold_kinks(system, state, work)
-    matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
-    right = -residual(state)
-    matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
-    matrix[:size, :size] += still
-    for k in range(count):  # what is not there does not move, and a sheave that is led is where it has to be
-        hauled, led = state.drive_mode[k] == HAULED, state.sheave_mode[k] == SPEED
-        for row, free in ((total - 2 * count + k, hauled and not led), (total - count + k, hauled)):
-            matrix[row] = matrix[row] if free else np.eye(total)[row]
-    exact = np.linalg.solve(matrix, right)
-    before = state.multipliers.copy()
-    measure_gaps(system, state, work, True)
-    assemble(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
-    assert solve(system, state, work)
-    right = (*split(system, exact[: total - 2 * count]), exact[total - 2 * count : total - count], exact[-count:])
-    got = (work.right_side, work.body_increment, work.sliding_increment, state.multipliers - before)
-    got = (*got, work.sheave_increment, work.haul_increment)
-    names = ("cable", "bodies", "sliding", "multipliers", "sheaves", "ways")
-    for name, value, expected in zip(names, got, right, strict=True):
-        scale = np.abs(expected).max(initial=1e-6)  # of a difference, 1e-14 is rounding
-        np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * scale, err_msg=name)
-
-
 def hauled_residual(system, work):
     """Rows of eq. 16 with haul ropes, which pull the first bodies and not the cable."""
 
@@ -158,7 +101,7 @@ def test_newton_step(station, sheave):
     system, state, work = setup(station=station, sheave=sheave)
     if sheave == FREE:
         state.drive_force[:] = 0.0
-    check_newton_step(system, state, work, hauled_residual(system, work))
+    check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
 
 @pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
@@ -167,19 +110,19 @@ def test_newton_step_of_a_slack_rope(sheave):
     system, state, work = setup(sheave=sheave, pretension=np.array([15.0]))
     state.sheaves.position[:] = state.hauled.position - 0.3
     assert rope_force(system, state, 0)[0] == -15.0
-    check_newton_step(system, state, work, hauled_residual(system, work))
+    check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
 
 def test_newton_step_of_several_carriages():
     system, state, work = setup((1, 2))
-    check_newton_step(system, state, work, hauled_residual(system, work))
+    check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
 
 @pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
 def test_newton_step_of_joints_that_yield(sheave):
     """The rope pulls at the pivot, not at the place of the joint on the cable."""
     system, state, work = setup((1, 2), sheave=sheave, cable=ELASTIC | YIELDING)
-    check_newton_step(system, state, work, hauled_residual(system, work))
+    check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
 
 @pytest.mark.parametrize(("station", "sign"), [(START, 1.0), (END, -1.0)])

@@ -1,10 +1,8 @@
 """Springs and dampers between bodies and against the cable: moments, directions, rest, Newton, reset, payload."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from systems import changed, difference, disturbed_state, make_system
+from systems import changed, difference, disturbed_state, make_system, turned
 from test_equilibrium import loaded_span
 
 from cable_twin.mechanics.on_rope.grip import moment_by_slope, spin_by_slope, tangent_pitch, turn_by_slope
@@ -20,11 +18,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.point import bend, slope
 from cable_twin.mechanics.rope.shape_functions import shape_functions_xx, shape_functions_xxx
-from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.simulation import Simulation
-from verification.conservation import thrown_cable
-from verification.hinges import HINGES, hinged_pendulum
 from verification.models import for_kernels
 
 SPRINGS = {f"carriages.one.bodies.{name}.stiffness": 2e4 for name in ("upper", "lower")}
@@ -125,11 +119,6 @@ def test_rest_with_springs_balances_moments():
     np.testing.assert_allclose(q, before[1], atol=1e-7)
 
 
-def turned(pitch, offset):
-    c, s = np.cos(pitch), np.sin(pitch)
-    return np.array([[c, s], [-s, c]]) @ offset
-
-
 def test_a_driven_joint_takes_the_moment_along_a_bent_cable():
     """m ∂α/∂s more than λ·t: to 1e-12."""
     system, state, _ = hinged_system()
@@ -140,56 +129,3 @@ def test_a_driven_joint_takes_the_moment_along_a_bent_cable():
     assert grip_moment(bare, state, 0) == ((0.0,), 0.0)
     more = driven_force(system, state, 0) - driven_force(bare, state, 0)
     assert more * np.linalg.norm(joint_tangent(system.cable, state, 0)) == pytest.approx(force, rel=1e-12)
-
-
-def test_newton_is_quadratic_with_hinges():
-    """From a state that is off by millimetres, each increment is of the square of the one before, down to rounding."""
-    simulation = thrown_cable(1e-3, 0.0, 3, HINGES)
-    state, work = for_kernels(simulation)
-    cable = simulation.system.cable._replace(bending_stiffness=0.0)  # with which the tangent of the cable is exact
-    system = simulation.system._replace(cable=cable)
-    mass_factor, rate_factor = 4e4, 300.0
-    rng, sizes = np.random.default_rng(1), []
-
-    def move(e, q, s):
-        for motion, increment in ((state.nodes, e), (state.bodies, q), (state.joints, s)):
-            motion.position[:] += increment
-            motion.velocity[:] += rate_factor * increment
-            motion.acceleration[:] += mass_factor * increment
-
-    move(*(2e-3 * rng.standard_normal(motion.position.shape) for motion in (state.nodes, state.bodies, state.joints)))
-    for _ in range(6):
-        measure_gaps(system, state, work, True)
-        assemble(system, state, mass_factor, rate_factor, 1.0, work)
-        assert solve(system, state, work)
-        sizes.append(largest_increment(system, work))
-        move(work.right_side, work.body_increment, work.sliding_increment)
-    assert sizes[0] > 1e-3
-    ratios = [after / before**2 for before, after in pairwise(sizes) if after > 1e-12]
-    assert len(ratios) >= 2
-    assert sizes[-1] < 1e-12
-    assert max(ratios) < 100.0
-
-
-def test_a_reset_gives_back_the_start_and_a_payload_takes_part():
-    """A damper has no memory, so that a run is the same again; a heavier cabin hangs deeper in its spring."""
-    changes = {**SPRINGS, **DAMPERS, "carriages.one.payload": {"capacity": 500.0, "station_distance": 200.0}}
-    simulation = Simulation(loaded_span(**changes))
-    rest = simulation.state.bodies.position.copy()
-    simulation.advance_to(0.1)
-    moved = simulation.state.bodies.position.copy()
-    simulation.reset()
-    np.testing.assert_array_equal(simulation.state.bodies.position, rest)
-    simulation.advance_to(simulation.time + 0.1)
-    np.testing.assert_array_equal(simulation.state.bodies.position, moved)
-    heavy = Simulation(loaded_span(**changes, **{"carriages.one.payload.mass": 400.0}))
-    assert abs(heavy.state.bodies.position[1, 2]) != abs(rest[1, 2])
-    assert heavy.system.carriages.mass[1] == 1300.0
-
-
-def test_a_damped_pendulum_loses_its_swing():
-    """After 50 ms it is slower than one without: a few steps of the case in `verification`."""
-    free, damped = hinged_pendulum(5e-3), hinged_pendulum(5e-3, damping=2.0)
-    for simulation in (free, damped):
-        simulation.advance_to(0.05)
-    assert abs(damped.state.bodies.velocity[0, 2]) < abs(free.state.bodies.velocity[0, 2])

@@ -32,36 +32,24 @@ def hung_from_a_wall(bodies):
     return Simulation(load_scenario({**CANTILEVER, "carriages": {"one": carriage}}, STIFF))
 
 
-def test_compound_pendulum():
-    """ω² = m g d / (I + m d²): to 2e-5."""
-    body = {"mass": 4.0, "inertia": 0.7, "upper_pivot": [0.3, 0.4]}
-    exact = np.sqrt(4.0 * 9.81 * 0.5 / (0.7 + 4.0 * 0.25)) / (2.0 * np.pi)
-    assert hung_from_a_wall({"body": body}).natural_frequencies(1)[0] == pytest.approx(exact, rel=2e-5)
-
-
-def test_double_pendulum():
-    """Two rods of 1 m: the roots of det(K - ω² M) with the textbook matrices, to 2e-5."""
-    mass, inertia = 2.67, 0.2242
-    rods = {
-        "upper": {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, 0.5], "lower_pivot": [0.0, -0.5]},
-        "lower": {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, 0.5]},
-    }
-    inertias = np.array([[inertia + 1.25 * mass, 0.5 * mass], [0.5 * mass, inertia + 0.25 * mass]])
-    stiffness = mass * 9.81 * np.diag([1.5, 0.5])
-    exact = np.sqrt(eigh(stiffness, inertias, eigvals_only=True)) / (2.0 * np.pi)
-    np.testing.assert_allclose(hung_from_a_wall(rods).natural_frequencies(2), exact, rtol=2e-5)
-
-
-def test_pendulums_with_springs():
-    """The same two with springs: k on the diagonal of each body, against its neighbour too; dampers change nothing."""
-    body = {"mass": 4.0, "inertia": 0.7, "upper_pivot": [0.0, 0.5], "stiffness": 9.0, "damping": 3.0}
-    exact = np.sqrt((4.0 * 9.81 * 0.5 + 9.0) / (0.7 + 4.0 * 0.25)) / (2.0 * np.pi)
+@pytest.mark.parametrize("spring", [0.0, 9.0])
+def test_compound_pendulum(spring):
+    """ω² = (m g d + k) / (I + m d²): to 1e-4; a damper changes nothing."""
+    body = {"mass": 4.0, "inertia": 0.7, "upper_pivot": [0.3, 0.4], "stiffness": spring, "damping": 3.0}
+    if spring:  # or it would not hang as the spring is
+        body["upper_pivot"] = [0.0, 0.5]
+    exact = np.sqrt((4.0 * 9.81 * 0.5 + spring) / (0.7 + 4.0 * 0.25)) / (2.0 * np.pi)
     assert hung_from_a_wall({"body": body}).natural_frequencies(1)[0] == pytest.approx(exact, rel=1e-4)
-    mass, inertia = 2.67, 0.2242
+
+
+@pytest.mark.parametrize("springs", [(0.0, 0.0), (7.0, 4.0)])
+def test_double_pendulum(springs):
+    """Two rods of 1 m: roots of det(K - ω² M) with the textbook matrices and springs of N m/rad, to 1e-4."""
+    mass, inertia, (upper, lower) = 2.67, 0.2242, springs
     rod = {"mass": mass, "inertia": inertia, "upper_pivot": [0.0, 0.5]}
-    rods = {"upper": {**rod, "lower_pivot": [0.0, -0.5], "stiffness": 7.0}, "lower": {**rod, "stiffness": 4.0}}
+    rods = {"upper": {**rod, "lower_pivot": [0.0, -0.5], "stiffness": upper}, "lower": {**rod, "stiffness": lower}}
     inertias = np.array([[inertia + 1.25 * mass, 0.5 * mass], [0.5 * mass, inertia + 0.25 * mass]])
-    stiffness = mass * 9.81 * np.diag([1.5, 0.5]) + [[7.0 + 4.0, -4.0], [-4.0, 4.0]]
+    stiffness = mass * 9.81 * np.diag([1.5, 0.5]) + [[upper + lower, -lower], [-lower, lower]]
     exact = np.sqrt(eigh(stiffness, inertias, eigvals_only=True)) / (2.0 * np.pi)
     np.testing.assert_allclose(hung_from_a_wall(rods).natural_frequencies(2), exact, rtol=1e-4)
 

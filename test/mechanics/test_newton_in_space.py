@@ -1,7 +1,7 @@
-"""The whole system in space: one condensed Newton step against a dense solution of the uncondensed equations.
+"""In space: the chain of bodies, and one condensed Newton step of the whole system, against dense solutions.
 
-The rows of carriage and joint are written here and in `test_chain_in_space` from their definitions; of the mechanics
-they use residuals alone. Their derivatives are differences of fourth order.
+The rows of carriage and joint are written here from their definitions; of the mechanics they use residuals alone. Their
+derivatives are differences of fourth order.
 """
 
 import numpy as np
@@ -9,19 +9,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 from systems import (
     changed,
-    dense_blocks,
     difference,
     disturbed_state,
     make_system,
     second_difference,
     with_moving_cable,
 )
-from test_chain_in_space import WIND, Moved, aligned, stored_holding
 from test_kink import YIELDING, way_and_push
 
+from cable_twin.mechanics.on_rope.body_drag import drag_bodies
 from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.friction import friction_force
+from cable_twin.mechanics.on_rope.hinge import Above
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.wind import set_wind
@@ -37,6 +38,10 @@ from cable_twin.mechanics.solution.equations_of_motion import (
 )
 from cable_twin.mechanics.solution.kinks import hold_kinks
 
+GRAVITY = np.array([0.0, 0.0, -9.81])
+PLACE = np.array([0.2, 0.4, -0.1])
+WIND = np.array([4.0, -9.0, 1.5])
+DRAG = np.array([0.3, 2.5, 1.1])  # kg/m, along the axes of each body
 MASS_FACTOR, RATE_FACTOR = 400.0, 25.0
 ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable is exact
 ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
@@ -44,6 +49,179 @@ SPRINGS = {"hinge_stiffness": [50.0, 20.0, 30.0]}
 DAMPERS = {"hinge_damping": [0.0, 3.0, 2.0], "roll_damping": [0.0, 4.0, 1.5]}  # between bodies
 FIRST_DAMPERS = {"hinge_damping": [4.0, 3.0, 2.0], "roll_damping": [3.0, 4.0, 1.5]}
 WINDY = Air(rope_drag=0.8, body_drag=np.tile(np.diag([1.5, 2.5, 2.0]).ravel(), (3, 1)), present=True)
+
+
+def aligned(vector, goal):
+    """The shortest turn that brings one vector into the direction of another."""
+    axis = np.cross(vector, goal)
+    size = np.linalg.norm(axis)
+    return Rotation.from_rotvec(axis * (np.arctan2(size, vector @ goal) / size if size > 0.0 else 0.0))
+
+
+def attitudes(state, holds, tangent, right=True):
+    """Turn the bodies of a chain, each otherwise; their joints at right angles to what they turn about, if `right`."""
+    for body, held_angles in enumerate(holds):
+        turn = Rotation.from_rotvec([0.2 * body, 0.1 + 0.3 * body, 0.32])
+        if right:  # laws of springs are linearised about joints whose axes are at right angles, as they are held
+            axes, above = turn.as_matrix(), Rotation.from_quat(state.bodies.position[body - 1, 3:]).as_matrix()
+            a, c = (tangent, axes[:, 1]) if body == 0 else (above[:, 1], axes[:, 0])
+            turn = aligned(c, c - (a @ c) * a) * turn
+            if held_angles == 2:
+                turn = aligned(turn.as_matrix()[:, 1], a) * turn
+        state.bodies.position[body, 3:] = turn.as_quat()
+    state.moments[:] = np.random.default_rng(5).standard_normal(state.moments.shape)
+
+
+def hanging(count, held, damped):
+    """A chain that hangs in general position from a cable, its joints nearly closed, and how the cable is turned."""
+    springs = {
+        "hinge_stiffness": np.array([70.0, 30.0, 50.0])[:count],
+        "hinge_damping": np.array([6.0, 9.0, 4.0])[:count],
+        "roll_damping": np.array([3.0, 5.0, 2.0])[:count],
+    }
+    system = make_system(3, chains=(count,), carriages=springs if damped else {})
+    holds = np.array([1, *[held] * (count - 1)])
+    air = Air(rope_drag=0.0, body_drag=np.tile(damped * np.diag(DRAG).ravel(), (count, 1)), present=damped)
+    system = system._replace(carriages=system.carriages._replace(held=holds), air=air)
+    state, work = disturbed_state(system)
+    tangent = np.array([0.9, 0.3, -0.2])
+    tangent /= np.linalg.norm(tangent)
+    attitudes(state, holds, tangent, right=damped)
+    work.turned[:] = 0.0
+    return system, state, work, tangent, np.array([0.1, -0.3, 0.2])
+
+
+class Moved:
+    """The chain after turns and displacements (bodies, 6) of its bodies and a turn of the cable, as defined."""
+
+    def __init__(self, system, state, delta, tangent, spin, turn, hangs_at=PLACE):
+        self.hangs_at = hangs_at
+        carriages, rates = system.carriages, state.bodies.velocity
+        self.carriages, self.drag = carriages, system.air.body_drag
+        self.velocity = rates[:, :3] + RATE_FACTOR * delta[:, :3]
+        rotations = [
+            Rotation.from_rotvec(row[3:]) * Rotation.from_quat(q[3:])
+            for row, q in zip(delta, state.bodies.position, strict=True)
+        ]
+        self.axes = [rotation.as_matrix() for rotation in rotations]
+        self.place = state.bodies.position[:, :3] + delta[:, :3]
+        self.spin = rates[:, 3:] + RATE_FACTOR * delta[:, 3:]
+        self.acceleration = state.bodies.acceleration + MASS_FACTOR * delta
+        self.tangent = Rotation.from_rotvec(turn).as_matrix() @ tangent
+        self.spin_above = spin + RATE_FACTOR * turn
+
+    def joint(self, body):
+        """Axes a and (c, second c) of a joint, and its relative spin."""
+        axes = self.axes[body]
+        if body == 0:
+            return self.tangent, (axes[:, 1], axes[:, 2]), self.spin[0] - self.spin_above
+        return self.axes[body - 1][:, 1], (axes[:, 0], axes[:, 2]), self.spin[body] - self.spin[body - 1]
+
+    def gaps(self):
+        """Gaps (bodies, 3) in m of the joints at their places, and the cosines of what they hold."""
+        above, found, held = self.hangs_at, [], []
+        for body, axes in enumerate(self.axes):
+            found.append(above - self.place[body] - axes @ self.carriages.upper_pivot[body])
+            above = self.place[body] + axes @ self.carriages.lower_pivot[body]
+            a, mine, _ = self.joint(body)
+            held += [a @ mine[number] for number in range(self.carriages.held[body])]
+        return np.concatenate([np.ravel(found), held])
+
+    def moments(self, holding):
+        """Moments (bodies, 3): springs and dampers about a and c, and `holding` along c x a, one a held angle."""
+        carriages, result, used = self.carriages, [], 0
+        for body in range(len(self.axes)):
+            a, (c, other), relative = self.joint(body)
+            axes = self.axes[body]
+            if body == 0:
+                angle, pitch, roll = np.arctan2(a @ axes[:, 2], a @ axes[:, 0]), c, a
+            else:
+                above = self.axes[body - 1]
+                angle, pitch, roll = np.arctan2(-c @ above[:, 2], c @ above[:, 0]), a, c
+            moment = (
+                -(carriages.hinge_stiffness[body] * angle + carriages.hinge_damping[body] * (pitch @ relative)) * pitch
+            )
+            moment -= carriages.roll_damping[body] * (roll @ relative) * roll
+            for number in range(carriages.held[body]):
+                moment += holding[used] * np.cross((c, other)[number], a)
+                used += 1
+            result.append(moment)
+        return np.array(result)
+
+    def residual(self, forces, holding):
+        """Newton's and Euler's equations (bodies, 6) about the axes of the world."""
+        carriages, rows, moments = self.carriages, [], self.moments(holding)
+        last = len(self.axes) - 1
+        for body, axes in enumerate(self.axes):
+            below, turning = (forces[body + 1], moments[body + 1]) if body < last else (np.zeros(3), np.zeros(3))
+            row = carriages.mass[body] * (self.acceleration[body, :3] - GRAVITY) - forces[body] + below
+            relative = WIND - self.velocity[body]
+            row -= axes @ self.drag[body].reshape(3, 3) @ axes.T @ relative * np.linalg.norm(relative)
+            inertia = axes @ carriages.inertia[body].reshape(3, 3) @ axes.T
+            total = inertia @ self.acceleration[body, 3:] + np.cross(self.spin[body], inertia @ self.spin[body])
+            up, low = axes @ carriages.upper_pivot[body], axes @ carriages.lower_pivot[body]
+            total += np.cross(low, below) - np.cross(up, forces[body]) + turning - moments[body]
+            rows.append([*row, *total])
+        return np.ravel(rows)
+
+
+def stored_holding(moved, state):
+    """Sizes of the moments that hold, as the chain takes them out of `state.moments`."""
+    sizes = []
+    for body in range(len(moved.axes)):
+        a, mine, _ = moved.joint(body)
+        for number in range(moved.carriages.held[body]):
+            axis = np.cross(mine[number], a)
+            sizes.append(state.moments[body] @ axis / (axis @ axis))
+    return np.array(sizes)
+
+
+@pytest.mark.parametrize("damped", [False, True], ids=["bare", "damped"])
+@pytest.mark.parametrize(("count", "held"), [(1, 1), (2, 1), (2, 2), (3, 1), (3, 2)])
+def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
+    """Increments and forces against a Newton step on all equations of the chain, by differences: to 1e-7.
+
+    What is damped has drag as well, by the axes of each body.
+    """
+    system, state, work, tangent, spin = hanging(count, held, damped)
+    carriages = system.carriages
+    displaced, turned = np.array([0.03, 0.02, -0.05]), 0.04 * np.cross(tangent, [0.3, -0.5, 0.8])
+    start = Moved(system, state, np.zeros((count, 6)), tangent, spin, np.zeros(3))
+    holding = stored_holding(start, state)
+    size, forces = 6 * count, 3 * count
+
+    def equations(unknown, turn):
+        moved = Moved(system, state, unknown[:size].reshape(count, 6), tangent, spin, turn)
+        lambdas = state.multipliers + unknown[size : size + forces].reshape(count, 3)
+        return np.concatenate([moved.residual(lambdas, holding + unknown[size + forces :]), moved.gaps()])
+
+    zero = np.zeros(size + forces + holding.size)
+    left = difference(lambda x: equations(x, np.zeros(3)), zero, 1e-4)
+    by_turn = difference(lambda turn: equations(zero, turn), np.zeros(3), 1e-4)
+    moved_on = equations(zero, np.zeros(3))
+    moved_on[size : size + 3] += displaced
+    exact = np.linalg.solve(left, -moved_on - by_turn @ turned)
+
+    before = state.multipliers.ravel().copy()
+    above = Above(tuple(tangent), tuple(spin))
+    close_joints(carriages, state, 0, tuple(PLACE), above, work)
+    np.testing.assert_allclose(work.joint_gap, start.gaps()[:forces].reshape(count, 3), atol=1e-14)
+    set_wind(state, WIND)
+    drag_bodies(system.air, state, tuple(GRAVITY), RATE_FACTOR, 1.0, work)
+    condense_chain(carriages, tuple(GRAVITY), state, 0, above, MASS_FACTOR, RATE_FACTOR, 1.0, work)
+    matrix = np.block(
+        [
+            [work.impedance[0].reshape(3, 3), work.impedance_turning[0].reshape(3, 3)],
+            [work.impedance_moment[0].reshape(3, 3), work.impedance_turn[0].reshape(3, 3)],
+        ]
+    )
+    acting = np.concatenate([state.multipliers[0], start.moments(holding)[0]])
+    acting = acting + matrix @ np.concatenate([displaced, turned]) + work.impedance_force[0]
+    recover_chain(carriages, state, 0, tuple(displaced), tuple(turned), work)
+    np.testing.assert_allclose(work.body_increment.ravel(), exact[:size], atol=1e-7 * np.abs(exact[:size]).max())
+    scale = np.abs(exact[size : size + forces]).max()
+    np.testing.assert_allclose(state.multipliers[0], acting[:3], atol=1e-9 * scale)
+    np.testing.assert_allclose(state.multipliers.ravel(), before + exact[size : size + forces], atol=1e-6 * scale)
 
 
 def setup(bodies, mode=FREE, *, held=1, place=1.1, air=None, turning=True, cable=ELASTIC, **carriages):
@@ -61,16 +239,7 @@ def setup(bodies, mode=FREE, *, held=1, place=1.1, air=None, turning=True, cable
     state, work = disturbed_state(system)
     state.joints.position[:] = place
     place_joint(system.cable, state, 0)
-    tangent = direction(system, state)[0]
-    for body in range(bodies):
-        turn = Rotation.from_rotvec([0.2 * body, 0.1 + 0.3 * body, 0.32])
-        axes, above = turn.as_matrix(), Rotation.from_quat(state.bodies.position[body - 1, 3:]).as_matrix()
-        a, c = (tangent, axes[:, 1]) if body == 0 else (above[:, 1], axes[:, 0])
-        turn = aligned(c, c - (a @ c) * a) * turn
-        if holds[body] == 2:
-            turn = aligned(turn.as_matrix()[:, 1], a) * turn
-        state.bodies.position[body, 3:] = turn.as_quat()
-    state.moments[:] = np.random.default_rng(5).standard_normal(state.moments.shape)
+    attitudes(state, holds, direction(system, state)[0])
     state.drive_mode[:] = mode
     state.drive_force[:] = 12.0 if mode == FORCE else 0.0
     state.reference.position[:] = state.joints.position + 0.01
@@ -307,58 +476,6 @@ def test_right_side_of_the_constraints(bodies, held, feedback):
     measure_gap_accelerations(system, state, feedback, work)
     holding = [work.held_gap[body, : system.carriages.held[body]] for body in range(bodies)]
     np.testing.assert_allclose(np.concatenate([work.joint_gap.ravel(), *holding]), exact, atol=1e-6)
-
-
-def on_towers(depth=0.03, aside=0.004, friction=0.3, damping=0.2):
-    """A cable in general position pressed onto three contacts, a little off the middle of their grooves."""
-    places = np.array([0.3, 0.9, 1.6])
-    system = make_system(3, towers={"contacts": 3}, cable=ELASTIC)
-    state, work = disturbed_state(system)
-    position, normal = [], []
-    for s in places:
-        element = int(np.searchsorted(system.cable.node_arc_length, s, side="right")) - 1
-        within = s - system.cable.node_arc_length[element], system.cable.element_length[element]
-        e = state.nodes.position[element : element + 2].reshape(4, 3)
-        r, r_x = np.array(shape_functions(*within)) @ e, np.array(shape_functions_x(*within)) @ e
-        t = r_x / np.linalg.norm(r_x)
-        up = np.array([0.1, -0.3, 1.0]) - t * (t @ [0.1, -0.3, 1.0])
-        up /= np.linalg.norm(up)
-        position.append(r + depth * up + aside * np.cross(t, up))
-        normal.append(up)
-    towers = system.towers._replace(
-        position=np.array(position), normal=np.array(normal), friction=np.full(3, friction), damping=np.full(3, damping)
-    )
-    state.contact_arc_length[:] = places + 0.05
-    state.contact_origin[:] = places - 0.004
-    state.contact_deflection[:] = 0.2
-    return system._replace(towers=towers), state, work
-
-
-@pytest.mark.parametrize(
-    ("case", "tolerance"),
-    [({"aside": 0.0, "friction": 0.0}, 1e-9), ({"aside": 0.0}, 1e-2), ({"friction": 0.0}, 3e-2), ({}, 3e-2)],
-    ids=["middle of the groove", "friction", "aside", "both"],
-)
-def test_tangent_of_towers(case, tolerance):
-    """Exact in the middle of a groove; beside it, and of friction in space, what turns with the rope is left out."""
-    system, state, work = on_towers(**case)
-
-    def right_side(change, rate=RATE_FACTOR, stiffness=0.0):
-        moved = changed(
-            state,
-            nodes_position=state.nodes.position + change.reshape(state.nodes.position.shape),
-            nodes_velocity=state.nodes.velocity + RATE_FACTOR * change.reshape(state.nodes.position.shape),
-            contact_arc_length=state.contact_arc_length.copy(),
-        )
-        for array in (work.right_side, work.diagonal, work.upper, work.lower):
-            array[:] = 0.0
-        add_towers(system.cable, system.towers, moved, rate, stiffness, work)
-        return work.right_side.ravel().copy()
-
-    exact = -difference(right_side, np.zeros(state.nodes.position.size), 2e-5)
-    right_side(np.zeros(state.nodes.position.size), RATE_FACTOR, 1.0)
-    got = dense_blocks(work)
-    np.testing.assert_allclose(got, exact, rtol=0, atol=tolerance * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])

@@ -1,4 +1,4 @@
-"""Contacts of the towers: nearest point, force, tangent, potential, friction; each against its definition."""
+"""Contacts of towers: nearest point, force, tangent, potential, friction; grooves, and the two ways out of them."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,16 @@ from cable_twin.mechanics.on_rope.tower import (
     add_towers,
     contact_energy,
     contact_force,
+    contact_frame,
+    derail,
     find_contact,
     normal_force,
     settle_towers,
 )
+from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.point import point_at, slope, value
 
+HEIGHT = 0.05  # m, of the groove
 PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
 
 
@@ -24,16 +28,25 @@ def on_rope(cable, state, s):
     return [np.array(function(state.nodes.position, point, cable.gravity)) for function in (value, slope)]
 
 
-def touching(depth=0.03, places=PLACES, **changes):
-    """A cable in general position pressed by `depth` (m) onto a contact at each place; system, state, workspace."""
-    system = make_system(towers={"contacts": len(places)})
+def touching(depth=0.03, places=PLACES, dim=2, aside=0.0, **changes):
+    """A cable in general position pressed by `depth` (m) onto a contact at each place; system, state, workspace.
+
+    In space it is `aside` (m) of the middle of their grooves.
+    """
+    system = make_system(dim, towers={"contacts": len(places)})
     state, work = disturbed_state(system)
     position, normal = [], []
     for s in places:
         r, r_x = on_rope(system.cable, state, s)
-        across = np.array([-r_x[1], r_x[0]]) / np.hypot(*r_x)
-        position.append(r + depth * across)
-        normal.append(across + 0.2 * r_x)  # only the side counts
+        t = r_x / np.linalg.norm(r_x)
+        if dim == 2:
+            across = np.array([-t[1], t[0]])
+            position.append(r + depth * across)
+            normal.append(across + 0.2 * r_x)  # only the side counts
+        else:
+            up = np.array([0.1, -0.3, 1.0]) - t * (t @ [0.1, -0.3, 1.0])
+            normal.append(up / np.linalg.norm(up))
+            position.append(r + depth * normal[-1] + aside * np.cross(t, normal[-1]))
     towers = system.towers._replace(
         position=np.array(position), normal=np.array(normal) / np.linalg.norm(normal, axis=1)[:, None], **changes
     )
@@ -67,10 +80,22 @@ def test_beyond_an_end_the_contact_stays_at_the_end():
     assert state.contact_arc_length[0] == 0.0
 
 
-@pytest.mark.parametrize("depth", [0.03, 0.004], ids=["stiff", "toe"])
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_tangent_is_the_derivative_of_the_force(depth, friction):
-    system, state, work = touching(depth, friction=np.full(3, friction))
+@pytest.mark.parametrize(
+    ("case", "tolerance"),
+    [
+        ({"depth": 0.03, "friction": 0.0}, 1e-6),
+        ({"depth": 0.03, "friction": 0.3}, 1e-6),
+        ({"depth": 0.004, "friction": 0.0}, 1e-6),  # where the stiffness sets in
+        ({"depth": 0.004, "friction": 0.3}, 1e-6),
+        ({"dim": 3, "friction": 0.0}, 1e-9),
+        ({"dim": 3, "friction": 0.3}, 1e-2),
+        ({"dim": 3, "friction": 0.0, "aside": 0.004}, 3e-2),
+        ({"dim": 3, "friction": 0.3, "aside": 0.004}, 3e-2),
+    ],
+)
+def test_tangent_is_the_derivative_of_the_force(case, tolerance):
+    """In space, exact in the middle of a groove; beside it, and of friction, what turns with the rope is left out."""
+    system, state, work = touching(**case | {"friction": np.full(3, case["friction"])})
     rate_factor = 5.0
 
     def right_side(change):
@@ -81,7 +106,7 @@ def test_tangent_is_the_derivative_of_the_force(depth, friction):
 
     exact = -difference(right_side, np.zeros(state.nodes.position.size), 2e-5)
     forces_on_nodes(system, state, work, rate_factor, 1.0)
-    np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-6 * np.abs(exact).max())
+    np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=tolerance * np.abs(exact).max())
     assert np.abs(exact).max() > 100.0
 
 
@@ -154,3 +179,106 @@ def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
     np.testing.assert_allclose(state.tower_load[:, 1], [loads[0], 1.0, loads[2]])
     np.testing.assert_array_equal(state.contact_origin, state.contact_arc_length)
     np.testing.assert_allclose(state.contact_deflection, 1.0 - 0.8 * np.exp(-0.004 / 0.02))
+
+
+def lying(aside=0.0, depth=0.03, ratio=0.5, hold_down=False):
+    """A straight level rope on one contact, `aside` (m) to its left, and pressed `depth` (m) into it."""
+    side = -1.0 if hold_down else 1.0
+    system = make_system(3, towers={"contacts": 1, "friction": np.zeros(1)})
+    state, work = disturbed_state(system)
+    state.nodes.position[:, 0] = system.cable.node_arc_length[:, None] * np.array([1.0, 0.0, 0.0])
+    state.nodes.position[:, 1] = [1.0, 0.0, 0.0]
+    for array in (state.nodes.velocity, state.nodes.acceleration):
+        array[:] = 0.0
+    state.contact_arc_length[:] = state.contact_origin[:] = 0.9
+    place = np.array([[0.9, -aside, side * depth]])
+    towers = system.towers._replace(position=place, derailment_ratio=np.array([ratio]), normal=np.array([[0, 0, side]]))
+    return system._replace(towers=towers), state, work
+
+
+def end_step(system, state):
+    """What the end of a step makes of the towers: how the rope is out, and when (steps)."""
+    find_contact(system.cable, system.towers, state, 0)
+    settle_towers(system.cable, system.towers, state)
+    derail(system.cable, system.towers, state, system.cable.gravity)
+    return tuple(state.derailment[0].tolist())
+
+
+@pytest.mark.parametrize("hold_down", [False, True])
+@pytest.mark.parametrize("aside", [0.06, -0.06])
+def test_the_groove_holds_the_rope_sideways_with_its_ratio_times_the_normal_force(aside, hold_down):
+    system, state, _ = lying(aside, hold_down=hold_down)
+    force, normal = contact_force(system.cable, system.towers, state, 0)
+    ratio = 4.0 * aside  # 1/m times m
+    np.testing.assert_allclose(force, [0.0, -ratio * normal, -normal if hold_down else normal], atol=1e-9)
+    assert normal > 50.0
+    assert end_step(system, state) == (IN_GROOVE, 0)
+    np.testing.assert_allclose(state.tower_lateral[0], [-ratio * normal, abs(ratio)])
+
+
+@pytest.mark.parametrize("hold_down", [False, True])
+@pytest.mark.parametrize(("aside", "out"), [(0.126, OUT_LEFT), (-0.126, OUT_RIGHT)])
+def test_beyond_its_ratio_the_rope_is_out_on_that_side_for_good(aside, out, hold_down):
+    system, state, work = lying(aside, hold_down=hold_down)
+    state.clock[0] = 41
+    assert end_step(system, state) == (out, 42)
+    state.nodes.position[:, 0, 1] -= aside  # straight above its groove again
+    state.clock[0] = 50
+    assert end_step(system, state) == (out, 42)
+    force, normal = contact_force(system.cable, system.towers, state, 0)
+    assert normal == 0.0
+    np.testing.assert_array_equal(force, 0.0)
+    assert contact_energy(system.cable, system.towers, state, 0) == 0.0
+    assert not forces_on_nodes(system, state, work, 5.0, 1.0).any()
+    assert not work.diagonal.any()
+    assert state.tower_load[0].tolist() == [0.0, 0.0]
+
+
+def test_just_below_its_ratio_it_stays():
+    assert end_step(*lying(0.1249)[:2]) == (IN_GROOVE, 0)
+
+
+@pytest.mark.parametrize(("lift", "out"), [(0.9 * HEIGHT, IN_GROOVE), (1.1 * HEIGHT, LIFTED)])
+def test_lifted_above_the_groove_the_rope_is_out(lift, out):
+    system, state, _ = lying(0.0, depth=-lift)
+    assert contact_frame(system.cable, system.towers, state, 0)[4] == pytest.approx(-lift)
+    assert end_step(system, state)[0] == out
+    state.nodes.position[:, 0, 2] -= 2.0 * lift
+    settle_towers(system.cable, system.towers, state)
+    assert (state.tower_load[0, 0] > 0.0) == (out == IN_GROOVE)
+
+
+def test_a_plane_has_no_way_out():
+    system = make_system(2, towers={"contacts": 1})
+    state, _ = disturbed_state(system)
+    system.towers.position[0] = [0.9, -50.0]  # far below
+    assert end_step(system, state) == (IN_GROOVE, 0)
+
+
+@pytest.mark.parametrize("speed", [0.4, -0.003])
+def test_friction_sideways_is_against_the_speed_and_its_tangent_is_the_derivative(speed):
+    """Coulomb's but for a creep; the tangent against a difference over the step of an integrator."""
+    system, state, work = lying(0.02)
+    state.nodes.velocity[:, 0, 1] = speed
+    cable, towers = system.cable, system.towers._replace(groove_friction=np.array([0.3]))
+    system = system._replace(towers=towers)
+
+    def side(aside=0.0, moving=0.0):
+        state.nodes.position[:, 0, 1] += aside
+        state.nodes.velocity[:, 0, 1] += moving
+        forces_on_nodes(system, state, work, 50.0, 1.0)
+        state.nodes.position[:, 0, 1] -= aside
+        state.nodes.velocity[:, 0, 1] -= moving
+        return work.right_side[:, 0, 1].sum()
+
+    force, normal = contact_force(cable, towers, state, 0)
+    expected = -4.0 * 0.02 * normal - 0.3 * normal * speed / np.hypot(speed, 0.01)
+    assert force[1] == pytest.approx(expected, rel=1e-9)
+    assert end_step(system, state)[0] == IN_GROOVE
+    assert state.tower_lateral[0, 0] == pytest.approx(expected, rel=1e-9)
+    change = 1e-7
+    numeric = -(side(change, 50.0 * change) - side(-change, -50.0 * change)) / (2.0 * change)
+    side()
+    matrix = dense_blocks(work)
+    places = np.arange(1, matrix.shape[0], 6)  # y of each node
+    assert matrix[np.ix_(places, places)].sum() == pytest.approx(numeric, rel=1e-5)
