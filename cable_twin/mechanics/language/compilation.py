@@ -9,26 +9,30 @@ not compile. Counting references to those arrays took three quarters of a step.
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import functools
-import hashlib
 import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numba
 
 from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.fingerprint import Sources, sources
 from cable_twin.mechanics.language.parts import BriefCompiler, KernelCache, PartCache, PartCompiler, WholeCompiler
 
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
 MECHANICS = Path(__file__).parents[1]
 ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
+
+
+def sources_of(folder: Path) -> Sources:
+    """Sources of the kernels of a folder: of the mechanics, and of the folder itself."""
+    return sources(MECHANICS) if folder.is_relative_to(MECHANICS) else sources(MECHANICS, folder)
 
 
 @functools.cache
@@ -39,14 +43,8 @@ def cache_directory(folder: Path) -> Path | None:
     file of a kernel has changed, not those of the kernels that it calls. None, and a line that says so, where they
     cannot be kept: numba would take another place, in which it finds old ones.
     """
-    if folder.is_relative_to(MECHANICS):
-        folder = MECHANICS
-    fingerprint = hashlib.sha256()
-    for sources in dict.fromkeys((MECHANICS, folder)):
-        for source in sorted(sources.rglob("*.py")):
-            fingerprint.update(source.read_bytes())
-    name = f"kernels-{fingerprint.hexdigest()[:12]}"
-    if folder != MECHANICS:
+    name = f"kernels-{sources_of(folder).fingerprint}"
+    if not folder.is_relative_to(MECHANICS):
         beside = cache_directory(MECHANICS)
         return None if beside is None else beside.parent / name
     base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
@@ -104,25 +102,24 @@ OVERLOAD: Any = {"error_model": "numpy", **_AS_PART}
 class Kernel:
     """Compiled function with two entry points, each compiled on demand: for Python and for other kernels.
 
-    What turns Python objects into the dozens of arrays of a state and back is larger than most kernels; one that only
-    others call is compiled without it, and without machine code of its own (`parts`).
+    The conversion of Python objects into the dozens of arrays of a state and back is larger than most kernels; one that
+    only others call is compiled without it, and without machine code of its own (`parts`). A closure or lambda is not
+    kept for other processes: its name does not tell it from others of the same lines.
     """
 
     def __init__(
         self, function: Callable[..., Any], compiler: type[WholeCompiler] = WholeCompiler, **options: Any
     ) -> None:
-        """Set up compilation without compiling, with a cache directory for each kind of entry point."""
+        """Set up compilation for other kernels, without compiling."""
         functools.update_wrapper(self, function)
         self.py_func = function
-        with _kept_in(function, FROM_PYTHON) as keeps:
-            self._from_python: Any = numba.njit(pipeline_class=compiler, **_OPTIONS, **options)(function)
-            if keeps:
-                self._from_python._cache = KernelCache(function)
-        with _kept_in(function, FROM_KERNELS) as keeps:
-            self._from_kernels: Any = numba.njit(**_AS_PART, **_OPTIONS, **options)(function)
-            if keeps:
-                self._from_kernels._cache = PartCache(function)
+        self._options = {"pipeline_class": compiler, **_OPTIONS, **options}
+        self._from_kernels: Any = _decorated(function, FROM_KERNELS, PartCache, {**_OPTIONS, **options, **_AS_PART})
         self._numba_type_ = self._from_kernels._numba_type_  # what numba takes it for where a kernel names it
+
+    @functools.cached_property
+    def _from_python(self) -> Any:
+        return _decorated(self.py_func, FROM_PYTHON, KernelCache, self._options)
 
     @property
     def title(self) -> str:
@@ -145,20 +142,20 @@ class Kernel:
         return self._from_python(*map(pack, arguments))
 
 
-@contextlib.contextmanager
-def _kept_in(function: Callable[..., Any], kind: str) -> Iterator[bool]:
-    """Context in which decorated functions are cached in the directory of their kind."""
+def _decorated(function: Callable[..., Any], kind: str, cache: type[KernelCache], options: dict[str, Any]) -> Any:
+    """Dispatcher of numba for a function, with a cache in the directory of its kind."""
     config: Any = numba.config
-    before, directory = config.CACHE_DIR, _directory_of(function)
+    before, folder = config.CACHE_DIR, Path(function.__code__.co_filename).parent
+    directory = cache_directory(folder)
     config.CACHE_DIR = f"{directory}/{kind}"  # read by numba while it decorates, and only then
     try:
-        yield directory is not None
+        compiled: Any = numba.njit(**options)(function)
+        if directory is not None and "<" not in function.__qualname__:  # <locals>, <lambda>
+            compiled._cache = cache(function)
+            compiled._cache.sources = sources_of(folder)
     finally:
         config.CACHE_DIR = before
-
-
-def _directory_of(function: Callable[..., Any]) -> Path | None:
-    return cache_directory(Path(function.__code__.co_filename).parent)
+    return compiled
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

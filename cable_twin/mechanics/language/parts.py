@@ -11,6 +11,7 @@ import logging
 from collections.abc import Iterable
 from itertools import chain
 from typing import Any
+from uuid import uuid4
 
 import llvmlite.binding as llvm
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
@@ -35,7 +36,7 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
-from cable_twin.mechanics.language.content import content_of
+from cable_twin.mechanics.language.fingerprint import Sources
 from cable_twin.mechanics.language.known import PutKnown
 from cable_twin.mechanics.language.operations import FindTypes
 
@@ -160,10 +161,10 @@ class WholeCompiler(CompilerBase):
     library: type[_Library] = _Library  # that it makes
 
     def define_pipelines(self) -> list[PassManager]:
-        """Define the compiler passes, and a function name unique across processes by its fingerprint."""
+        """Define the compiler passes, and a symbol name that no other process gives to other code."""
         self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         self.state.library.enable_object_caching()
-        self.state.func_id.unique_id = content_of(self.state.func_id.func)
+        self.state.func_id.unique_id = uuid4().hex[:16]
         passes = PassManager("kernel")
         for each in PASSES:
             passes.add_pass(each, each.__name__)
@@ -204,7 +205,14 @@ class _PartFile(CompileResultCacheImpl):
 
 
 class KernelCache(FunctionCache):
-    """Cache of kernels called from Python, indexed by fingerprint."""
+    """Cache of kernels called from Python, in a directory for one version of their sources."""
+
+    sources: Sources
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save compiled code, unless a source was edited since the start: a later process takes it for the old one."""
+        if self.sources.are_unchanged():
+            super().save_overload(sig, data)
 
     def has(self, types: tuple[Any, ...]) -> bool:
         """Return whether the cache holds code for arguments of these types."""
@@ -216,8 +224,11 @@ class KernelCache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the code for these types; None for a file whose code differs from its index.
 
-        numba writes the index first, so that two starts at once of scenarios of different types may leave that.
+        numba writes the index first, so that two starts at once of scenarios of different types may leave that. None
+        also once a source was edited since the start: this process may have read the new one.
         """
+        if not self.sources.are_unchanged():
+            return None
         try:
             loaded = super().load_overload(sig, target_context)
         except Exception as error:  # of pickle, or what garbage has made of it
@@ -230,14 +241,8 @@ class KernelCache(FunctionCache):
             return None
         return loaded if loaded is None or loaded.signature.args == normalize_signature(sig)[0] else None
 
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (*super()._index_key(sig, codegen), content_of(self._py_func))
-
 
 class PartCache(KernelCache):
     """Cache of bitcode parts."""
 
     _impl_class = _PartFile  # type: ignore[assignment]
-
-
-__all__ = ["BriefCompiler", "KernelCache", "PartCache", "PartCompiler", "WholeCompiler"]
