@@ -23,7 +23,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.typed_passes import NopythonTypeInference
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.language.known import PutKnown
+from cable_twin.mechanics.language.specialization import PutKnown
 from cable_twin.simulation.first_compilation import parts_of
 from cable_twin.mechanics.solution.bundle.bullwheels import move_bullwheels
 from cable_twin.mechanics.solution.generalized_alpha import begin_rope, step

@@ -24,7 +24,7 @@ import numba
 from numba.core.errors import NumbaError
 
 from cable_twin.mechanics.language.compilation import Kernel, keeps_kernels
-from cable_twin.mechanics.language.known import known_fields, names_left
+from cable_twin.mechanics.language.specialization import known_fields, names_left
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.scenario import Scenario, parse_scenario
 from cable_twin.simulation.engine import Engine

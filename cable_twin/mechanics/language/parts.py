@@ -37,8 +37,8 @@ from numba.core.untyped_passes import (
 )
 
 from cable_twin.mechanics.language.fingerprint import Sources
-from cable_twin.mechanics.language.known import PutKnown
 from cable_twin.mechanics.language.operations import FindTypes
+from cable_twin.mechanics.language.specialization import PutKnown
 
 PASSES = (
     TranslateByteCode,

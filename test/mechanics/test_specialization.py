@@ -9,7 +9,7 @@ import pytest
 
 from cable_twin.mechanics.language.by_reference import Known, by_reference, pack
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.known import known_fields, names_left
+from cable_twin.mechanics.language.specialization import known_fields, names_left
 from cable_twin.mechanics.parameters import CONTINUUM
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation.engine import leave_out_absent
