@@ -9,7 +9,7 @@ from math import atan2, cos, sin, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.turns import Turn
 from cable_twin.mechanics.language.vectors import (
     Matrix,

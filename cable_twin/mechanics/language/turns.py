@@ -6,7 +6,7 @@ belongs to it in the coordinates of a body is the pitch in a plane, and a unit q
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     Matrix,
     Vector,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 
 Vector = tuple[float, ...]
 Matrix = tuple[float, ...]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import exp
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.formulas import formula, square_root
+from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import add_scaled, dot
 from cable_twin.mechanics.on_rope.brake import brake_force
 from cable_twin.mechanics.parameters import TRACK_ROPE

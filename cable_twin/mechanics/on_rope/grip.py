@@ -12,7 +12,7 @@ from math import atan2, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.turns import by_turn, cross, moment, no_turn
 from cable_twin.mechanics.language.vectors import (
     Matrix,

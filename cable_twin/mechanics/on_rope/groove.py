@@ -12,7 +12,7 @@ from math import inf, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.formulas import formula, square_root
+from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.language.vectors import Vector, add_scaled, dot, outer, scale
 from cable_twin.mechanics.parameters import IN_GROOVE

@@ -7,7 +7,7 @@ vectors in m that describe the shape without its place. With u = x / l, rho = dr
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.formulas import formula, square_root
+from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     dot,

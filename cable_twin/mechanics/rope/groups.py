@@ -5,7 +5,7 @@ First the vectors of the four nodal coordinates, then the sixteen blocks of coor
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 
 
 @formula

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, load, scale
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 

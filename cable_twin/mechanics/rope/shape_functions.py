@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.parameters import FloatArray
 
 AXIAL_POINTS = 4  # Gauss points of the axial energy

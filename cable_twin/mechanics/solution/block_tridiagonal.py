@@ -9,7 +9,7 @@ A node has two unknown vectors, r and r_x, so its block is 2 x 2 matrices of the
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.formulas import beside, first_of, formula, second_of
+from cable_twin.mechanics.language.traced import beside, first_of, formula, second_of
 from cable_twin.mechanics.language.vectors import outer
 from cable_twin.mechanics.solution.node_blocks import (
     apply_node,

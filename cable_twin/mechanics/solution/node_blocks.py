@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.formulas import formula
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.formulas import beside, first_of, formula, second_of, square_root
+from cable_twin.mechanics.language.traced import beside, first_of, formula, second_of, square_root
 from cable_twin.mechanics.language.vectors import load
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
