@@ -23,7 +23,7 @@ import numba
 
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.fingerprint import Sources, sources
-from cable_twin.mechanics.language.parts import BriefCompiler, KernelCache, PartCache, PartCompiler, WholeCompiler
+from cable_twin.mechanics.language.linking import BriefCompiler, KernelCache, PartCache, PartCompiler, WholeCompiler
 
 FROM_PYTHON, FROM_KERNELS = "from_python", "from_kernels"  # directories for what is called from there
 MECHANICS = Path(__file__).parents[1]
