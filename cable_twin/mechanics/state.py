@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.declared import Memory, Of, allocate
-from cable_twin.mechanics.language.lanes import WIDTH
 from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.language.ranges import ANY, CLOCK, Range, ranges_of
+from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.parameters import (
     FREE,
     GUSTS,

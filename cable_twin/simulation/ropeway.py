@@ -15,7 +15,7 @@ from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import clone, write
-from cable_twin.mechanics.language.lanes import WIDTH
+from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.on_rope.payload import load_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System

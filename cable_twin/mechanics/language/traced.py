@@ -19,7 +19,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import lower_builtin
 from numba.np.arrayobj import make_array
 
-from cable_twin.mechanics.language.lanes import LANES, PAIR, LanesType, put_beside, take_lane
+from cable_twin.mechanics.language.simd import LANES, PAIR, LanesType, put_beside, take_lane
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _RANKS = types.int64, types.float64, LANES, PAIR  # what one of them and another one make is the later of both

@@ -22,7 +22,7 @@ import numpy as np
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, spread
+from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, store, subtract
 from cable_twin.mechanics.on_rope.sliding_joint import grip_force
 from cable_twin.mechanics.on_rope.tower import contact_force

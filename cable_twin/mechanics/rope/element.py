@@ -6,8 +6,8 @@ Inside, an element is its chord and its two slopes times length, as in `elastic_
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, gather_vectors, spread
 from cable_twin.mechanics.language.memory import clear_array
+from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, gather_vectors, spread
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     accumulate,

@@ -7,7 +7,7 @@ The description is arbitrary Lagrangian-Eulerian, as `strand` has it: per arc le
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, add_spread, gather, gather_numbers, sum_of_lanes
+from cable_twin.mechanics.language.simd import WIDTH, add_spread, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.rope.elastic_models import combine

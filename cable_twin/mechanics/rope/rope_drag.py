@@ -9,7 +9,7 @@ from __future__ import annotations
 from numpy.polynomial.legendre import leggauss
 
 from cable_twin.mechanics.language.compilation import as_python, inlined_kernel
-from cable_twin.mechanics.language.lanes import add_spread
+from cable_twin.mechanics.language.simd import add_spread
 from cable_twin.mechanics.language.traced import square_root
 from cable_twin.mechanics.language.vectors import (
     add_scaled,

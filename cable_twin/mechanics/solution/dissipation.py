@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.orientations import inertia_of, orientation, turn_between
+from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.turns import cross, no_turn
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract

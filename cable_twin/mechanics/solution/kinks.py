@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.lanes import WIDTH, spread
 from cable_twin.mechanics.language.memory import clear_array
+from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import dot, store
 from cable_twin.mechanics.on_rope.sliding_joint import joint_along
 from cable_twin.mechanics.rope.element import group_tension

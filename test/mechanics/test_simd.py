@@ -7,8 +7,8 @@ import pytest
 from systems import disturbed_state, make_system
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.lanes import WIDTH, gather, spread
 from cable_twin.mechanics.language.memory import clear_array, combine_arrays, copy_array, flat
+from cable_twin.mechanics.language.simd import WIDTH, gather, spread
 from cable_twin.mechanics.language.traced import square_root
 from cable_twin.mechanics.language.vectors import dot, scale
 from cable_twin.mechanics.rope import elastic_models
