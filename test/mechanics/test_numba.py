@@ -86,7 +86,7 @@ def test_options_are_known():
 
 
 def test_what_parts_replace_is_there():
-    """`parts` overrides how numba optimises, translates and keeps a library, and reads what it keeps of a kernel."""
+    """`linking` overrides how numba optimises, translates and keeps a library, and reads what it keeps of a kernel."""
     for name in (
         "finalize",
         "_optimize_functions",

@@ -103,7 +103,7 @@ class Kernel:
     """Compiled function with two entry points, each compiled on demand: for Python and for other kernels.
 
     The conversion of Python objects into the dozens of arrays of a state and back is larger than most kernels; one that
-    only others call is compiled without it, and without machine code of its own (`parts`). A closure or lambda is not
+    only others call is compiled without it, and without machine code of its own (`linking`). A closure or lambda is not
     kept for other processes: its name does not tell it from others of the same lines.
     """
 
