@@ -27,7 +27,7 @@ _WORD = ir.IntType(32)
 
 
 class Known(int):
-    """Compile-time constant in a record: an integer or condition that is part of the record's type, see `specialization`."""
+    """Compile-time constant in a record: an integer or condition that is part of its type, see `specialization`."""
 
 
 class KnownType(types.Type):
