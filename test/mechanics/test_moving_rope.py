@@ -5,7 +5,6 @@ On a strand there is more rope on the mesh than that is long, and rope has other
 
 import numpy as np
 import pytest
-from cable_twin.mechanics.language.lanes import WIDTH
 from systems import changed, dense_blocks, difference, disturbed_state, make_system, put, with_moving_cable
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
@@ -13,6 +12,7 @@ from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
 from cable_twin.mechanics.drives.stations import attach_carriers, loop_coordinate
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of
+from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.on_rope.sliding_joint import joint_velocity
 from cable_twin.mechanics.parameters import SPEED, STANDING, MovingCable
 from cable_twin.mechanics.rope.element import add_cable, element_tensions
