@@ -25,7 +25,7 @@ def pulled(speed=4.0, **changes):
 def let_haul(simulation, speed):
     part = simulation.parts["haul"]
     part.system = part.system._replace(moving_cable=MovingCable(True, 1e4, 1.0, 1.0, 1.0))
-    part.state.rope_target[0] = speed
+    part.state.rope_drive.target[0] = speed
 
 
 def test_clamp_takes_its_carriage_along_and_says_how_hard():

@@ -88,14 +88,14 @@ def test_reset_takes_payload_wind_and_brakes_back():
     assert same(simulation.snapshot, start, but_time=True)
     assert simulation.system.carriages.mass[0] == 200.0
     assert not simulation.state.wind.any()
-    assert not simulation.state.drive_braking.any()
+    assert not simulation.state.drives.braking.any()
 
 
 def test_a_brake_is_not_applied_twice_and_lets_go():
     simulation = ride()
-    since = simulation.state.braking_time[0]
+    since = simulation.state.drives.braking_time[0]
     simulation.emergency_stop()
-    assert simulation.state.braking_time[0] == since == pytest.approx(1.0)
+    assert simulation.state.drives.braking_time[0] == since == pytest.approx(1.0)
     simulation.emergency_stop(False)
     simulation.command("cabin", speed=1.0)
     assert simulation.advance_to(4.0).carriages["cabin"].speed == pytest.approx(1.0, abs=0.3)

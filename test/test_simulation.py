@@ -130,7 +130,7 @@ def test_a_command_is_refused_whole():
     simulation = driven(speed=2.0)
     with pytest.raises(CommandError):
         simulation.apply(Command("speed", {"carriage": 1.0, "gondola": 1.0}))
-    assert simulation.state.drive_target[0] == 0.0
+    assert simulation.state.drives.target[0] == 0.0
 
 
 @pytest.mark.parametrize("given", [{}, {"speed": 1.0, "force": 1.0}])

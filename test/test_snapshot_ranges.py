@@ -70,7 +70,7 @@ def test_no_number_outside_its_range_is_taken(simulation):
                 assert "\n" not in str(raised.value)
                 array[...] = kept
                 tried.add(name)
-    assert {"joint_element", "drive_mode", "nodes.position", "clock"} <= tried or not simulation.carriages
+    assert {"joint_element", "drives.mode", "nodes.position", "clock"} <= tried or not simulation.carriages
     assert simulation.snapshot.numbers.tobytes() == before, "nothing was changed"
     simulation.restore(full)
 
@@ -93,7 +93,7 @@ def test_a_joint_is_on_the_element_that_is_named(simulation):
 
 def test_conditions_are_true_or_false(simulation):
     full = saved(simulation)
-    full.states[0].rope_braking.view(np.uint8)[0] = 7
+    full.states[0].rope_drive.braking.view(np.uint8)[0] = 7
     with pytest.raises(SnapshotError, match=r"^state/rope_braking: holds what is neither true nor false"):
         simulation.restore(full)
 

@@ -110,7 +110,7 @@ def on_string(share: float, *, mass: float, step: float, **changes: Any) -> tupl
     )
     with changing(simulation) as state:
         along = share * wave / (1.0 + STRAIN)
-        state.reference.velocity[0] = state.joints.velocity[0] = state.drive_target[0] = along
+        state.reference.velocity[0] = state.joints.velocity[0] = state.drives.target[0] = along
         state.bodies.velocity[0, 0] = share * wave
     return simulation, wave
 

@@ -85,9 +85,9 @@ def carriage_losses(system: System, state: State) -> float:
         friction, _, _, _ = friction_force(carriages, state, carriage, sqrt(dot(across, across)))
         total -= friction * sqrt(dot(r_x, r_x)) * state.joints.velocity[carriage]
         if system.haul_ropes.present:
-            length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
+            length, _ = rope_length(system, carriage, state.drums.position[carriage])
             damping, _ = rope_damping(system, carriage, length)
-            total += damping * (state.sheaves.velocity[carriage] - state.hauled.velocity[carriage]) ** 2
+            total += damping * (state.drums.velocity[carriage] - state.hauled.velocity[carriage]) ** 2
     return total
 
 

@@ -27,7 +27,7 @@ def set_speed(simulation: Simulation, speed: float, rate: float = 0.0) -> None:
     with changing(simulation) as state:
         for array, value in zip(state.rope, (0.0, speed, rate), strict=True):
             array[:] = value
-        state.rope_target[0] = speed
+        state.rope_drive.target[0] = speed
 
 
 def settle_moving(simulation: Simulation) -> FloatArray:

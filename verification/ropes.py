@@ -113,7 +113,7 @@ def clamp_energy() -> Iterator[Result]:
         simulation = Simulation(load_scenario(clamped(haul=tension, places=(100.0,), solver={"step": 0.002})))
         part, before, start = simulation.parts["haul"], simulation.energy().total, clamp_place(simulation)
         part.system = part.system._replace(moving_cable=MovingCable(True, 1e4, 0.5, 0.5, 0.5))
-        part.state.rope_target[0] = 4.0  # m/s
+        part.state.rope_drive.target[0] = 4.0  # m/s
         work, power, stored, largest = 0.0, 0.0, 0.0, 0.0
         for _ in range(4000):
             snapshot = simulation.advance_to(simulation.time + simulation.step)

@@ -20,17 +20,17 @@ ELASTIC_MODELS = ("continuum", "element_frame")  # each stands for its number
 CONTINUUM = 0  # elastic_model: W = (EA strain^2 + EI curvature^2) / 2 on the arc itself
 ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each element's chord
 
-FREE = 0  # drive mode: nothing acts along the cable but friction and stops
-FORCE = 1  # drive mode: a given force along the cable
-SPEED = 2  # drive mode: the joint follows a reference position, its multiplier is the drive force
-HAULED = 3  # drive mode: the joint is free, a haul rope pulls it; its sheave is FREE, FORCE or SPEED
+FREE = 0  # drive mode: nothing acts on the axis but friction and stops
+FORCE = 1  # drive mode: a given force on the axis
+SPEED = 2  # drive mode: the axis follows a reference position, its multiplier is the drive force
+JOINT, DRUM = 0, 1  # axis of a vehicle's drive: its joint, or the drum of its haul rope, which pulls a free joint
 
 INTEGRATORS = ("generalized_alpha", "runge_kutta")  # modules of `solution`
 
 START, END = 0, 1  # stations of a track
 IN_GROOVE, OUT_LEFT, OUT_RIGHT, LIFTED = 0, 1, 2, 3  # the rope on a tower in space, and how it has left that
 NO_RATIO = -1.0  # of forces on a tower on which the rope has never lain
-SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drive sheave, one on the track rope
+SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drum, one on the track rope
 
 
 @by_reference
@@ -172,15 +172,15 @@ STANDING = MovingCable(
 
 @by_reference
 class HaulRopes(NamedTuple):
-    """Haul rope of each carriage: elastic, between the drive sheave in a station and the joint."""
+    """Haul rope of each carriage: elastic, between the drive drum in a station and the joint."""
 
     axial_stiffness: FloatArray  # (carriages,) N, 0 where the drive acts on the carriage itself
     mass_per_length: FloatArray  # (carriages,) kg/m
-    damping_ratio: FloatArray  # (carriages,) -, of carriage and rope on a sheave that is held
-    station: IntArray  # (carriages,) START or END, where the sheave is
-    beyond_track: FloatArray  # (carriages,) m of rope between the end of the track and the sheave
+    damping_ratio: FloatArray  # (carriages,) -, of carriage and rope on a drum that is held
+    station: IntArray  # (carriages,) START or END, where the drum is
+    beyond_track: FloatArray  # (carriages,) m of rope between the end of the track and the drum
     pretension: FloatArray  # (carriages,) N, pull of the counter rope: with how much the rope can push at most
-    drive_inertia: FloatArray  # (carriages,) kg, all that turns or runs with the sheave, reduced to the rope
+    drive_inertia: FloatArray  # (carriages,) kg, all that turns or runs with the drum, reduced to the rope
     present: bool  # whether there is any
 
 

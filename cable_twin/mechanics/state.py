@@ -15,10 +15,11 @@ from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.language.ranges import ANY, CLOCK, Range, ranges_of
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.parameters import (
+    DRUM,
     FREE,
     GUSTS,
-    HAULED,
     IN_GROOVE,
+    JOINT,
     LIFTED,
     SPEED,
     FloatArray,
@@ -52,6 +53,17 @@ class Course(NamedTuple):
 
 
 @by_reference
+class Drives(NamedTuple):
+    """Commands of drives, one row per axis: joint or haul drum of a vehicle, moving cable, bullwheel."""
+
+    mode: Annotated[IntArray, Of(first=FREE), Range(FREE, SPEED)]  # FREE, FORCE or SPEED
+    target: Annotated[FloatArray, Of(unit="m/s")]  # in SPEED
+    force: Annotated[FloatArray, Of(unit="N")]  # given in FORCE; in SPEED the multiplier of the driven axis
+    braking: Annotated[BoolArray, Of()]  # an emergency stop is in force
+    braking_time: Annotated[FloatArray, Of(unit="s")]  # since the start of the emergency stop
+
+
+@by_reference
 class WindField(NamedTuple):
     """Present wind at elements and bodies, and the memory of its generators."""
 
@@ -78,8 +90,7 @@ class State(NamedTuple):
     # axes of the world, rad/s
     joints: Annotated[Motion, Of("vehicle", unit="m")]  # n, arc length on the whole cable; without inertia, so the true
     # acceleration is known only to Runge-Kutta
-    sheaves: Annotated[Motion, Of("vehicle", unit="m")]  # rope that the drive sheave of each haul rope has hauled; no
-    # bullwheels of a loop
+    drums: Annotated[Motion, Of("vehicle", unit="m")]  # rope hauled by the drive drum of each haul rope
     hauled: Annotated[Motion, Of("vehicle", unit="m")]  # what each haul rope pulls: its way in space along the track
     joint_element: Annotated[IntArray, Of("vehicle"), Range(0, "last element")]  # element on which the joint is
     friction_deflection: Annotated[
@@ -101,25 +112,15 @@ class State(NamedTuple):
         BoolArray, Of("vehicle", first=1)
     ]  # on the cable; only what is clamped to a moving one ever is not
     payload: Annotated[FloatArray, Of("vehicle", unit="kg"), NOT_NEGATIVE]  # already in the masses of the system
-    drive_mode: Annotated[IntArray, Of("vehicle"), Range(FREE, HAULED)]  # FREE, FORCE, SPEED, or HAULED
-    sheave_mode: Annotated[
-        IntArray, Of("vehicle", first=FREE), Range(FREE, SPEED)
-    ]  # FREE, FORCE or SPEED of the drive sheave where HAULED
-    drive_force: Annotated[
-        FloatArray, Of("vehicle", unit="N")
-    ]  # along the cable, given or (SPEED) the multiplier of the
-    # driven joint
-    drive_target: Annotated[FloatArray, Of("vehicle", unit="N, m/s")]  # N in FORCE, m/s in SPEED
-    drive_braking: Annotated[BoolArray, Of("vehicle")]  # an emergency stop is in force
-    braking_time: Annotated[FloatArray, Of("vehicle", unit="s")]  # since then
-    reference: Annotated[Course, Of("vehicle", unit="m")]  # what a driven joint or sheave follows
+    axis: Annotated[IntArray, Of("vehicle"), Range(JOINT, DRUM)]  # of the vehicle's drive
+    drives: Annotated[Drives, Of("vehicle")]  # force: along the cable, or at the drum
+    reference: Annotated[Course, Of("vehicle", unit="m")]  # reference of a joint or drum driven at a speed
     rope: Annotated[Course, Of(2, unit="m")]  # rope that has gone by at start and end of the mesh, towards the end
     surplus: Annotated[
         FloatArray, Of(1, unit="m")
     ]  # by which the rope on the mesh was longer than before any had gone by
     loop_start: Annotated[FloatArray, Of(1, unit="m")]  # place on the loop of the start of the mesh then
-    rope_target: Annotated[FloatArray, Of(1, unit="m/s")]
-    rope_braking: Annotated[BoolArray, Of(1)]  # the emergency deceleration is in force
+    rope_drive: Annotated[Drives, Of(1)]  # of a moving cable
     kink_length: Annotated[FloatArray, Of("element", unit="m")]  # rope of each that sharp kinks take in this step
     # (`solution.kinks`)
     slackness: Annotated[FloatArray, Of(1, first=1.0)]  # mean tension of the rope at rest over that in this step, where
@@ -229,13 +230,13 @@ class Workspace(NamedTuple):
     haul_origin: Annotated[FloatArray, Of("vehicle", unit="m")]  # way less direction times place
     haul_gap: Annotated[FloatArray, Of("vehicle", unit="m")]  # way at the place of the joint less that of the state
     haul_force: Annotated[FloatArray, Of("vehicle", unit="N")]  # on the way
-    haul_by_way: Annotated[FloatArray, Of("vehicle", unit="N/m")]  # its derivative by the way, the sheave eliminated
+    haul_by_way: Annotated[FloatArray, Of("vehicle", unit="N/m")]  # its derivative by the way, the drum eliminated
     haul_change: Annotated[FloatArray, Of("vehicle", unit="N")]  # its increment where the joint stands
     haul_increment: Annotated[FloatArray, Of("vehicle")]
-    sheave_row: Annotated[
+    drum_row: Annotated[
         FloatArray, Of("vehicle", 3)
-    ]  # eliminated row of the sheave: pivot, coefficient of the way, right side
-    sheave_increment: Annotated[FloatArray, Of("vehicle")]
+    ]  # eliminated row of the drum: pivot, coefficient of the way, right side
+    drum_increment: Annotated[FloatArray, Of("vehicle")]
     pressed: Annotated[BoolArray, Of("vehicle")]  # others push it
     pressed_stiffness: Annotated[FloatArray, Of("pair", unit="N/m")]  # tangent of the buffers of each pair
     foreseen: Annotated[
@@ -275,8 +276,10 @@ def sizes_of(system: System) -> dict[str, int]:
 def allocate_state(system: System) -> State:
     """Allocate a state of zeros with every joint at rest, input of `equilibrium`."""
     state = allocate(State, sizes_of(system))
-    modes = np.where(system.haul_ropes.axial_stiffness > 0.0, HAULED, FREE)
-    state.drive_mode[:] = np.where(system.carriages.fixed | system.carriages.clamped, SPEED, modes)
+    held = system.carriages.fixed | system.carriages.clamped
+    state.axis[:] = np.where((system.haul_ropes.axial_stiffness > 0.0) & ~held, DRUM, JOINT)
+    state.drives.mode[held] = SPEED
+    state.rope_drive.mode[:] = SPEED if system.moving_cable.moving else FREE
     if len(system.cable.gravity) == 3:
         state.bodies.position[:, 6] = 1.0  # upright
     state.wind_field.shedding_phase[:] = first_phases(system.carriages.mass.size)

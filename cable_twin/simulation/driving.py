@@ -10,9 +10,9 @@ from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import Command
 from cable_twin.mechanics.drives.haul_rope import hang_in_rope
 from cable_twin.mechanics.drives.initial_speed import set_going
-from cable_twin.mechanics.drives.switching import set_drive_mode, take_over
+from cable_twin.mechanics.drives.motion import take_over
 from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.parameters import FORCE, FREE, HAULED, SPEED, TRACK_ROPE, System
+from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, System
 from cable_twin.mechanics.solution.equilibrium import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario
@@ -21,18 +21,13 @@ from cable_twin.scenario import Scenario
 def drive(state: State, index: int, kind: str, value: float) -> None:
     """Set mode ("speed" or "force") and target (m/s or N) of a drive, starting from its present motion."""
     if kind == "force":
-        as_python(set_drive_mode)(state, index, FORCE)
-        state.drive_force[index] = value
+        state.drives.mode[index] = FORCE
+        state.drives.force[index] = value
         return
-    if drive_mode(state, index) != SPEED:
-        as_python(set_drive_mode)(state, index, SPEED)
+    if state.drives.mode[index] != SPEED:
+        state.drives.mode[index] = SPEED
         as_python(take_over)(state, index)
-    state.drive_target[index] = value
-
-
-def drive_mode(state: State, index: int) -> int:
-    """Mode of a drive on a carriage, or of the drive sheave of its haul rope."""
-    return int(state.sheave_mode[index] if state.drive_mode[index] == HAULED else state.drive_mode[index])
+    state.drives.target[index] = value
 
 
 def brake(system: System, state: State, index: int) -> None:
@@ -41,12 +36,12 @@ def brake(system: System, state: State, index: int) -> None:
     if drives.clamped[index]:
         return
     braked = bool(drives.brake_force[index].any())
-    if drive_mode(state, index) == FREE and not braked:
+    if state.drives.mode[index] == FREE and not braked:
         return
     stoppable = drives.drive_stops[index] or drives.brake_force[index, :TRACK_ROPE].any()
-    if drive_mode(state, index) != FREE or stoppable:
+    if state.drives.mode[index] != FREE or stoppable:
         drive(state, index, "speed" if stoppable else "force", 0.0)
-    state.drive_braking[index] = True
+    state.drives.braking[index] = True
 
 
 def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
@@ -56,16 +51,16 @@ def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
         EquilibriumError: when a haul rope would have to push; the line names the carriage.
     """
     for index, name in enumerate(names):
-        if state.drive_mode[index] != HAULED:
+        if state.axis[index] != DRUM:
             continue
-        force = float(state.drive_force[index])
+        force = float(state.drives.force[index])
         if not hang_in_rope(system, state, index, force):
             raise EquilibriumError(
                 f"carriages.{name}.drive.haul_rope: it would have to push with {with_unit(abs(force), 'N')} to hold "
                 f"the carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
             )
-        if drive_mode(state, index) != SPEED:
-            state.drive_force[index] = 0.0
+        if state.drives.mode[index] != SPEED:
+            state.drives.force[index] = 0.0
 
 
 def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str, Command]:
@@ -73,17 +68,17 @@ def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str,
     held = {}
     for name, drive in scenario.drives.items():
         if drive.speed != 0.0:
-            state.rope.velocity[:] = state.rope_target[0] = drive.speed
+            state.rope.velocity[:] = state.rope_drive.target[0] = drive.speed
             held[name] = Command("speed", {name: drive.speed})
             for index in np.flatnonzero(system.carriages.clamped & state.attached).tolist():
                 set_going(system, state, index, drive.speed)
     for index, (name, vehicle) in enumerate(scenario.vehicles.items()):
         if vehicle.speed != 0.0:
             set_going(system, state, index, vehicle.speed)
-            if drive_mode(state, index) == SPEED:
-                state.drive_target[index] = vehicle.speed
+            if state.drives.mode[index] == SPEED:
+                state.drives.target[index] = vehicle.speed
                 held[name] = Command("speed", {name: vehicle.speed})
     return held
 
 
-__all__ = ["brake", "drive", "drive_mode", "hang_in_ropes", "set_in_motion"]
+__all__ = ["brake", "drive", "hang_in_ropes", "set_in_motion"]

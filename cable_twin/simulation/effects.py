@@ -21,7 +21,7 @@ from cable_twin.simulation.command_checks import (
     check_station,
     check_wind,
 )
-from cable_twin.simulation.driving import drive, drive_mode
+from cable_twin.simulation.driving import drive
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.loading import load
 from cable_twin.simulation.ropeway import Ropeway
@@ -88,7 +88,7 @@ def _share(command: Command, part: Ropeway) -> Command:
 def _drive(ropeway: Ropeway, command: Command) -> None:
     for name, value in command.values.items():
         if name in ropeway.scenario.drives:
-            ropeway.state.rope_target[0] = value
+            ropeway.state.rope_drive.target[0] = value
         else:
             drive(ropeway.state, ropeway.rows[name], command.kind, value)
         ropeway.commands[name] = Command(command.kind, {name: value})
@@ -121,11 +121,11 @@ def _stop(ropeway: Ropeway, _: Command) -> None:
 def _release(ropeway: Ropeway, _: Command) -> None:
     state = ropeway.state
     ropeway.stopped = False
-    for row in np.flatnonzero(state.drive_braking).tolist():
-        if drive_mode(state, row) == FORCE:  # let go for its track-rope brake alone: the drive holds again
+    for row in np.flatnonzero(state.drives.braking).tolist():
+        if state.drives.mode[row] == FORCE:  # let go for its track-rope brake alone: the drive holds again
             drive(state, row, "speed", 0.0)
-    state.drive_braking[:] = False
-    state.rope_braking[:] = False
+    state.drives.braking[:] = False
+    state.rope_drive.braking[:] = False
 
 
 def _reset(ropeway: Ropeway, _: Command) -> None:

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from cable_twin.frame.records import Command, Energy
-from cable_twin.mechanics.drives.pull import hold_all, let_go
+from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.declared import Kept, arrays_of, clone, write
@@ -171,15 +171,15 @@ class Engine:
     def _rest_together(self) -> None:
         """Find the common equilibrium of coupled ropes, each of which is in equilibrium by itself."""
         self._raise_pantographs()
-        modes = [hold_all(part.state) for part in self.parts]
+        held = [hold_all(part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
         self._settle()
         note_clamps(self.parts, self.bundle.clamps)
-        for row, (part, own_modes) in enumerate(zip(self.parts, modes, strict=True)):
+        for row, (part, drives) in enumerate(zip(self.parts, held, strict=True)):
             self._ropes.put(row, part.system)
             note_rest(part.system, part.state)
-            let_go(part.system, part.state, own_modes)
+            release_joints(part.system, part.state, *drives)
             self.bundle.wires.tension[row] = part.mean_tension()
 
     def _settle(self) -> None:

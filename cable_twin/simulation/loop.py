@@ -47,7 +47,7 @@ class Loop:
         numbers = np.array([row for row, name in enumerate(scenario.drives) if name in self._drives], dtype=np.int64)
         self._packed = pack(bundle.sheaves), pack(motion), driven, numbers
         self._scenario = scenario
-        motion.mode[driven] = SPEED
+        motion.drives.mode[driven] = SPEED
 
     def settle(self, relax: Any) -> None:
         """Find the equilibrium of a loop of strands; `relax` finds that of all ropes between given ends.
@@ -166,7 +166,7 @@ class Loop:
         for name in self._drives:
             if (drive := self._scenario.drives[name]).speed != 0.0:
                 held[name] = Command("speed", {name: drive.speed})
-                self.motion.target[self._drives[name]] = drive.speed
+                self.motion.drives.target[self._drives[name]] = drive.speed
                 self.motion.rim.velocity[:] = self.motion.rope.velocity[:] = drive.speed
                 for strand in self._strands:
                     part = self._parts[strand]
@@ -180,12 +180,12 @@ class Loop:
         row = self._drives[name]
         self.motion.by_forces[row] = 0  # they are new
         if kind == "force":
-            self.motion.mode[row], self.motion.force[row] = FORCE, value
+            self.motion.drives.mode[row], self.motion.drives.force[row] = FORCE, value
             return
-        if self.motion.mode[row] != SPEED:
-            self.motion.mode[row] = SPEED
+        if self.motion.drives.mode[row] != SPEED:
+            self.motion.drives.mode[row] = SPEED
             self.motion.rim.acceleration[row] = 0.0
-        self.motion.target[row] = value
+        self.motion.drives.target[row] = value
 
     @property
     def drives(self) -> tuple[str, ...]:
@@ -205,7 +205,7 @@ class Loop:
     def release(self) -> None:
         """Release the emergency stop of the bullwheels."""
         motion = self.motion
-        motion.braking[:] = motion.by_forces[:] = motion.rolled_back[:] = 0
+        motion.drives.braking[:] = motion.by_forces[:] = motion.rolled_back[:] = 0
         motion.rim.acceleration[:] = 0.0
 
     def observe(self, columns: Columns) -> None:

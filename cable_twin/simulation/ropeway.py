@@ -11,9 +11,7 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import Command
 from cable_twin.mechanics.drives.stations import hang_in_station, park
-from cable_twin.mechanics.drives.switching import set_drive_mode
 from cable_twin.mechanics.language.by_reference import pack
-from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.on_rope.payload import load_bodies
@@ -83,7 +81,7 @@ class Ropeway:
                 end = scenario.cable.unstrained_length if place - riding.length < beyond and place > 1.0 else 0.0
                 hang_in_station(self.system, self.state, row, end)
             if vehicle.joint == "sliding":
-                as_python(set_drive_mode)(self.state, row, DRIVE_MODES[vehicle.drive.mode])
+                self.state.drives.mode[row] = DRIVE_MODES[vehicle.drive.mode]
 
     def check_bare(self, *, loaded: bool = False) -> None:
         """Refuse a bare cable without an equilibrium at its start, by checks without any kernel.
@@ -186,11 +184,11 @@ class Ropeway:
     def stop(self) -> None:
         """Begin the emergency stop of the rope and its driven vehicles, and drop the commands in force."""
         if not self.stopped:
-            self.state.braking_time[:] = 0.0
+            self.state.drives.braking_time[:] = 0.0
         self.stopped = True
         self.commands.clear()
-        self.state.rope_target[0] = 0.0
-        self.state.rope_braking[0] = True
+        self.state.rope_drive.target[0] = 0.0
+        self.state.rope_drive.braking[0] = True
         for row in self.rows.values():
             brake(self.system, self.state, row)
 
@@ -237,7 +235,6 @@ class Ropeway:
         whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
         inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
-        inner |= {name: getattr(state, name) for name in ("drive_mode", "sheave_mode")}
         counts = "carriage", "contact", "tower", "end", "body", "element", "station"
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys(counts, 0)

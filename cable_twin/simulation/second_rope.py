@@ -49,7 +49,7 @@ def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) ->
                 f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
                 f"from it before it is clamped; allowed: up to {FARTHEST * shorter:.4g} m"
             )
-        here.state.drive_mode[carriage], here.state.drive_force[carriage] = FREE, 0.0
+        here.state.drives.mode[carriage], here.state.drives.force[carriage] = FREE, 0.0
 
 
 def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:

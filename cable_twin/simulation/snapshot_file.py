@@ -28,7 +28,7 @@ from cable_twin.mechanics.state import FIELDS, RANGES, State
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 8
+FORMAT_VERSION = 9
 SUFFIX = ".npz"
 LARGEST = 2**28  # bytes of an array; the largest shipped scenario has 60 kB of them all
 DRIVEN_BY = "speed", "force"  # kinds of commands that stay in force

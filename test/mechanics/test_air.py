@@ -23,7 +23,7 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=(3.0, 3.0, 3.0), modes=FREE
     air = Air(rope_drag=rope, body_drag=np.tile(areas, (sum(chains), 1)), present=True)
     system = make_system(dim, chains=chains, cable=ELASTIC, air=air)
     state, work = disturbed_state(system)
-    state.drive_mode[:] = modes
+    state.drives.mode[:] = modes
     state.reference.position[:] = state.joints.position + 0.01
     set_wind(state, np.array([WIND[0], 2.5, WIND[1]])[: 3 if dim == 3 else None : 1 if dim == 3 else 2])
     for carriage in range(len(chains)):

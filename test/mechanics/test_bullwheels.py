@@ -90,10 +90,10 @@ def test_a_free_wheel_speeds_up_by_what_its_strands_pull():
 @pytest.mark.parametrize("mode", [FREE, FORCE])
 def test_bearings_hold_and_slow_down(mode):
     sheaves, motion = wheel(resistance=300.0)
-    motion.mode[0], motion.force[0] = mode, 299.0
+    motion.drives.mode[0], motion.drives.force[0] = mode, 299.0
     step(sheaves, motion, 50)
     assert motion.rope.position[0] == 0.0
-    motion.force[0] = 0.0
+    motion.drives.force[0] = 0.0
     motion.rim.velocity[:] = motion.rope.velocity[:] = 0.1
     step(sheaves, motion, 200)
     assert motion.rope.velocity[0] == 0.0
@@ -104,7 +104,7 @@ def test_bearings_hold_and_slow_down(mode):
 @pytest.mark.parametrize(("on", "off", "sense"), [(20e3, 10e3, 1), (10e3, 20e3, -1)])
 def test_rope_slips_beyond_the_ratio_and_sticks_below(on, off, sense):
     sheaves, motion = wheel(on, off)
-    motion.mode[0] = SPEED
+    motion.drives.mode[0] = SPEED
     step(sheaves, motion)
     assert motion.slipping[0] == sense
     assert motion.by_forces[0] == ROPE
@@ -113,7 +113,7 @@ def test_rope_slips_beyond_the_ratio_and_sticks_below(on, off, sense):
     assert motion.rim.position[0] == 0.0
     limit = (off, 1.49 * off) if sense > 0 else (1.49 * on, on)
     sheaves, motion = wheel(limit[1], limit[0]) if sense > 0 else wheel(on, 1.49 * on)
-    motion.mode[0] = SPEED
+    motion.drives.mode[0] = SPEED
     step(sheaves, motion)
     assert motion.slipping[0] == 0
     assert motion.by_forces[0] == NOTHING
@@ -121,7 +121,7 @@ def test_rope_slips_beyond_the_ratio_and_sticks_below(on, off, sense):
 
 def test_slipping_rope_holds_again_at_the_speed_of_the_rim():
     sheaves, motion = wheel(20e3, 10e3, speed=1.0)
-    motion.mode[0], motion.target[0], motion.slipping[0] = SPEED, 1.0, 1
+    motion.drives.mode[0], motion.drives.target[0], motion.slipping[0] = SPEED, 1.0, 1
     motion.rope.velocity[0] = 0.9
     motion.tension[0] = 12e3, 10e3  # now it is drawn on
     step(sheaves, motion, 3)
@@ -134,7 +134,7 @@ def test_slipping_rope_holds_again_at_the_speed_of_the_rim():
 
 def test_brake_rises_stops_and_holds_up_to_its_force():
     sheaves, motion = wheel(speed=1.0, brake_force=4000.0, brake_rise_time=0.5)
-    motion.braking[0] = 1
+    motion.drives.braking[0] = 1
     step(sheaves, motion, 50)
     slowed = 4000.0 * 0.25 / (INERTIA + WRAPPED)
     assert 1.0 - motion.rope.velocity[0] == pytest.approx(slowed, rel=0.05)
@@ -198,16 +198,16 @@ def test_a_strand_stiffer_than_its_estimate_is_measured(factor):
 
 def test_way_back_counts_from_the_furthest_place_and_stops_all():
     sheaves, motion = wheel(10e3, 9.5e3, rollback=0.2)
-    motion.mode[0], motion.target[0] = SPEED, 0.5
+    motion.drives.mode[0], motion.drives.target[0] = SPEED, 0.5
     step(sheaves, motion, 200)
-    motion.mode[0], motion.force[0], motion.target[0] = FORCE, 0.0, 0.0
+    motion.drives.mode[0], motion.drives.force[0], motion.drives.target[0] = FORCE, 0.0, 0.0
     furthest = 0.0
     while not motion.rolled_back[0]:
         step(sheaves, motion)
         furthest = max(furthest, motion.rim.position[0])
     assert furthest - motion.rim.position[0] == pytest.approx(0.2, abs=0.01)
-    assert motion.braking[0] == 1
-    assert motion.mode[0] == SPEED
+    assert motion.drives.braking[0] == 1
+    assert motion.drives.mode[0] == SPEED
     step(sheaves, motion, 200)
     assert motion.rim.velocity[0] == 0.0
 
@@ -215,7 +215,7 @@ def test_way_back_counts_from_the_furthest_place_and_stops_all():
 def test_a_lift_that_no_drive_has_turned_may_go_back_neither_way():
     for on, off in ((10e3, 9.5e3), (9.5e3, 10e3)):
         sheaves, motion = wheel(on, off, rollback=0.2)
-        motion.mode[0] = FORCE
+        motion.drives.mode[0] = FORCE
         step(sheaves, motion, 400)
         assert motion.rolled_back[0] == 1
         assert abs(motion.rim.position[0]) < 0.4

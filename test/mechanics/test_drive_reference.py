@@ -20,7 +20,7 @@ def drive(start=25.0, acceleration=0.5, **limits):
         carriages={name: np.array([value]) for name, value in names.items()},
     )
     state = allocate_state(system)
-    state.drive_mode[:] = SPEED
+    state.drives.mode[:] = SPEED
     state.reference.position[0] = start
     return system, state
 
@@ -28,7 +28,7 @@ def drive(start=25.0, acceleration=0.5, **limits):
 def run(system, state, duration, target=None, step=STEP):
     """Reference (steps + 1, 3) at every step."""
     if target is not None:
-        state.drive_target[0] = target
+        state.drives.target[0] = target
     path = [np.array(state.reference)[:, 0]]
     for _ in range(round(duration / step)):
         advance_reference(system.carriages, system.cable, state, 0, step)
@@ -104,7 +104,7 @@ def test_emergency_deceleration_replaces_both_limits():
     run(system, state, 10.0, 3.0)
     assert state.reference.velocity[0] == 3.0
     at = state.reference.position[0]
-    state.drive_braking[0] = True
+    state.drives.braking[0] = True
     path = run(system, state, 2.0, 0.0)
     assert path[-1, 1] == 0.0
     assert path[-1, 0] - at == pytest.approx(3.0**2 / (2.0 * 2.0), abs=1e-12)

@@ -16,7 +16,7 @@ from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.chain import arm_to, carriage_mass
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
-from cable_twin.mechanics.parameters import ELEMENT_FRAME, FORCE, FREE, HAULED, SPEED
+from cable_twin.mechanics.parameters import DRUM, ELEMENT_FRAME, FORCE, FREE, JOINT, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
 from cable_twin.mechanics.solution.equations_of_motion import (
@@ -100,8 +100,8 @@ def setup(chains, *, places=None, modes=None, cable=None, **carriages):
     state, work = disturbed_state(system)
     if places is not None:
         state.joints.position[:] = places
-    state.drive_mode[:] = FREE if modes is None else modes
-    state.drive_force[state.drive_mode == FORCE] = 12.0
+    state.drives.mode[:] = FREE if modes is None else modes
+    state.drives.force[state.drives.mode == FORCE] = 12.0
     state.reference.position[:] = state.joints.position + 0.01
     state.reference.acceleration[:] = 0.4
     state.friction_origin[:] = state.joints.position - 0.004
@@ -185,10 +185,10 @@ def rows(system, state, work):
         along = forces[0] @ r_x / norm
         normal = np.linalg.norm(forces[0] - along * r_x / norm)
         s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
-        if state.drive_mode[carriage] == SPEED:
+        if state.drives.mode[carriage] == SPEED:
             on_sliding.append(s - state.reference.position[carriage])
         else:
-            pull = state.drive_force[carriage] + friction_force(carriages, state, carriage, normal)[0]
+            pull = state.drives.force[carriage] + friction_force(carriages, state, carriage, normal)[0]
             pull += stop_force(carriages, cable, carriage, s, s_dot)[0]
             bent = yielded(system, state, carriage, work)[1]
             on_sliding.append(norm * (along - pull) + moments[0] * turn @ r_xx - bent)
@@ -223,7 +223,8 @@ def moved_by(system, state, unknown):
     size = unknown.size - 2 * count
     e, q, s, multipliers = split(system, unknown[:size])
     factors = [1.0, RATE_FACTOR, MASS_FACTOR, 0.0]
-    sheaves = np.array(state.sheaves) + np.outer(factors, unknown[size : size + count])
+    driven = (state.axis == JOINT) & (state.drives.mode == SPEED)
+    drums = np.array(state.drums) + np.outer(factors, unknown[size : size + count])
     hauled = np.array(state.hauled) + np.outer(factors, unknown[size + count :])
     return changed(
         state,
@@ -234,9 +235,9 @@ def moved_by(system, state, unknown):
         bodies_velocity=state.bodies.velocity + RATE_FACTOR * q,
         bodies_acceleration=state.bodies.acceleration + MASS_FACTOR * q,
         joints_position=state.joints.position + s,
-        joints_velocity=state.joints.velocity + np.where(state.drive_mode == SPEED, 0.0, RATE_FACTOR) * s,
+        joints_velocity=state.joints.velocity + np.where(driven, 0.0, RATE_FACTOR) * s,
         multipliers=state.multipliers + multipliers,
-        sheaves=Motion(*sheaves),
+        drums=Motion(*drums),
         hauled=Motion(*hauled),
     )
 
@@ -244,7 +245,7 @@ def moved_by(system, state, unknown):
 def check_newton_step(system, state, work, tolerance=1e-8, residual=None):
     """`assemble` and `solve` against the dense solution of all rows, relative to the largest entry of each kind.
 
-    `residual` gives the rows of a state; after those of eq. 16 come sheaves and ways of the haul ropes.
+    `residual` gives the rows of a state; after those of eq. 16 come drums and ways of the haul ropes.
     """
     size, count = 4 * (system.cable.element_count + 1), system.carriages.fixed.size
     total = size + 5 * system.carriages.mass.size + 3 * count
@@ -257,7 +258,7 @@ def check_newton_step(system, state, work, tolerance=1e-8, residual=None):
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)
     matrix[:size, :size] += still
     for k in range(count):  # what is not there does not move, and a sheave that is led is where it has to be
-        hauled, led = state.drive_mode[k] == HAULED, state.sheave_mode[k] == SPEED
+        hauled, led = state.axis[k] == DRUM, state.drives.mode[k] == SPEED
         for row, free in ((total - 2 * count + k, hauled and not led), (total - count + k, hauled)):
             matrix[row] = matrix[row] if free else np.eye(total)[row]
     exact = np.linalg.solve(matrix, right)

@@ -84,7 +84,7 @@ def test_all_forces_balance_at_rest():
     """Residual of every free row below 1e-5 N (of 11 kN), gaps below 1e-9 m, every mass centre under its pivot."""
     system, state, work = prepare(loaded_span())
     settle(system, state, work)
-    state.drive_mode[:] = SPEED
+    state.drives.mode[:] = SPEED
     state.reference.position[:] = state.joints.position
     assert largest_gap(system, state, work, True) < 1e-9
     assemble(system, state, 0.0, 0.0, 1.0, work)

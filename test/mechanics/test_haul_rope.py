@@ -8,18 +8,18 @@ from test_kink import YIELDING
 
 from cable_twin.mechanics.drives.haul_rope import (
     direct_haul,
+    drum_force,
     hang_in_rope,
     haul_energies,
     leave_place,
     pull_on_carriage,
     rope_force,
-    sheave_force,
     take_up,
 )
 from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.language.turns import cross
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
-from cable_twin.mechanics.parameters import END, FORCE, FREE, HAULED, SPEED, START
+from cable_twin.mechanics.parameters import DRUM, END, FORCE, FREE, SPEED, START
 
 
 def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
@@ -29,12 +29,12 @@ def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
     rough = {name: np.full(count, value) for name, value in ROUGH.items()}
     system = make_system(chains=chains, cable=cable, carriages=rough, haul_ropes=ropes)
     state, work = disturbed_state(system)
-    state.drive_mode[:], state.sheave_mode[:] = HAULED, sheave
-    state.drive_force[:] = 40.0
-    put(state.sheaves, 0.0, 0.7, -1.3, 0.5)
+    state.axis[:], state.drives.mode[:] = DRUM, sheave
+    state.drives.force[:] = 40.0
+    put(state.drums, 0.0, 0.7, -1.3, 0.5)
     put(state.hauled, 0.0, -0.4, 0.9, 0.2)
     state.hauled.position[:] = state.joints.position + 0.01
-    state.sheaves.position[:] = state.hauled.position + 0.02
+    state.drums.position[:] = state.hauled.position + 0.02
     state.friction_origin[:] = state.joints.position - 0.004
     state.friction_deflection[:] = 0.2
     for carriage in range(count):
@@ -46,11 +46,11 @@ def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
 
 
 def haul_rows(system, state):
-    """Force of each haul rope on the way of its carriage, and the rows of the sheaves."""
+    """Force of each haul rope on the way of its carriage, and the rows of the drums."""
     on_w, on_u = [], []
     ropes, carriages = system.haul_ropes, system.carriages
     for k in range(carriages.fixed.size):
-        u, u_dot, u_ddot, _ = np.array(state.sheaves)[:, k]
+        u, u_dot, u_ddot, _ = np.array(state.drums)[:, k]
         w, w_dot, w_ddot, _ = np.array(state.hauled)[:, k]
         way = u if ropes.station[k] == START else system.cable.unstrained_length - u
         length = ropes.beyond_track[k] + way
@@ -63,11 +63,11 @@ def haul_rows(system, state):
         pull = max(pull, -floor) if ropes.station[k] == END else min(pull, floor)
         mass = ropes.mass_per_length[k] * length
         on_w.append(pull - mass * (w_ddot / 3.0 + u_ddot / 6.0))
-        if state.sheave_mode[k] == SPEED:
+        if state.drives.mode[k] == SPEED:
             on_u.append(0.0)
         else:
             inertia = (ropes.drive_inertia[k] + mass / 3.0) * u_ddot + mass * w_ddot / 6.0
-            on_u.append(inertia + pull - state.drive_force[k])
+            on_u.append(inertia + pull - state.drives.force[k])
     return np.array(on_w), np.array(on_u)
 
 
@@ -100,7 +100,7 @@ def test_newton_step(station, sheave):
     """Elastic, viscous and inertial coupling of carriage and sheave, stiffness by the rope's length: to 3e-8."""
     system, state, work = setup(station=station, sheave=sheave)
     if sheave == FREE:
-        state.drive_force[:] = 0.0
+        state.drives.force[:] = 0.0
     check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
 
@@ -108,7 +108,7 @@ def test_newton_step(station, sheave):
 def test_newton_step_of_a_slack_rope(sheave):
     """What the counter rope can pull is what the loop can push."""
     system, state, work = setup(sheave=sheave, pretension=np.array([15.0]))
-    state.sheaves.position[:] = state.hauled.position - 0.3
+    state.drums.position[:] = state.hauled.position - 0.3
     assert rope_force(system, state, 0)[0] == -15.0
     check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
@@ -128,10 +128,10 @@ def test_newton_step_of_joints_that_yield(sheave):
 @pytest.mark.parametrize(("station", "sign"), [(START, 1.0), (END, -1.0)])
 def test_a_rope_without_a_counter_rope_only_pulls(station, sign):
     system, state, _ = setup(station=station, pretension=np.zeros(1))
-    state.sheaves.velocity[0] = state.hauled.velocity[0]
-    state.sheaves.position[0] = state.hauled.position[0] + sign * 0.1
+    state.drums.velocity[0] = state.hauled.velocity[0]
+    state.drums.position[0] = state.hauled.position[0] + sign * 0.1
     assert rope_force(system, state, 0)[0] == 0.0
-    state.sheaves.position[0] = state.hauled.position[0] - sign * 0.1
+    state.drums.position[0] = state.hauled.position[0] - sign * 0.1
     assert sign * rope_force(system, state, 0)[0] < -100.0
 
 
@@ -143,7 +143,7 @@ def test_a_carriage_hangs_in_its_rope(station, force):
     assert hang_in_rope(system, state, 0, force)
     assert rope_force(system, state, 0)[0] == pytest.approx(force, abs=1e-9)
     assert pull_on_carriage(system, state, 0) == pytest.approx(force, abs=1e-9)
-    assert sheave_force(system, state, 0) == pytest.approx(force, abs=1e-9)
+    assert drum_force(system, state, 0) == pytest.approx(force, abs=1e-9)
     assert not hang_in_rope(system, state, 0, 501.0 if station == START else -501.0)
 
 
@@ -156,7 +156,7 @@ def test_energy_is_what_the_forces_and_masses_say():
 
     slope = difference(lambda w: np.array([elastic(w)]), state.hauled.position.copy(), 1e-4)
     assert -slope[0, 0] == pytest.approx(rope_force(system, state, 0)[0], rel=1e-9)
-    length = 0.4 + system.cable.unstrained_length - state.sheaves.position[0]
+    length = 0.4 + system.cable.unstrained_length - state.drums.position[0]
     share = np.linspace(0.0, 1.0, 2001)
     speed = (1.0 - share) * state.hauled.velocity[0] + share * 0.7
     rod = 0.5 * 2.0 * length * np.trapezoid(speed**2, share)
@@ -166,9 +166,9 @@ def test_energy_is_what_the_forces_and_masses_say():
 def test_what_the_track_rope_moves_along_itself_is_taken_up_at_the_sheave():
     """The way is counted from the arc length again; the force, which is of the difference, stays."""
     _, state, _ = setup(damping_ratio=np.zeros(1))
-    state.reference.position[:] = state.sheaves.position
-    ahead = state.sheaves.position - state.hauled.position
+    state.reference.position[:] = state.drums.position
+    ahead = state.drums.position - state.hauled.position
     take_up(state)
     np.testing.assert_array_equal(state.hauled.position, state.joints.position)
-    np.testing.assert_allclose(state.sheaves.position - state.hauled.position, ahead, atol=1e-14)
-    np.testing.assert_array_equal(state.reference.position, state.sheaves.position)
+    np.testing.assert_allclose(state.drums.position - state.hauled.position, ahead, atol=1e-14)
+    np.testing.assert_array_equal(state.reference.position, state.drums.position)

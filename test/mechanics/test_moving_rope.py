@@ -195,8 +195,8 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
         array[...] = 0
     state.nodes.position[:, 0, 0] = 1.05 * system.cable.node_arc_length
     state.nodes.position[:, 1, 0] = 1.05
-    state.drive_mode[:] = SPEED
-    state.rope.velocity[:] = state.rope_target[0] = speed
+    state.drives.mode[:] = SPEED
+    state.rope.velocity[:] = state.rope_drive.target[0] = speed
     attach_carriers(system, state)
     move_rope(system, state, 0.0)
     return system, state, work

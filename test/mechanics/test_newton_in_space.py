@@ -240,8 +240,8 @@ def setup(bodies, mode=FREE, *, held=1, place=1.1, air=None, turning=True, cable
     state.joints.position[:] = place
     place_joint(system.cable, state, 0)
     attitudes(state, holds, direction(system, state)[0])
-    state.drive_mode[:] = mode
-    state.drive_force[:] = 12.0 if mode == FORCE else 0.0
+    state.drives.mode[:] = mode
+    state.drives.force[:] = 12.0 if mode == FORCE else 0.0
     state.reference.position[:] = state.joints.position + 0.01
     state.friction_origin[:] = state.joints.position - 0.004
     state.friction_deflection[:] = 0.2
@@ -308,10 +308,10 @@ def rows(system, state, holding, work):
     on_bodies = moved.residual(state.multipliers, holding).reshape(-1, 6)
     s, s_dot, norm = state.joints.position[0], state.joints.velocity[0], np.linalg.norm(r_x)
     along = force @ r_x / norm
-    if state.drive_mode[0] == SPEED:
+    if state.drives.mode[0] == SPEED:
         sliding = s - state.reference.position[0]
     else:
-        pull = state.drive_force[0] + stop_force(carriages, system.cable, 0, s, s_dot)[0]
+        pull = state.drives.force[0] + stop_force(carriages, system.cable, 0, s, s_dot)[0]
         pull += friction_force(carriages, state, 0, np.linalg.norm(force - along * r_x / norm))[0]
         sliding = norm * (along - pull) + moment @ turn @ r_xx - yielded(system, state, work)[1]
     for end, node in ((0, 0), (1, -2)):
@@ -322,7 +322,7 @@ def rows(system, state, holding, work):
 
 def dense_newton_step(system, state, work):
     """Increments of all unknowns from the uncondensed system: nodes, bodies, s, multipliers, and what holds."""
-    bodies, driven = system.carriages.mass.size, state.drive_mode[0] == SPEED
+    bodies, driven = system.carriages.mass.size, state.drives.mode[0] == SPEED
     start, turned = stored_holding(chain(system, state), state), work.turned.copy()
     size = state.nodes.position.size
     parts = np.cumsum([size, 6 * bodies, 1, 3 * bodies])

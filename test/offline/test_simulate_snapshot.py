@@ -189,8 +189,8 @@ def test_snapshot_of_a_version_with_another_state_names_field_and_versions(runs,
         arrays = dict(archive)
     header = json.loads(arrays["header"].tobytes()) | {"package_version": "0.0.7"}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    del arrays["state/drive_target"]
+    del arrays["state/drives.target"]
     np.savez(tmp_path / "old.npz", **arrays)
     assert main(["--snapshot", str(tmp_path / "old.npz")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "no drive_target in its state; the snapshot was made by cable_twin 0.0.7, this is " in line
+    assert "no drives.target in its state; the snapshot was made by cable_twin 0.0.7, this is " in line

@@ -1,13 +1,13 @@
-"""Haul rope of an aerial tramway: elastic between drive sheave and carriage, inside the Newton iteration.
+"""Haul rope of an aerial tramway: elastic between drive drum and carriage, inside the Newton iteration.
 
 It pulls the carriage in space, along the track rope but not against it: what holds it is its station. So it has a
-coordinate w (m) of its own, the way of the carriage p in that direction, and the sheave one, u (m), how far it has paid
+coordinate w (m) of its own, the way of the carriage p in that direction, and the drum one, u (m), how far it has paid
 or hauled rope: where the carriage would be if the rope did not stretch. With d = r_x / |r_x|², found once a step,
 
     w_dot = d·p_dot = s_dot + d·S e_dot,   T d on the carriage,   -T on u.
 
 Both count metres of track rope, so that w is s but for what the track rope moves along itself; that is taken up at the
-end of each step, where w is set to s again and the sheave with it. Of the rope, with the length l from sheave to u,
+end of each step, where w is set to s again and the drum with it. Of the rope, with the length l from drum to u,
 
     T = EA (u - w) / l + c (u_dot - w_dot),   c = 2 ζ sqrt(EA (m / l + ρ / 3));
 
@@ -24,7 +24,7 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, store
 from cable_twin.mechanics.on_rope.chain import carriage_mass, pivot_position
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
-from cable_twin.mechanics.parameters import END, HAULED, SPEED
+from cable_twin.mechanics.parameters import DRUM, END, SPEED
 from cable_twin.mechanics.rope.kink import has_kinks
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
@@ -32,7 +32,7 @@ SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the 
 
 @kernel
 def rope_length(system, carriage, travel):
-    """Length (m) of a haul rope between sheave and a `travel` (m), and its derivative by the travel."""
+    """Length (m) of a haul rope between drum and a `travel` (m), and its derivative by the travel."""
     beyond = system.haul_ropes.beyond_track[carriage]
     length, by_travel = beyond + travel, 1.0
     if system.haul_ropes.station[carriage] == END:
@@ -59,7 +59,7 @@ def rope_force(system, state, carriage):
         minus the one by w_dot.
     """
     ropes = system.haul_ropes
-    travel, rate = state.sheaves.position[carriage], state.sheaves.velocity[carriage]
+    travel, rate = state.drums.position[carriage], state.drums.velocity[carriage]
     length, by_travel = rope_length(system, carriage, travel)
     stiffness = ropes.axial_stiffness[carriage] / length
     damping, damping_by_length = rope_damping(system, carriage, length)
@@ -74,13 +74,13 @@ def rope_force(system, state, carriage):
 
 
 @kernel
-def sheave_force(system, state, carriage):
-    """Force (N) of the drive on its sheave, towards larger u: rope force and inertia."""
+def drum_force(system, state, carriage):
+    """Force (N) of the drive on its drum, towards larger u: rope force and inertia."""
     ropes = system.haul_ropes
     force, _, _, _ = rope_force(system, state, carriage)
-    length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
+    length, _ = rope_length(system, carriage, state.drums.position[carriage])
     mass = ropes.mass_per_length[carriage] * length / 6.0
-    inertia = (ropes.drive_inertia[carriage] + 2.0 * mass) * state.sheaves.acceleration[carriage]
+    inertia = (ropes.drive_inertia[carriage] + 2.0 * mass) * state.drums.acceleration[carriage]
     return force + inertia + mass * state.hauled.acceleration[carriage]
 
 
@@ -88,9 +88,9 @@ def sheave_force(system, state, carriage):
 def pull_on_carriage(system, state, carriage):
     """Force (N) of the haul rope on w, less the inertia of the rope."""
     force, _, _, _ = rope_force(system, state, carriage)
-    length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
+    length, _ = rope_length(system, carriage, state.drums.position[carriage])
     mass = system.haul_ropes.mass_per_length[carriage] * length / 6.0
-    return force - mass * (2.0 * state.hauled.acceleration[carriage] + state.sheaves.acceleration[carriage])
+    return force - mass * (2.0 * state.hauled.acceleration[carriage] + state.drums.acceleration[carriage])
 
 
 @kernel
@@ -103,8 +103,8 @@ def haul_direction(system, state, carriage):
 @kernel
 def leave_place(system, state, work):
     """Store the position of each hauled carriage at the start of a step, before prediction."""
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] == HAULED:
+    for carriage in range(state.axis.size):
+        if state.axis[carriage] == DRUM:
             place = joint_position(system.cable, state, carriage)
             if has_kinks(system.cable):
                 first = system.carriages.body_offset[carriage]
@@ -116,8 +116,8 @@ def leave_place(system, state, work):
 @kernel
 def direct_haul(system, state, work):
     """Set direction and origin of w of each haul rope for a step, from the predicted configuration."""
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] == HAULED:
+    for carriage in range(state.axis.size):
+        if state.axis[carriage] == DRUM:
             d = haul_direction(system, state, carriage)
             store(d, work.haul_direction[carriage])
             work.haul_origin[carriage] -= dot(d, load(work.haul_place[carriage], d))
@@ -125,28 +125,28 @@ def direct_haul(system, state, work):
 
 @kernel
 def take_up(state):
-    """Reset w of each haul rope to the arc length of its carriage, and shift sheave and reference alike."""
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] == HAULED:
+    """Reset w of each haul rope to the arc length of its carriage, and shift drum and reference alike."""
+    for carriage in range(state.axis.size):
+        if state.axis[carriage] == DRUM:
             slid = state.hauled.position[carriage] - state.joints.position[carriage]
             state.hauled.position[carriage] = state.joints.position[carriage]
-            state.sheaves.position[carriage] -= slid
+            state.drums.position[carriage] -= slid
             state.reference.position[carriage] -= slid
 
 
 @kernel
-def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
-    """Eliminate the sheave; leaves the force on w, its derivative, its change at a fixed carriage, and the gap.
+def condense_drum(system, state, carriage, mass_factor, rate_factor, work):
+    """Eliminate the drum; leaves the force on w, its derivative, its change at a fixed carriage, and the gap.
 
-    A sheave that follows its reference is there already; the row of any other is
+    A drum that follows its reference is there already; the row of any other is
     (drive inertia + l ρ / 3) u_ddot + l ρ / 6 w_ddot + T = drive force.
     """
     ropes = system.haul_ropes
     force, by_w, by_w_dot, by_u = rope_force(system, state, carriage)
-    length, by_travel = rope_length(system, carriage, state.sheaves.position[carriage])
+    length, by_travel = rope_length(system, carriage, state.drums.position[carriage])
     rope = ropes.mass_per_length[carriage] / 6.0
     mass, mass_by_u = rope * length, rope * by_travel
-    u_ddot, w_ddot = state.sheaves.acceleration[carriage], state.hauled.acceleration[carriage]
+    u_ddot, w_ddot = state.drums.acceleration[carriage], state.hauled.acceleration[carriage]
     t_by_w = by_w + rate_factor * by_w_dot
     t_by_u = by_u - rate_factor * by_w_dot
     on_w = force - mass * (2.0 * w_ddot + u_ddot)
@@ -154,14 +154,14 @@ def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
     place = joint_position(system.cable, state, carriage)
     way = work.haul_origin[carriage] + dot(load(work.haul_direction[carriage], place), place)
     gap, change = way - state.hauled.position[carriage], 0.0
-    row = work.sheave_row[carriage]
+    row = work.drum_row[carriage]
     row[0], row[1], row[2] = 1.0, 0.0, 0.0
-    if state.sheave_mode[carriage] != SPEED:
+    if state.drives.mode[carriage] != SPEED:
         on_w_by_u = t_by_u - mass_factor * mass - mass_by_u * (2.0 * w_ddot + u_ddot)
         drive = ropes.drive_inertia[carriage]
         row[0] = mass_factor * (drive + 2.0 * mass) + t_by_u + mass_by_u * (2.0 * u_ddot + w_ddot)
         row[1] = mass_factor * mass + t_by_w
-        row[2] = state.drive_force[carriage] - force - (drive + 2.0 * mass) * u_ddot - mass * w_ddot
+        row[2] = state.drives.force[carriage] - force - (drive + 2.0 * mass) * u_ddot - mass * w_ddot
         change = on_w_by_u * row[2] / row[0]
         on_w_by_w -= on_w_by_u * row[1] / row[0]
     work.haul_force[carriage], work.haul_by_way[carriage] = on_w, on_w_by_w
@@ -169,17 +169,17 @@ def condense_sheave(system, state, carriage, mass_factor, rate_factor, work):
 
 
 @kernel
-def recover_sheave(carriage, moved, work):
+def recover_drum(carriage, moved, work):
     """Increments of w and u, from the displacement (dim,) of the joint."""
-    row = work.sheave_row[carriage]
+    row = work.drum_row[carriage]
     way = work.haul_gap[carriage] + dot(load(work.haul_direction[carriage], moved), moved)
     work.haul_increment[carriage] = way
-    work.sheave_increment[carriage] = (row[2] - row[1] * way) / row[0]
+    work.drum_increment[carriage] = (row[2] - row[1] * way) / row[0]
 
 
 @kernel
 def hang_in_rope(system, state, carriage, force):
-    """Place the sheave for a static `force` (N) of the haul rope on w; returns whether the rope can carry it."""
+    """Place the drum for a static `force` (N) of the haul rope on w; returns whether the rope can carry it."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
     s = state.joints.position[carriage]
@@ -189,9 +189,9 @@ def hang_in_rope(system, state, carriage, force):
     else:
         travel = (stiffness * s + force * beyond) / (stiffness - force)
         can = force <= ropes.pretension[carriage]
-    sheaves = state.sheaves
-    sheaves.position[carriage], sheaves.velocity[carriage] = travel, 0.0
-    sheaves.acceleration[carriage] = sheaves.algorithmic[carriage] = 0.0
+    drums = state.drums
+    drums.position[carriage], drums.velocity[carriage] = travel, 0.0
+    drums.acceleration[carriage] = drums.algorithmic[carriage] = 0.0
     state.reference.position[carriage] = travel
     hauled = state.hauled
     hauled.position[carriage], hauled.velocity[carriage] = s, 0.0
@@ -203,15 +203,15 @@ def hang_in_rope(system, state, carriage, force):
 def haul_energies(system, state):
     """Kinetic and elastic energy (J) of all haul ropes and drives."""
     kinetic, elastic = 0.0, 0.0
-    for carriage in range(state.drive_mode.size):
-        if state.drive_mode[carriage] == HAULED:
-            u_dot, w_dot = state.sheaves.velocity[carriage], state.hauled.velocity[carriage]
-            length, _ = rope_length(system, carriage, state.sheaves.position[carriage])
+    for carriage in range(state.axis.size):
+        if state.axis[carriage] == DRUM:
+            u_dot, w_dot = state.drums.velocity[carriage], state.hauled.velocity[carriage]
+            length, _ = rope_length(system, carriage, state.drums.position[carriage])
             rope = system.haul_ropes.mass_per_length[carriage] * length / 6.0
             kinetic += 0.5 * system.haul_ropes.drive_inertia[carriage] * u_dot * u_dot
             kinetic += rope * (w_dot * w_dot + w_dot * u_dot + u_dot * u_dot)
             stiffness = system.haul_ropes.axial_stiffness[carriage] / length
-            stretch = state.sheaves.position[carriage] - state.hauled.position[carriage]
+            stretch = state.drums.position[carriage] - state.hauled.position[carriage]
             sign = 1.0 if system.haul_ropes.station[carriage] == END else -1.0
             slack = -system.haul_ropes.pretension[carriage] / stiffness
             stretch = max(sign * stretch, slack)

@@ -12,19 +12,19 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_velocity,
     place_joint,
 )
-from cable_twin.mechanics.parameters import HAULED
+from cable_twin.mechanics.parameters import DRUM
 from cable_twin.mechanics.rope.kink import has_kinks
 
 
 @kernel
 def set_going(system, state, carriage, speed):
-    """Set a carriage at rest in motion along the cable at `speed` (m/s): joint, sheave, reference and all bodies."""
+    """Set a carriage at rest in motion along the cable at `speed` (m/s): joint, drum, reference and all bodies."""
     cable = system.cable
     state.joints.velocity[carriage] = speed
     place = state.joints.position[carriage]
-    if state.drive_mode[carriage] == HAULED:
-        state.sheaves.velocity[carriage] = state.hauled.velocity[carriage] = speed
-        place = state.sheaves.position[carriage]
+    if state.axis[carriage] == DRUM:
+        state.drums.velocity[carriage] = state.hauled.velocity[carriage] = speed
+        place = state.drums.position[carriage]
     follow(state.reference, carriage, place, speed, 0.0)
     place_joint(cable, state, carriage)
     velocity = joint_velocity(cable, state, carriage)

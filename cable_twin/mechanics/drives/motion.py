@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.haul_rope import sheave_force
+from cable_twin.mechanics.drives.haul_rope import drum_force
 from cable_twin.mechanics.drives.moving_rope import move_rope
-from cable_twin.mechanics.drives.reference import advance_reference, follows_reference, force_limit
-from cable_twin.mechanics.drives.switching import set_drive_mode, take_over
+from cable_twin.mechanics.drives.reference import advance_reference, follow, force_limit
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force
-from cable_twin.mechanics.parameters import FORCE, HAULED, SPEED
+from cable_twin.mechanics.parameters import DRUM, FORCE, SPEED
 
 
 @kernel
@@ -17,20 +16,19 @@ def move_drives(system, state, duration):
     if system.moving_cable.moving:
         move_rope(system, state, duration)
     for carriage in range(system.carriages.fixed.size):
-        if state.drive_braking[carriage]:
-            state.braking_time[carriage] += duration
-        if follows_reference(state.drive_mode, state.sheave_mode, carriage) and not system.carriages.clamped[carriage]:
+        if state.drives.braking[carriage]:
+            state.drives.braking_time[carriage] += duration
+        if state.drives.mode[carriage] == SPEED and not system.carriages.clamped[carriage]:
             advance_reference(system.carriages, system.cable, state, carriage, duration)
 
 
 @kernel
 def prescribe(state):
-    """Set all driven joints and sheaves to their references."""
+    """Set all driven joints and drums to their references."""
     reference = state.reference
-    for carriage in range(state.drive_mode.size):
-        mode = state.drive_mode[carriage]
-        driven = state.joints if mode == SPEED else state.sheaves
-        if mode == SPEED or (mode == HAULED and state.sheave_mode[carriage] == SPEED):
+    for carriage in range(state.axis.size):
+        driven = state.drums if state.axis[carriage] == DRUM else state.joints
+        if state.drives.mode[carriage] == SPEED:
             driven.position[carriage] = reference.position[carriage]
             driven.velocity[carriage] = reference.velocity[carriage]
             driven.acceleration[carriage] = driven.algorithmic[carriage] = reference.acceleration[carriage]
@@ -38,9 +36,9 @@ def prescribe(state):
 
 @kernel
 def drive_force(system, state, carriage):
-    """Force (N) of a drive following its reference, on its joint or on the sheave of its haul rope."""
-    if state.drive_mode[carriage] == HAULED:
-        return sheave_force(system, state, carriage)
+    """Force (N) of a drive following its reference, on its joint or on the drum of its haul rope."""
+    if state.axis[carriage] == DRUM:
+        return drum_force(system, state, carriage)
     return driven_force(system, state, carriage)
 
 
@@ -50,10 +48,7 @@ def find_saturated(system, state, before, work):
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
-        if (
-            follows_reference(before.drive_mode, before.sheave_mode, carriage)
-            and not system.carriages.clamped[carriage]
-        ):
+        if before.drives.mode[carriage] == SPEED and not system.carriages.clamped[carriage]:
             force = drive_force(system, state, carriage)
             limit = force_limit(system.carriages, state, carriage, before.reference.velocity[carriage])
             if abs(force) > limit:
@@ -67,8 +62,8 @@ def hold_at_limits(state, work):
     """Switch saturated drives, found by `find_saturated`, to force mode at their limit."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
-            set_drive_mode(state, carriage, FORCE)
-            state.drive_force[carriage] = work.saturation[carriage]
+            state.drives.mode[carriage] = FORCE
+            state.drives.force[carriage] = work.saturation[carriage]
 
 
 @kernel
@@ -76,13 +71,20 @@ def follow_again(state, work):
     """Switch saturated drives back to their references, from the speed reached."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
-            set_drive_mode(state, carriage, SPEED)
+            state.drives.mode[carriage] = SPEED
             take_over(state, carriage)
 
 
 @kernel
+def take_over(state, carriage):
+    """Start the reference of a drive from the present place (m) and speed (m/s) of its joint or drum."""
+    driven = state.drums if state.axis[carriage] == DRUM else state.joints
+    follow(state.reference, carriage, driven.position[carriage], driven.velocity[carriage], 0.0)
+
+
+@kernel
 def report_forces(system, state):
-    """Store in `drive_force` the force of each drive following its reference."""
+    """Store in `drives.force` the force of each drive following its reference."""
     for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage] and follows_reference(state.drive_mode, state.sheave_mode, carriage):
-            state.drive_force[carriage] = drive_force(system, state, carriage)
+        if state.attached[carriage] and state.drives.mode[carriage] == SPEED:
+            state.drives.force[carriage] = drive_force(system, state, carriage)

@@ -66,9 +66,9 @@ def ramp_rope(system, state, duration):
     """Advance the travel at the start of the rope by `duration` (s) towards the target speed of its drive."""
     moving = system.moving_cable
     limit, jerk = moving.acceleration_limit, moving.jerk_limit
-    if state.rope_braking[0]:
+    if state.rope_drive.braking[0]:
         limit, jerk = moving.emergency_deceleration, inf
-    ramp(state.rope, 0, state.rope_target[0], limit, jerk, duration)
+    ramp(state.rope, 0, state.rope_drive.target[0], limit, jerk, duration)
 
 
 @kernel

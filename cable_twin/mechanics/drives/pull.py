@@ -11,37 +11,42 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.drives.haul_rope import condense_sheave, haul_direction, pull_on_carriage, recover_sheave
+from cable_twin.mechanics.drives.haul_rope import condense_drum, haul_direction, pull_on_carriage, recover_drum
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
-from cable_twin.mechanics.parameters import HAULED, SPEED, IntArray, System
+from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
+
+
+@inlined_kernel
+def is_driven(state, carriage):
+    """Return whether the joint of a vehicle itself follows a reference."""
+    return state.axis[carriage] == JOINT and state.drives.mode[carriage] == SPEED
 
 
 @inlined_kernel
 def reference_gap(state, carriage, work):
     """Store the distance (m) from a driven joint to its reference as the increment of s."""
-    if state.drive_mode[carriage] == SPEED:
+    if is_driven(state, carriage):
         work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
 
 
 @inlined_kernel
 def reference_acceleration(state, carriage, work):
     """Store the reference acceleration (m/s²) of a driven joint as the increment of s."""
-    if state.drive_mode[carriage] == SPEED:
+    if is_driven(state, carriage):
         work.sliding_increment[carriage] = state.reference.acceleration[carriage]
 
 
 @inlined_kernel
 def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
     """Store the drive's input of the sliding joint: driven or not, given force, pull of a haul rope."""
-    mode = state.drive_mode[carriage]
-    work.driven[carriage] = mode == SPEED
-    work.given_force[carriage] = state.drive_force[carriage] if mode != HAULED else 0.0
+    work.driven[carriage] = is_driven(state, carriage)
+    work.given_force[carriage] = state.drives.force[carriage] if state.axis[carriage] == JOINT else 0.0
     work.haul_force[carriage], work.haul_by_way[carriage], work.haul_change[carriage] = 0.0, 0.0, 0.0
-    if mode == HAULED:
-        condense_sheave(system, state, carriage, mass_factor, rate_factor, work)
+    if state.axis[carriage] == DRUM:
+        condense_drum(system, state, carriage, mass_factor, rate_factor, work)
     elif system.haul_ropes.axial_stiffness[carriage] > 0.0:  # held at rest, by its rope
         r_x = joint_tangent(system.cable, state, carriage)
         work.haul_force[carriage] = driven_force(system, state, carriage) * sqrt(dot(r_x, r_x))
@@ -50,21 +55,21 @@ def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
 
 @inlined_kernel
 def recover_drive(state, carriage, moved, work):
-    """Increments of a haul rope and its sheave, from the displacement (dim,) of the joint."""
-    if state.drive_mode[carriage] == HAULED:
-        recover_sheave(carriage, moved, work)
+    """Increments of a haul rope and its drum, from the displacement (dim,) of the joint."""
+    if state.axis[carriage] == DRUM:
+        recover_drum(carriage, moved, work)
 
 
 @kernel
 def observe_haul(system, state, carriage):
-    """Travel (m) and speed (m/s) of a haul rope at its sheave, and its force (N) on the carriage; NaN without one."""
+    """Travel (m) and speed (m/s) of a haul rope at its drum, and its force (N) on the carriage; NaN without one."""
     r_x = joint_tangent(system.cable, state, carriage)
     if state.clamp_holds[carriage]:
         return nan, nan, dot(load(state.clamp_force[carriage], r_x), r_x) / sqrt(dot(r_x, r_x))
-    if state.drive_mode[carriage] != HAULED:
+    if state.axis[carriage] != DRUM:
         return nan, nan, nan
     force = pull_on_carriage(system, state, carriage) / sqrt(dot(r_x, r_x))
-    return state.sheaves.position[carriage], state.sheaves.velocity[carriage], force
+    return state.drums.position[carriage], state.drums.velocity[carriage], force
 
 
 @kernel
@@ -72,7 +77,7 @@ def joint_forces(system, state, carriage):
     """Forces (dim,) in N on a carriage at its joint: of the cable, and of its haul rope (0 without one)."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     pull = scale(0.0, force)
-    if state.drive_mode[carriage] == HAULED:
+    if state.axis[carriage] == DRUM:
         pull = scale(pull_on_carriage(system, state, carriage), haul_direction(system, state, carriage))
     elif state.clamp_holds[carriage]:
         pull = load(state.clamp_force[carriage], force)
@@ -81,17 +86,17 @@ def joint_forces(system, state, carriage):
     return add_scaled(-1.0, pull, force), pull
 
 
-def hold_all(state: Any) -> IntArray:
-    """Hold every joint as driven at rest; returns the previous modes (carriages,)."""
-    modes = state.drive_mode.copy()
-    state.drive_mode[:] = SPEED
+def hold_all(state: Any) -> tuple[IntArray, IntArray]:
+    """Hold every joint as driven at rest; returns the previous axes and modes (vehicles,)."""
+    held = state.axis.copy(), state.drives.mode.copy()
+    state.axis[:], state.drives.mode[:] = JOINT, SPEED
     state.reference.position[:] = state.joints.position
-    return modes
+    return held
 
 
-def let_go(system: System, state: Any, modes: IntArray) -> None:
-    """Restore the drive modes; driven and hauled joints keep their holding force as drive force."""
-    state.drive_force[((modes != SPEED) & (modes != HAULED)) | ~state.attached] = 0.0
-    for carriage in np.flatnonzero(modes == HAULED).tolist():  # as the rope has it, on the arc length
-        state.drive_force[carriage] *= np.linalg.norm(joint_tangent(system.cable, state, carriage))
-    state.drive_mode[:] = modes
+def release_joints(system: System, state: Any, axes: IntArray, modes: IntArray) -> None:
+    """Restore axes and modes of the drives; driven and hauled joints keep their holding force as drive force."""
+    state.drives.force[((modes != SPEED) & (axes != DRUM)) | ~state.attached] = 0.0
+    for carriage in np.flatnonzero(axes == DRUM).tolist():  # along the haul rope, on the arc length
+        state.drives.force[carriage] *= np.linalg.norm(joint_tangent(system.cable, state, carriage))
+    state.axis[:], state.drives.mode[:] = axes, modes

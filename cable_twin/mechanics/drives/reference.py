@@ -10,7 +10,7 @@ from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.brake import brake_force
-from cable_twin.mechanics.parameters import EMERGENCY, HAULED, SERVICE, SPEED
+from cable_twin.mechanics.parameters import EMERGENCY, SERVICE
 
 ROUNDING = 1e-6  # of a step
 
@@ -31,18 +31,11 @@ def capped_speed(target, ahead, behind, speed, deceleration, duration):
 
 
 @kernel
-def follows_reference(drive_mode, sheave_mode, carriage):
-    """Return whether a joint, or the sheave of its haul rope, follows its reference in the given modes."""
-    mode = drive_mode[carriage]
-    return mode == SPEED or (mode == HAULED and sheave_mode[carriage] == SPEED)
-
-
-@kernel
 def force_limit(carriages, state, carriage, speed):
     """Available force (N) of a drive at a speed (m/s), or of its brakes in an emergency stop."""
     if carriages.fixed[carriage]:
         return inf
-    if state.drive_braking[carriage]:
+    if state.drives.braking[carriage]:
         if carriages.drive_stops[carriage]:
             return inf
         return brake_force(carriages, state, carriage, SERVICE) + brake_force(carriages, state, carriage, EMERGENCY)
@@ -62,8 +55,8 @@ def advance_reference(carriages, cable, state, carriage, duration):
     position, speed = reference.position[carriage], reference.velocity[carriage]
     limit, slowing = carriages.acceleration_limit[carriage], carriages.deceleration_limit[carriage]
     jerk = carriages.jerk_limit[carriage]
-    target = state.drive_target[carriage]
-    if state.drive_braking[carriage]:
+    target = state.drives.target[carriage]
+    if state.drives.braking[carriage]:
         if not carriages.drive_stops[carriage]:
             # brakes: at rest by the end of the step, unless that takes more than they can
             follow(reference, carriage, position + 0.5 * speed * duration, 0.0, -speed / duration)

@@ -49,7 +49,7 @@ def hang_in_station(system, state, carriage, station):
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)
     state.joints.algorithmic[carriage] = 0.0
-    state.drive_force[carriage] = 0.0
+    state.drives.force[carriage] = 0.0
     place_joint(cable, state, carriage)
     joint = position_on_cable(cable, state, station)
     still = scale(0.0, joint)

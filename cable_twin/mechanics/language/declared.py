@@ -25,7 +25,7 @@ class Of:
     """Declaration of an array, or of all arrays of a record, in `Annotated[type, Of(...)]`.
 
     Args:
-        shape: numbers, or names of sizes as "node", "vehicle".
+        shape: numbers, or names of sizes as "node", "vehicle"; none for that of the record which holds the array.
         unit: of its numbers.
         first: value that it begins with.
         field: the one array of a record that this is for; of all others it is another declaration.
@@ -61,7 +61,7 @@ def _declared(record: Any, within: str, outer: tuple[Of, ...]) -> Iterator[Decla
         if name == MEMORY:
             continue
         kind, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-        given = tuple(one for one in extras if isinstance(one, Of)) or outer
+        given = tuple(_shaped(one, outer) for one in extras if isinstance(one, Of)) or outer
         if hasattr(kind, "_fields"):
             yield from _declared(kind, f"{within}{name}.", given)
             continue
@@ -71,6 +71,13 @@ def _declared(record: Any, within: str, outer: tuple[Of, ...]) -> Iterator[Decla
         ranges = tuple(one for one in extras if isinstance(one, Range))
         scalar = get_args(get_args(kind)[1])[0]
         yield Declared(f"{within}{name}", scalar, of.shape, of.unit, of.first, ranges)
+
+
+def _shaped(given: Of, outer: tuple[Of, ...]) -> Of:
+    """Declaration with the shape of the outer record where it has none of its own."""
+    if given.shape or not outer:
+        return given
+    return Of(*outer[0].shape, unit=given.unit, first=given.first, field=given.field)
 
 
 def allocate(record: type[R], sizes: Mapping[str, int]) -> R:

@@ -43,7 +43,7 @@ def friction_force(carriages, state, carriage, normal):
     z, z_by_s = deflection(carriages, state, carriage)
     rolling, viscous = carriages.rolling_friction[carriage], carriages.viscous_friction[carriage]
     grip = rolling * normal
-    if state.drive_braking[carriage]:
+    if state.drives.braking[carriage]:
         grip += brake_force(carriages, state, carriage, TRACK_ROPE)
     force = -grip * z - viscous * state.joints.velocity[carriage]
     return force, -grip * z_by_s, -viscous, -rolling * z

@@ -16,7 +16,7 @@ from cable_twin.mechanics.language.vectors import load, scale, store, subtract
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
-from cable_twin.mechanics.parameters import FORCE, HAULED, NO_RATIO, SPEED, FloatArray, IntArray
+from cable_twin.mechanics.parameters import DRUM, FORCE, NO_RATIO, SPEED, FloatArray, IntArray
 from cable_twin.mechanics.readout.samples import joint_place, sample_shape, store_beside, store_in_space
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions, tension_range, tower_force
 
@@ -138,8 +138,8 @@ def observe(system, state, sections, places, rest_loads, rows, columns):
         for drive in range(columns.drive_position.size):
             columns.drive_position[drive], columns.drive_speed[drive] = state.rope.position[0], state.rope.velocity[0]
             columns.moving_cable_force[drive] = moving_rope_force(system, state)
-            columns.drive_command_kind[drive] = STOPPING if state.rope_braking[0] else SPEED
-            columns.drive_commanded_speed[drive], columns.drive_commanded_force[drive] = state.rope_target[0], 0.0
+            columns.drive_command_kind[drive] = STOPPING if state.rope_drive.braking[0] else SPEED
+            columns.drive_commanded_speed[drive], columns.drive_commanded_force[drive] = state.rope_drive.target[0], 0.0
             columns.drive_reference_position[drive] = state.rope.position[0]
             columns.drive_reference_speed[drive] = state.rope.velocity[0]
     wind = load(state.wind, system.cable.gravity)
@@ -153,7 +153,7 @@ def observe_vehicle(system, state, vehicle, rows, columns):
     columns.vehicle_rope[row] = rows.rope
     columns.arc_length[row], columns.speed[row] = state.joints.position[vehicle], state.joints.velocity[vehicle]
     columns.attached[row] = 1.0 if state.attached[vehicle] else 0.0
-    columns.payload[row], columns.drive_force[row] = state.payload[vehicle], state.drive_force[vehicle]
+    columns.payload[row], columns.drive_force[row] = state.payload[vehicle], state.drives.force[vehicle]
     store_beside(joint_place(system, state, vehicle), rows.lateral, columns.joint_position[row])
     contact, pull = joint_forces(system, state, vehicle)
     store_in_space(contact, columns.contact_force[row])
@@ -178,14 +178,13 @@ def observe_command(system, state, carriage, row, columns):
         place, speed, mode = (
             state.joints.position[carriage],
             state.joints.velocity[carriage],
-            state.drive_mode[carriage],
+            state.drives.mode[carriage],
         )
-        if mode == HAULED:
-            place, speed = state.sheaves.position[carriage], state.sheaves.velocity[carriage]
-            mode = state.sheave_mode[carriage]
-        kind = STOPPING if state.drive_braking[carriage] else mode
-        told_speed = state.drive_target[carriage] if mode == SPEED else 0.0
-        told_force = state.drive_force[carriage] if mode == FORCE else 0.0
+        if state.axis[carriage] == DRUM:
+            place, speed = state.drums.position[carriage], state.drums.velocity[carriage]
+        kind = STOPPING if state.drives.braking[carriage] else mode
+        told_speed = state.drives.target[carriage] if mode == SPEED else 0.0
+        told_force = state.drives.force[carriage] if mode == FORCE else 0.0
         if mode == SPEED:
             place, speed = state.reference.position[carriage], state.reference.velocity[carriage]
         limit = force_limit(system.carriages, state, carriage, speed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.mechanics.drives.pull import hold_all, let_go
+from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
@@ -21,7 +21,7 @@ FIRST_STEP = 1e-2  # s, of the first iteration of ropes together
 LONGEST_WAY_TOGETHER = 0.2  # m, that a point goes in one
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
-GIVEN = {"joints.position", "drive_mode", "sheave_mode", "attached", "wind", "clock"}  # what a start is asked to have
+GIVEN = {"joints.position", "axis", "drives.mode", "attached", "wind", "clock"}  # what a start is asked to have
 GIVEN |= {"rope.position"}
 GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
 
@@ -241,7 +241,7 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
     work.turned[:] = 0.0
     lay_cable(system, state)
     state.friction_origin[:] = state.joints.position
-    modes = hold_all(state)
+    held = hold_all(state)
     smooth = without_friction(system)
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
@@ -256,4 +256,4 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
             f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}; {_advice(system)}"
         )
-    let_go(system, state, modes)
+    release_joints(system, state, *held)

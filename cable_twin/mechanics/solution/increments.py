@@ -29,8 +29,8 @@ def largest_increment(system, work):
             total += increment
     for carriage in range(work.sliding_increment.size):
         worst = max(worst, abs(work.sliding_increment[carriage]))
-        worst = max(worst, abs(work.sheave_increment[carriage]))
-        total += work.sliding_increment[carriage] + work.sheave_increment[carriage]
+        worst = max(worst, abs(work.drum_increment[carriage]))
+        total += work.sliding_increment[carriage] + work.drum_increment[carriage]
     return worst if isfinite(total) else total - total
 
 

@@ -47,8 +47,8 @@ def hang_carriages(system, state):
 @kernel
 def note_rest(system, state):
     """Store the equilibrium: holding force of each joint, origins of friction, and extremes of tower loads."""
-    for carriage in range(state.drive_mode.size):
-        state.drive_force[carriage] = driven_force(system, state, carriage)
+    for carriage in range(state.axis.size):
+        state.drives.force[carriage] = driven_force(system, state, carriage)
     for contact in range(state.contact_origin.size):
         state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
     settle_towers(system.cable, system.towers, state)

@@ -95,19 +95,19 @@ def drive_rim(sheaves, motion, sheave, net, inertia, h):
         Whether its forces turn it and the rope with it, which is left to do; and its acceleration (m/s²).
     """
     rim, speed, place = motion.rim, motion.rim.velocity[sheave], motion.rim.position[sheave]
-    by_brake = motion.braking[sheave] != 0 and sheaves.brake_force[sheave] > 0.0
-    if motion.mode[sheave] == SPEED and not by_brake:
+    by_brake = motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0
+    if motion.drives.mode[sheave] == SPEED and not by_brake:
         limit, jerk = sheaves.acceleration_limit[sheave], sheaves.jerk_limit[sheave]
-        if motion.braking[sheave]:
+        if motion.drives.braking[sheave]:
             limit, jerk = sheaves.emergency_deceleration[sheave], inf
         low, high = sheaves.way[sheave, 0], sheaves.way[sheave, 1]
-        target = capped_speed(motion.target[sheave], high - place, place - low, speed, limit, h)
-        if target != motion.target[sheave]:
+        target = capped_speed(motion.drives.target[sheave], high - place, place - low, speed, limit, h)
+        if target != motion.drives.target[sheave]:
             jerk = inf  # the end of the way outranks comfort
         ramp(rim, sheave, target, limit, jerk, h)
         return False, rim.acceleration[sheave]
     against = resisting(sheaves, motion, sheave, h)
-    given = motion.force[sheave] if motion.mode[sheave] == FORCE and not by_brake else 0.0
+    given = motion.drives.force[sheave] if motion.drives.mode[sheave] == FORCE and not by_brake else 0.0
     net += given
     direction = speed if speed != 0.0 else net
     given -= against if direction > 0.0 else -against
@@ -133,10 +133,10 @@ def friction_on_rope(sheaves, motion, sheave, sense):
 def resisting(sheaves, motion, sheave, h):
     """Resisting force (N) of bearings and brake of a wheel: against its motion, or up to the driving force at rest."""
     against = sheaves.resistance[sheave]
-    if motion.braking[sheave] and sheaves.brake_force[sheave] > 0.0:
-        motion.braking_time[sheave] += h
+    if motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0:
+        motion.drives.braking_time[sheave] += h
         rise = sheaves.brake_rise_time[sheave]
-        share = min(motion.braking_time[sheave] / rise, 1.0) if rise > 0.0 else 1.0
+        share = min(motion.drives.braking_time[sheave] / rise, 1.0) if rise > 0.0 else 1.0
         against += share * sheaves.brake_force[sheave]
     return against
 
@@ -343,9 +343,9 @@ def hold_again(motion, sheave):
 @kernel
 def way_back(motion, sheave):
     """Rollback (m) of a rim without speed control; in either direction before any drive has turned the rim."""
-    mode, place = motion.mode[sheave], motion.rim.position[sheave]
-    wanted = motion.target[sheave] if mode == SPEED else motion.force[sheave] if mode == FORCE else 0.0
-    if motion.braking[sheave]:
+    mode, place = motion.drives.mode[sheave], motion.rim.position[sheave]
+    wanted = motion.drives.target[sheave] if mode == SPEED else motion.drives.force[sheave] if mode == FORCE else 0.0
+    if motion.drives.braking[sheave]:
         return 0.0
     if wanted != 0.0:
         motion.sense[sheave] = 1 if wanted > 0.0 else -1
@@ -359,11 +359,12 @@ def way_back(motion, sheave):
 @kernel
 def stop_wheel(sheaves, motion, sheave):
     """Begin the emergency stop of one wheel: by its brake, or else by its drive."""
-    if not motion.braking[sheave]:
-        motion.braking_time[sheave] = 0.0
-    motion.braking[sheave], motion.target[sheave], motion.by_forces[sheave] = 1, 0.0, NOTHING
+    if not motion.drives.braking[sheave]:
+        motion.drives.braking_time[sheave] = 0.0
+    motion.drives.braking[sheave], motion.drives.target[sheave] = True, 0.0
+    motion.by_forces[sheave] = NOTHING
     if sheaves.driven[sheave]:
-        motion.mode[sheave] = SPEED
+        motion.drives.mode[sheave] = SPEED
 
 
 @kernel
@@ -381,22 +382,22 @@ def observe_bullwheels(sheaves, motion, driven, numbers, columns):
         columns.sheave_rolled_back[sheave] = motion.rolled_back[sheave]
     for row in range(driven.size):
         sheave, drive = driven[row], numbers[row]
-        mode, place, speed = motion.mode[sheave], motion.rim.position[sheave], motion.rim.velocity[sheave]
+        mode, place, speed = motion.drives.mode[sheave], motion.rim.position[sheave], motion.rim.velocity[sheave]
         columns.drive_position[drive], columns.drive_speed[drive] = place, speed
         columns.drive_reference_position[drive], columns.drive_reference_speed[drive] = place, speed
         columns.moving_cable_force[drive] = columns.sheave_force[sheave]
-        columns.drive_command_kind[drive] = STOPPING if motion.braking[sheave] else mode
-        columns.drive_commanded_speed[drive] = motion.target[sheave] if mode == SPEED else 0.0
-        columns.drive_commanded_force[drive] = motion.force[sheave] if mode == FORCE else 0.0
+        columns.drive_command_kind[drive] = STOPPING if motion.drives.braking[sheave] else mode
+        columns.drive_commanded_speed[drive] = motion.drives.target[sheave] if mode == SPEED else 0.0
+        columns.drive_commanded_force[drive] = motion.drives.force[sheave] if mode == FORCE else 0.0
 
 
 @kernel
 def force_of_drive(sheaves, motion, sheave):
     """Force (N) of a drive at the rim of a bullwheel; 0 without a drive, and under its brake."""
-    if not sheaves.driven[sheave] or (motion.braking[sheave] and sheaves.brake_force[sheave] > 0.0):
+    if not sheaves.driven[sheave] or (motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0):
         return 0.0
-    if motion.mode[sheave] == FORCE and not motion.braking[sheave]:
-        return motion.force[sheave]  # bearings may hold the wheel with less than they have
+    if motion.drives.mode[sheave] == FORCE and not motion.drives.braking[sheave]:
+        return motion.drives.force[sheave]  # bearings may hold the wheel with less than they have
     force = motion.traction[sheave] + sheaves.inertia[sheave] * motion.rim.acceleration[sheave]
     speed = motion.rim.velocity[sheave]
     sense = 1.0 if speed > 0.0 else -1.0 if speed < 0.0 else 0.0

@@ -9,8 +9,8 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.declared import Memory, Of, allocate
 from cable_twin.mechanics.language.ranges import Range, ranges_of
-from cable_twin.mechanics.parameters import FREE, SPEED, FloatArray, IntArray
-from cable_twin.mechanics.state import PLACE, Course, Motion, copy_state
+from cable_twin.mechanics.parameters import FloatArray, IntArray
+from cable_twin.mechanics.state import PLACE, Course, Drives, Motion, copy_state
 
 # Columns of `Bundle.records`: parameters, motion and scratch of a rope, its motion at the last good step and at the
 # start of the present part of a step, and the forces in its sections.
@@ -151,11 +151,7 @@ class BullwheelMotion(NamedTuple):
     slipping: Annotated[
         IntArray, Of("wheel"), SIGN
     ]  # 1 while it slips on a rim that is faster, -1 on one that is slower
-    mode: Annotated[IntArray, Of("wheel", first=FREE), Range(FREE, SPEED)]  # FREE, FORCE or SPEED, of the drive
-    target: Annotated[FloatArray, Of("wheel", unit="m/s")]
-    force: Annotated[FloatArray, Of("wheel", unit="N")]  # at the rim, in FORCE
-    braking: Annotated[IntArray, Of("wheel"), FLAG]  # 1 in an emergency stop
-    braking_time: Annotated[FloatArray, Of("wheel", unit="s")]  # since then
+    drives: Annotated[Drives, Of("wheel")]  # force: at the rim
     sense: Annotated[IntArray, Of("wheel"), SIGN]  # 1 or -1, in which its drive turned it last, 0 before
     furthest: Annotated[FloatArray, Of("wheel", unit="m")]  # of its rim in that sense
     rolled_back: Annotated[IntArray, Of("wheel"), FLAG]  # 1 where it has gone back too far, until the release
