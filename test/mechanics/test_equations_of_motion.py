@@ -268,7 +268,7 @@ def check_newton_step(system, state, work, tolerance=1e-8, residual=None):
     assert solve(system, state, work)
     right = (*split(system, exact[: total - 2 * count]), *np.split(exact[total - 2 * count :], 2))
     got = (work.right_side, work.body_increment, work.sliding_increment, state.multipliers - before)
-    got = (*got, work.sheave_increment, work.haul_increment)
+    got = (*got, work.drum_increment, work.haul_increment)
     names = ("cable", "bodies", "sliding", "multipliers", "sheaves", "ways")
     for name, value, expected in zip(names, got, right, strict=True):
         scale = np.abs(expected).max(initial=1e-6)  # of a difference, 1e-14 is rounding
