@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
 import sys
 from io import StringIO
 from math import isfinite
@@ -13,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from twin_process import run_python
 
 from benchmarks.command import main
 from benchmarks.report import Part, Table, print_part
@@ -21,17 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def run(*arguments):
-    # compiled in any case: what Python alone takes is not of interest
-    environment = dict(os.environ, NUMBA_DISABLE_JIT="0", PYTHONPATH=str(ROOT))
-    return subprocess.run(
-        [sys.executable, "-m", "benchmarks", *map(str, arguments)],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
+    return run_python("-m", "benchmarks", *arguments)
 
 
 def numbers(rows, key):

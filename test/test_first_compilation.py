@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from twin_process import environment, wait_until
+from twin_process import run_python, wait_until
 
 import cable_twin
 from cable_twin.scenario import load_scenario
@@ -90,14 +90,7 @@ ONE, SEVERAL = "solve_block_tridiagonal", "solve_bundle"  # one rope, several
 )
 def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     """Each is asked for with the types that it is compiled for; a few are asked for by callers of other arguments."""
-    result = subprocess.run(
-        [sys.executable, "-c", CODE, name],
-        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_DISABLE_JIT": "0"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    result = run_python("-c", CODE, name)
     assert result.returncode == 0, result.stderr
     lines = [line.split() for line in result.stdout.splitlines()]
     names = [name for name, _, _ in lines]
@@ -115,14 +108,7 @@ def test_the_second_process_ends_well(name, tmp_path):
     given.write_text(load_scenario(name).to_yaml())
     board.mkdir()
     (board / "0").touch()
-    result = subprocess.run(
-        [sys.executable, "-m", "cable_twin.simulation.first_compilation", str(os.getpid()), str(given), str(board)],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    result = run_python("-m", "cable_twin.simulation.first_compilation", str(os.getpid()), given, board)
     assert result.returncode == 0, result.stderr
     said = {path.name for path in board.iterdir()}
     begun = {number for number in said if number.isdigit()}
@@ -133,14 +119,7 @@ def test_the_second_process_ends_well(name, tmp_path):
 
 def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
     code = "from cable_twin.mechanics.language.compilation import keeps_kernels; print(keeps_kernels())"
-    result = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": os.devnull},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    result = run_python("-c", code, variables={"NUMBA_CACHE_DIR": os.devnull})
     assert result.stdout == "False\n"
     (line,) = result.stderr.splitlines()
     assert line.startswith(f"{os.devnull}/cable_twin/kernels-")
@@ -166,20 +145,13 @@ def test_a_start_that_is_ended_leaves_nothing_behind(how, tmp_path):
 
 
 def test_a_rope_without_rest_is_told_before_its_kernels_are_compiled(tmp_path):
-    result = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "cable_twin.offline.simulate",
-            "aerial_tramway",
-            "--set",
-            "towers.tower.position=[545,3]",
-        ],
-        env={**environment(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "NUMBA_DISABLE_JIT": "0"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
+    result = run_python(
+        "-m",
+        "cable_twin.offline.simulate",
+        "aerial_tramway",
+        "--set",
+        "towers.tower.position=[545,3]",
+        variables={"NUMBA_CACHE_DIR": str(tmp_path / "kernels")},
     )
     assert result.returncode == 2
     assert result.stderr.splitlines()[-1].startswith("simulate: towers.tower.position: the bare cable at rest passes ")

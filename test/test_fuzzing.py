@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import faulty_fuzzer
 import pytest
+from twin_process import run_python
 
 from fuzzing import DONE, FUZZERS, REFUSED
 from fuzzing.harness import FINDINGS, SEEDS, Limits, fuzz, replay
 
 SECONDS = 3.0  # of each fuzzer, beside its kept seeds and the start of its process
-ROOT = Path(__file__).parents[1]
 HOLDING = ("bags", "scenarios", "scripts", "snapshots")  # fuzzers that find nothing
 LIVE = ("messages", "parameters")  # the same, of a running twin
 
@@ -65,8 +61,6 @@ def test_cases_are_those_of_the_seed(tmp_path, monkeypatch):
 
 
 def test_the_command_refuses_what_it_does_not_know():
-    done = subprocess.run(
-        [sys.executable, "-m", "fuzzing", "nothing"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = run_python("-m", "fuzzing", "nothing")
     assert done.returncode == 2
     assert f"given 'nothing'; allowed: {', '.join(FUZZERS)}" in done.stderr

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
-from twin_process import COMPILING, environment, write_quick_scenario
+from twin_process import environment, run_python, write_quick_scenario
 
 from benchmarks.live import Result, Second, faults, unexplained
 
@@ -58,15 +56,7 @@ def test_each_limit_is_named_when_it_is_missed():
 
 
 def run(*arguments, directory):
-    return subprocess.run(
-        [sys.executable, "-m", "benchmarks", "live", *arguments],
-        cwd=directory,
-        env=environment(directory),
-        capture_output=True,
-        text=True,
-        timeout=2 * COMPILING,
-        check=False,
-    )
+    return run_python("-m", "benchmarks", "live", *arguments, directory=directory, variables=environment(directory))
 
 
 @pytest.mark.long

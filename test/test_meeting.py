@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import test_loads
-from test_simulation import numbers, same
+from test_simulation import same
 
 from cable_twin.key_figures import BUFFER_FORCE, KeyFigures
 from cable_twin.messages.figure_messages import describe
@@ -64,7 +64,7 @@ def test_two_cabins_push_each_other_whatever_the_pacing():
     assert snapshot.carriages["down"].push == 0.0  # of the one before the other
     again = Simulation(two_cabins(force=2500.0), samples=5)
     *_, last = meet(again, [4.5])
-    assert same(numbers(last), numbers(snapshot))
+    assert same(last, snapshot)
     simulation.reset()
     assert simulation.advance_to(simulation.time + 0.5).carriages["up"].arc_length == pytest.approx(10.0)
     assert not simulation.state.push[:, 1].any()
@@ -176,7 +176,7 @@ def test_goes_on_from_a_snapshot_in_the_middle_of_a_push(tmp_path):
     simulation.save(tmp_path / "pushed.npz")
     loaded = Simulation.load(tmp_path / "pushed.npz")
     last, again = (one.advance_to(1.5) for one in (simulation, loaded))
-    assert same(numbers(last), numbers(again))
+    assert same(last, again)
 
 
 def test_simulate_says_it_and_the_log_replays_to_the_last_bit(tmp_path, capsys):

@@ -2,35 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import struct
-import subprocess
 import sys
 from importlib import import_module
 from math import isfinite
 from pathlib import Path
 
 import pytest
+from twin_process import run_python
 
 ROOT = Path(__file__).resolve().parents[1]
 STUDY = ROOT / "examples" / "paper_study.py"
 PNG = b"\x89PNG\r\n\x1a\n"
 
 pytest.importorskip("matplotlib")
-
-
-def run(*arguments):
-    # Compiled in any case: it is the reference mesh that takes the time.
-    environment = dict(os.environ, NUMBA_DISABLE_JIT="0", PYTHONPATH=str(ROOT), COLUMNS="120")
-    return subprocess.run(
-        [sys.executable, str(STUDY), *map(str, arguments)],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
 
 
 def rows(text):
@@ -41,7 +26,7 @@ def rows(text):
 @pytest.mark.long
 def test_writes_figures_recordings_and_table(tmp_path):
     output = tmp_path / "new" / "study"
-    result = run("--output", output, "--duration", 0.1, "--elements", 12)
+    result = run_python(STUDY, "--output", output, "--duration", 0.1, "--elements", 12, variables={"COLUMNS": "120"})
     assert result.returncode == 0, result.stderr
 
     assert {path.name for path in output.iterdir()} == {
@@ -99,7 +84,7 @@ def test_refuses_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, fault
 
 def test_says_where_it_cannot_write(tmp_path):
     (tmp_path / "file").touch()
-    result = run("--output", tmp_path / "file", "--duration", 0.1, "--elements", 12, "--no-rerun")
+    result = run_python(STUDY, "--output", tmp_path / "file", "--duration", 0.1, "--elements", 12, "--no-rerun")
     assert result.returncode == 1
     assert result.stderr.startswith("paper_study.py: ")
     assert "Traceback" not in result.stderr

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from twin_process import run_python
 
 from cable_twin.messages import Status
 from cable_twin.messages.figure_messages import figures_of_statuses
@@ -44,13 +42,7 @@ def reported(text):
 
 
 def test_a_fault_of_the_program_is_a_line_and_a_file(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", BROKEN],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "TMPDIR": str(tmp_path)},
-    )
+    done = run_python("-c", BROKEN, variables={"TMPDIR": str(tmp_path)})
     assert done.returncode == PROGRAM_FAULT == 70
     assert done.stdout == ""
     assert done.stderr.startswith(

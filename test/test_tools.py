@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from twin_process import run_python
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = {
@@ -17,16 +16,10 @@ PARTS = {
 }
 
 
-def tool(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=300, check=False
-    )
-
-
 @pytest.mark.parametrize("name", PARTS)
 def test_help_is_printed_and_nothing_is_run(name):
     pages = {page: page.stat().st_mtime_ns for page in (ROOT / "docs").rglob("*") if page.is_file()}
-    result = tool(name, "--help")
+    result = run_python("-m", name, "--help")
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith("usage: ")
     assert PARTS[name] in result.stdout
@@ -35,7 +28,7 @@ def test_help_is_printed_and_nothing_is_run(name):
 
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_that_is_none_is_refused_with_those_that_are(name):
-    result = tool(name, "statiks")
+    result = run_python("-m", name, "statiks")
     assert result.returncode == 2
     error = result.stderr.splitlines()[-1]
     assert "statiks" in error
@@ -45,7 +38,7 @@ def test_a_part_that_is_none_is_refused_with_those_that_are(name):
 @pytest.mark.long
 def test_one_section_is_verified_and_its_rows_printed():
     page = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
-    result = tool("verification", "hinges")
+    result = run_python("-m", "verification", "hinges")
     assert result.returncode == 0, result.stdout + result.stderr
     head, _, *rows = result.stdout.splitlines()
     assert head.startswith("| case | source |")

@@ -26,6 +26,7 @@ from cable_twin.scenario import config_directory
 COMPILING = 600.0  # s within which a fresh machine has compiled the kernels, be it slow and busy
 PATIENCE = 60.0  # s for anything else; a machine that builds something beside may stall for seconds
 PACKAGE_PARENT = Path(cable_twin.__file__).resolve().parents[1]
+REPOSITORY = Path(__file__).resolve().parents[1]
 LOG_EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope", "path")]  # of sim and simulate
 # of DDS, whose ports are 7400 + 250 * domain and on: those above and below the ports that Linux gives to clients
 DOMAINS = (*range(215, 233), *range(101, 79, -1))
@@ -210,6 +211,23 @@ def stamps(messages: list[Any]) -> list[int]:
 def gaps(messages: list[Any]) -> list[int]:
     """Nanoseconds from stamp to stamp."""
     return [after - before for before, after in pairwise(stamps(messages))]
+
+
+def run_python(
+    *arguments: object, directory: Path = REPOSITORY, variables: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run Python with these arguments and the package under test, kernels compiled; with what it printed."""
+    paths = [str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]
+    own = {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_DISABLE_JIT": "0", **(variables or {})}
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=directory,
+        env={**os.environ, **own},
+        capture_output=True,
+        text=True,
+        timeout=COMPILING,
+        check=False,
+    )
 
 
 def run_module(module: str, *arguments: str, directory: Path) -> Any:
