@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from changed_keys import change
 from ruamel.yaml import YAML
+from test_scenario_faults import faults_of
 
 from cable_twin.scenario import ScenarioError, config_directory, load_scenario
 from cable_twin.simulation import Simulation
@@ -18,102 +19,71 @@ def lift(**changes):
 
 
 WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}
+PUSHES = {**WEIGHT, "direction": [0.98, 0.197]}
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        (
-            {"sheaves__return__joins": ["down.end", "down.start"]},
-            "sheaves.return.joins.1: given 'down.start', which 'drive' joins already; allowed: each end once",
-        ),
-        (
-            {"sheaves__return__joins": ["down.start", "up.start"]},
-            "sheaves.return.joins.0: given 'down.start'; allowed: up.end, down.end, as rope runs",
-        ),
+        ({"sheaves__return__joins": ["down.end", "down.start"]}, "joins.1: given 'down.start', which 'drive' joins"),
+        ({"sheaves__return__joins": ["down.start", "up.start"]}, "joins.0: given 'down.start'; allowed: up.end, down."),
         ({"sheaves__drive__joins": ["up.end"]}, "sheaves.drive.joins: given"),
-        (
-            {"ropes__down__end__position": [30.0, 0.0]},
-            "sheaves.return.joins: given ends that are 30 m apart; allowed: at most the diameter of 4.2 m",
-        ),
-        (
-            {"ropes__down__mass_per_length": 7.0},
-            "ropes.down.mass_per_length: given 7.0 kg/m, joined by 'drive' to 'up' with 6.1; allowed: equal values",
-        ),
+        ({"ropes__down__end__position": [30.0, 0.0]}, "sheaves.return.joins: given ends that are 30 m apart"),
+        ({"ropes__down__mass_per_length": 7.0}, "ropes.down.mass_per_length: given 7.0 kg/m, joined by 'drive' to"),
         ({"ropes__down__start__support": "free"}, "ropes.down.start.support: given 'free' at a bullwheel"),
         ({"carriers__spacing": 60.0}, "carriers.count: given 28 every 60 m, 1680 m; allowed: at most the loop of"),
         ({"sheaves__return__counterweight": {**WEIGHT, "travel": [4.0, -4.0]}}, "travel: given [4.0, -4.0]; allowed"),
-        (
-            {"sheaves__return__counterweight": {**WEIGHT, "direction": [0.98, 0.197]}},
-            "sheaves.return.counterweight.direction: given [0.98, 0.197], which does not pull against its strands; "
-            "allowed: away from their other ends, about [-0.976, -0.22]",
-        ),
+        ({"sheaves__return__counterweight": PUSHES}, "away from their other ends, about [-0.976, -0.22]"),
         ({"sheaves__return__rollback": 0.5}, "sheaves.return.rollback: given 0.5 m, but no drive turns it"),
         ({"drives__haul_rope__sheave": "middle"}, "drives.haul_rope.sheave: given 'middle'; allowed: drive, return"),
-        (
-            {"carriers__payload__leaving": {"middle": 300.0}},
-            "carriers.payload.leaving.middle: no such bullwheel; allowed: drive, return",
-        ),
-        (
-            {"carriers__payload__leaving": {"return": 500.0}},
-            "carriers.payload.leaving.return: given 500.0; allowed: 0 to 300 kg",
-        ),
+        ({"carriers__payload__leaving": {"middle": 1.0}}, "payload.leaving.middle: no such bullwheel; allowed: drive"),
+        ({"carriers__payload__leaving": {"return": 500.0}}, "payload.leaving.return: given 500.0; allowed: 0 to 300"),
     ],
 )
 def test_a_loop_that_cannot_be_is_told_in_a_line(changes, said):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(lift(**changes))
-    assert sum(said in fault for fault in caught.value.faults) == 1, caught.value.faults
-    assert not any("from_start" in fault or "from_end" in fault for fault in caught.value.faults)
-    assert all("\n" not in fault for fault in caught.value.faults)
+    faults = faults_of(lift(**changes))
+    assert sum(said in fault for fault in faults) == 1, faults
+    assert not any("from_start" in fault or "from_end" in fault for fault in faults)
 
 
 def test_a_loop_that_does_not_close_is_told():
     data = lift()
     del data["sheaves"]["return"]
     data["carriers"]["payload"]["leaving"] = {}
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(data)
-    assert any("is not on a closed loop" in fault for fault in caught.value.faults), caught.value.faults
+    assert any("is not on a closed loop" in fault for fault in faults_of(data))
 
 
 def test_a_rope_that_no_vehicle_can_reach_is_told():
     data = lift()
     data["ropes"]["alone"] = data["ropes"]["up"]
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(data)
-    assert any("ropes.alone: given" in fault for fault in caught.value.faults)
+    assert any("ropes.alone: given" in fault for fault in faults_of(data))
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("key", "value", "said"),
     [
-        ({"sheaves__drive__friction": 0.005}, "sheaves.drive: at rest its strands pull with 189.4 kN and 180.4 kN"),
+        ("drive__friction", 0.005, r"sheaves\.drive: at rest its strands pull with 189.4 kN and 180.4 kN"),
         (
-            {"sheaves__return__counterweight": {**WEIGHT, "travel": [-0.2, 0.2]}},
-            "sheaves.return.counterweight.travel: given -0.2 to 0.2 m, but it rests at 0.3695 m; allowed: limits "
-            "around that, less pull, or ropes that are 0.339 m shorter in all",
+            "return__counterweight",
+            {**WEIGHT, "travel": [-0.2, 0.2]},
+            "given .* less pull, or ropes that are 0.339 m sh",
         ),
         (
-            {"sheaves__return__counterweight": {**WEIGHT, "travel": [0.5, 4.0]}},
-            "sheaves.return.counterweight.travel: given 0.5 to 4 m, but it rests at 0.3695 m; allowed: limits "
-            "around that, more pull, or ropes that are 0.261 m longer in all",
+            "return__counterweight",
+            {**WEIGHT, "travel": [0.5, 4.0]},
+            "rests at 0.3695 m; .* more pull, .* 0.261 m longer",
         ),
         (
-            {"sheaves__return__counterweight__mass": 100.0},
-            "sheaves.return.counterweight.mass: given 100 kg, which pulls with 981 N: no static equilibrium; "
-            "allowed: about 28700 kg",
+            "return__counterweight__mass",
+            100.0,
+            "given 100 kg, .* 981 N: no static equilibrium; allowed: about 28700 kg",
         ),
-        (
-            {"sheaves__return__counterweight__force": 500.0},
-            "sheaves.return.counterweight.force: given 500 N: no static equilibrium; allowed: about 281000 N",
-        ),
+        ("return__counterweight__force", 500.0, "given 500 N: no static equilibrium; allowed: about 281000 N"),
     ],
 )
-def test_a_rest_that_cannot_be_is_told_in_a_line(changes, said):
-    with pytest.raises(EquilibriumError) as caught:
-        Simulation(load_scenario(lift(**changes)), samples=2)
-    assert said in str(caught.value)
+def test_a_rest_that_cannot_be_is_told_in_a_line(key, value, said):
+    with pytest.raises(EquilibriumError, match=said) as caught:
+        Simulation(load_scenario(lift(**{f"sheaves__{key}": value})), samples=2)
     assert "allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -144,24 +114,19 @@ def own_lift():
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("key", "given", "said"),
     [
-        (
-            {"towers__tower_3__ropes": {"up": {}, "dwn": {}}},
-            "towers.tower_3.ropes.dwn: no such rope; allowed: up, down",
-        ),
-        ({"towers__tower_3__ropes": ["up", "down"]}, "towers.tower_3.ropes: given ['up', 'down']; allowed: a mapping"),
-        ({"towers__tower_3__ropes": {"up": 1.0}}, "towers.tower_3.ropes.up: given 1.0; allowed: a mapping of keys of"),
-        ({"sheaves__drive__drive": 5}, "sheaves.drive.drive: given 5; allowed: a mapping with the keys of a drive"),
-        ({"sheaves__drive__drive__name": True}, "sheaves.drive.drive.name: given True; allowed: a text"),
-        ({"sheaves__drive__drive__name": ""}, "sheaves.drive.drive.name: given ''; allowed: a text, not empty"),
-        ({"sheaves__drive__joins": ["up.end", "dwn.start"]}, "sheaves.drive.joins.1: given 'dwn.start'; allowed: "),
+        ("towers__tower_3__ropes", {"up": {}, "dwn": {}}, "towers.tower_3.ropes.dwn: no such rope; allowed: up, down"),
+        ("towers__tower_3__ropes", ["up", "down"], "towers.tower_3.ropes: given ['up', 'down']; allowed: a mapping"),
+        ("towers__tower_3__ropes", {"up": 1.0}, "towers.tower_3.ropes.up: given 1.0; allowed: a mapping of keys of"),
+        ("sheaves__drive__drive", 5, "sheaves.drive.drive: given 5; allowed: a mapping with the keys of a drive"),
+        ("sheaves__drive__drive__name", True, "sheaves.drive.drive.name: given True; allowed: a text"),
+        ("sheaves__drive__drive__name", "", "sheaves.drive.drive.name: given ''; allowed: a text, not empty"),
+        ("sheaves__drive__joins", ["up.end", "dwn.start"], "sheaves.drive.joins.1: given 'dwn.start'; allowed: "),
     ],
 )
-def test_what_a_file_says_wrong_is_its_first_line(changes, said):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(change(own_lift(), changes))
-    assert str(caught.value).splitlines()[0].partition(": ")[2].startswith(said)
+def test_what_a_file_says_wrong_is_its_first_line(key, given, said):
+    assert faults_of(change(own_lift(), {key: given}))[0].partition(": ")[2].startswith(said)
 
 
 @pytest.mark.parametrize("given", [{}, {"name": None}])

@@ -7,7 +7,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from test_scenario_faults import keys_of
+from test_scenario_faults import faults_of, keys_of
 from test_simulation import same
 
 from cable_twin.frame.records import Command, CommandError
@@ -19,6 +19,8 @@ from verification import JIT
 from verification.models import chairlift, moving_scenario
 
 CHAIR = {"mass": 300.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0]}
+CLAMPED = {"arc_length": 5.0, "joint": "clamped", "bodies": {"car": CHAIR}}
+MOVES = {"kind": "moving_cable"}
 SHORT_LIMITS = {"speed": 5.0, "acceleration": 0.5, "emergency_deceleration": 1.25}
 needs_jit = pytest.mark.skipif(not JIT, reason="minutes without compilation")
 
@@ -47,12 +49,6 @@ def short_lift(**changes):
 SHORT = short_scenario().resolved()  # nothing is compiled to collect the tests
 
 
-def faults_of(overrides):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(SHORT, overrides)
-    return caught.value.faults
-
-
 FAULTS = [
     ("carriers.spacing", 61.0, "given 61.0; allowed: at most 60 m, the length of the cable"),
     ("carriers.count", 2, "given 2 every 20 m, a loop of 40 m; allowed: at least 3, for the cable of 60 m to fit in"),
@@ -68,50 +64,26 @@ FAULTS = [
     ("drives.haul_rope.limits.power", 1e5, "given 100000.0; allowed: null, a moving cable keeps its speed"),
     ("drives.haul_rope.limits.deceleration", 0.4, "given 0.4; allowed: null, a moving cable stops as it starts"),
     ("drives.haul_rope.limits.speed", 0.0, "given 0.0; allowed: a finite number above 0, in m/s, or null"),
-    (
-        "drives",
-        {"haul_rope": {"kind": "moving_cable"}, "other": {"kind": "moving_cable"}},
-        "given a second drive of the cable; allowed: one",
-    ),
-    ("drives", {"chair_2": {"kind": "moving_cable"}}, "given 'chair', which would name 'chair_2' twice"),
+    ("drives", {"haul_rope": MOVES, "other": MOVES}, "given a second drive of the cable; allowed: one"),
+    ("drives", {"chair_2": MOVES}, "given 'chair', which would name 'chair_2' twice"),
     ("cable.end.support", "free", "given 'free' for a cable that moves; allowed: pinned or clamped, at a station"),
     ("solver.integrator", "runge_kutta", "given 'runge_kutta' for a cable that moves; allowed: generalized_alpha"),
-    (
-        "carriages",
-        {"car": {"arc_length": 5.0, "bodies": {"car": CHAIR}}},
-        "given 'sliding' on a cable that moves; allowed: clamped",
-    ),
-    (
-        "carriages",
-        {"car": {"arc_length": 121.0, "joint": "clamped", "bodies": {"car": CHAIR}}},
-        "given 121.0; allowed: 0 to 120 m, on the loop of the cable",
-    ),
-    (
-        "carriages",
-        {"car": {"arc_length": 5.0, "joint": "clamped", "drive": {"mode": "speed"}, "bodies": {"car": CHAIR}}},
-        "given 'speed'; allowed: free, as a clamped vehicle moves with the cable",
-    ),
-    (
-        "carriages",
-        {"car": {"arc_length": 5.0, "joint": "clamped", "friction": {"rolling": 0.1}, "bodies": {"car": CHAIR}}},
-        "given 0.1; allowed: 0, as a clamped vehicle does not slide",
-    ),
-    (
-        "carriages",
-        {"haul_rope": {"arc_length": 5.0, "joint": "clamped", "bodies": {"car": CHAIR}}},
-        "given the name of a carriage; allowed: another one, as commands address both by name",
-    ),
+    ("carriages", {"car": {**CLAMPED, "joint": "sliding"}}, "'sliding' on a cable that moves; allowed: clamped"),
+    ("carriages", {"car": {**CLAMPED, "arc_length": 121.0}}, "given 121.0; allowed: 0 to 120 m, on the loop"),
+    ("carriages", {"car": {**CLAMPED, "drive": {"mode": "speed"}}}, "given 'speed'; allowed: free, as a clamped"),
+    ("carriages", {"car": {**CLAMPED, "friction": {"rolling": 0.1}}}, "given 0.1; allowed: 0, as a clamped vehicle"),
+    ("carriages", {"haul_rope": CLAMPED}, "given the name of a carriage; allowed: another one, as commands address"),
 ]
 
 
 @pytest.mark.parametrize(("key", "value", "text"), FAULTS)
 def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
-    (fault,) = faults_of({key: value})
+    (fault,) = faults_of(SHORT, {key: value})
     assert text in fault
 
 
 def test_clamped_needs_a_cable_that_moves():
-    carriage = {"car": {"arc_length": 1.0, "joint": "clamped", "bodies": {"car": CHAIR}}}
+    carriage = {"car": {**CLAMPED, "arc_length": 1.0}}
     with pytest.raises(ScenarioError, match="given 'clamped' on a cable that stands still; allowed: sliding, fixed"):
         load_scenario("seed_example", {"carriages": carriage})
 
@@ -133,7 +105,7 @@ def test_carriers_are_numbered_and_spaced_round_the_loop():
 
 def test_a_carriage_of_its_own_may_be_clamped_beside_the_carriers():
     """Without carriers the loop is there and back."""
-    car = {"arc_length": 70.0, "joint": "clamped", "bodies": {"car": CHAIR}}
+    car = {**CLAMPED, "arc_length": 70.0}
     simulation = short_lift(carriages={"car": car})
     assert next(iter(simulation.carriages)) == "car"
     assert not simulation.snapshot.carriages["car"].attached

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from test_scenario_faults import faults_of
 
 from cable_twin.mechanics.solution.catenary import rest_over_supports
 from cable_twin.scenario import ScenarioError, build_system, load_scenario
@@ -16,12 +17,6 @@ COARSE = {"cable__elements": 100 if JIT else 20}
 HYDRAULIC = {"cable.end.support": "hydraulic"} | dict.fromkeys(
     ("cable.end.direction", "cable.end.mass", "cable.end.travel")
 )
-
-
-def faults_of(overrides):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(TRAMWAY, overrides)
-    return caught.value.faults
 
 
 FAULTS = [
@@ -48,23 +43,23 @@ FAULTS = [
 
 @pytest.mark.parametrize(("key", "value", "text"), FAULTS)
 def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
-    (fault,) = faults_of({key: value})
+    (fault,) = faults_of(TRAMWAY, {key: value})
     assert fault.startswith(f"mapping (override): {key}: ")
     assert text in fault
 
 
 def test_a_tower_behind_the_end_also_turns_the_pull_round():
-    faults = faults_of({"towers.tower.position": [1200, 80]})
+    faults = faults_of(TRAMWAY, {"towers.tower.position": [1200, 80]})
     assert any("towers.tower.position: given [1200.0, 80.0]; allowed: x between" in fault for fault in faults)
 
 
 def test_counterweights_and_free_ends_that_contradict():
     second = {"support": "counterweight", "position": [0, 0], "direction": [-1, 0], "mass": 1e4}
-    (fault,) = faults_of({"cable.start": second})
+    (fault,) = faults_of(TRAMWAY, {"cable.start": second})
     assert "cable.end.support: given 'counterweight' at both ends; allowed: at one of them" in fault
-    (fault,) = faults_of({"cable.start": {"support": "free", "position": [0, 0]}})
+    (fault,) = faults_of(TRAMWAY, {"cable.start": {"support": "free", "position": [0, 0]}})
     assert "towers: given with a free end of the cable; allowed: only where both ends are held" in fault
-    (fault,) = faults_of({"gravity": 0.0})
+    (fault,) = faults_of(TRAMWAY, {"gravity": 0.0})
     assert "cable.end.force: nothing given, and no weight without gravity" in fault
 
 
@@ -78,7 +73,7 @@ def test_towers_are_in_order_and_do_not_share_names_with_the_ends():
 
 
 def test_a_cable_too_short_for_its_way_over_the_towers():
-    (fault,) = faults_of({**HYDRAULIC, "cable.unstrained_length": 955.0})
+    (fault,) = faults_of(TRAMWAY, {**HYDRAULIC, "cable.unstrained_length": 955.0})
     assert "for ends that are 1006.76 m apart over the towers" in fault
 
 
