@@ -8,8 +8,7 @@ from ruamel.yaml import YAML
 from test_scenario_faults import faults_of
 
 from cable_twin.scenario import ScenarioError, config_directory, load_scenario
-from cable_twin.simulation import Simulation
-from cable_twin.simulation.twin import EquilibriumError
+from cable_twin.simulation import EquilibriumError, Simulation
 
 
 def lift(**changes):

@@ -10,7 +10,7 @@ from cable_twin.ros.client.twin_list import UNLIMITED, limits_in
 from cable_twin.ros.description import robot_description
 from cable_twin.runtime.point_to_point import target_of
 from cable_twin.scenario import command_limits, load_scenario, places_of
-from cable_twin.simulation.command_checks import check_drive
+from cable_twin.simulation.command_handlers import check_drive
 
 SCENARIOS = [  # of one rope and of several, in a plane and in space
     ("aerial_tramway", {}),

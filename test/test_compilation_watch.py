@@ -10,9 +10,9 @@ from rich.console import Console
 
 from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, kept_kernels, kernel
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation, compilation_watch
-from cable_twin.simulation.compilation_watch import Moment, watching_compilation, work_ahead
+from cable_twin.simulation import Simulation, first_compilation
 from cable_twin.simulation.engine import Engine
+from cable_twin.simulation.first_compilation import Moment, watching_compilation, work_ahead
 from cable_twin.terminal import bars
 from cable_twin.terminal.bars import BEGIN, compilation_shown
 
@@ -45,7 +45,7 @@ def test_all_that_a_first_start_compiles_is_counted(name, kernels):
 
 
 def test_what_is_compiled_is_told_with_its_name_and_nothing_where_nothing_is(monkeypatch):
-    monkeypatch.setattr(compilation_watch, "PERIOD", 0.001)
+    monkeypatch.setattr(first_compilation, "PERIOD", 0.001)
     moments: list[Moment] = []
     with watching_compilation(moments.append):
         pass

@@ -6,7 +6,7 @@ import pytest
 
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.element_crossing import growing_steps, highest_speed
+from cable_twin.simulation.start_checks import growing_steps, highest_speed
 
 # waves of about 220 m/s, so 0.1 of an element of 10.4 m in 5 ms: only what is as fast as 130 m/s is too fast
 FAST = {"carriages.cabin.drive.limits.speed": 150.0}

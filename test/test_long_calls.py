@@ -13,7 +13,7 @@ from twin_process import COMPILING, TwinProcess, wait_until
 from cable_twin.mechanics.solution import relaxation
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation, advance
+from cable_twin.simulation import Simulation, twin
 from cable_twin.simulation.engine import watching_relaxation
 from cable_twin.terminal.bars import compilation_shown
 
@@ -31,7 +31,7 @@ def test_parts_give_the_same_bits_and_may_end_a_run(name, monkeypatch):
     whole, split = (Simulation(load_scenario(name)) for _ in range(2))
     end = 40 * whole.step
     expected = whole.advance_to(end).numbers
-    monkeypatch.setattr(advance, "PART", 1)
+    monkeypatch.setattr(twin, "PART", 1)
     calls = []
     assert split.advance_to(end, lambda: calls.append(split.time)).numbers.tobytes() == expected.tobytes()
     assert len(calls) == 40

@@ -13,7 +13,7 @@ from cable_twin.offline import replay, simulate
 from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
-from cable_twin.simulation.meeting import with_buffers
+from cable_twin.simulation.vehicle_contacts import with_buffers
 from verification.vehicle_buffers import level, vehicle
 
 

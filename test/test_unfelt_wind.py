@@ -7,7 +7,7 @@ from cable_twin.frame.records import Command, CommandError
 from cable_twin.offline import line, simulate
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_names, wind_unfelt
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.command_checks import check_gust, check_wind
+from cable_twin.simulation.command_handlers import check_gust, check_wind
 
 REASON = "nothing feels the wind: no rope has a diameter (m) and no body a drag_area (m^2)"
 CALM_LIFT = {"ropes.up.diameter": None, "ropes.down.diameter": None, "carriers.bodies.chair.drag_area": 0.0}

@@ -14,7 +14,7 @@ from cable_twin.offline import replay
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.effects import GUST_SHAPES
+from cable_twin.simulation.command_handlers import GUST_SHAPES
 from verification import JIT
 
 TURBULENT = {"intensity": 0.2, "length_scale": 40.0, "seed": 3, "points": 8}

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.simulation import Simulation, SolverError
-from cable_twin.simulation.element_crossing import growing_steps
+from cable_twin.simulation.start_checks import growing_steps
 from verification import Result, case
 from verification.models import GRAVITY, beam, changing, pendulum
 

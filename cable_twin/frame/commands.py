@@ -1,7 +1,7 @@
 """Table of command kinds: quantities, topics, services and message fields of each.
 
 Node, terminal, scripts, bags and replay read this table. What a kind does to the twin stands in
-`cable_twin.simulation.effects`: a new kind is a row here and an effect there.
+`cable_twin.simulation.command_handlers`: a new kind is a row here and an effect there.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from cable_twin.offline.script_signals import signal_values
 from cable_twin.recording.log_reader import Log
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.effects import check_ahead
+from cable_twin.simulation.command_handlers import check_ahead
 
 BY_NAME = {name: kind for name, kind in KINDS.items() if kind.quantity and not kind.axes}  # numbers by name
 BY_AXIS = {name: kind for name, kind in KINDS.items() if kind.axes}

@@ -18,7 +18,7 @@ from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
 from cable_twin.frame.records import Command, CommandError, Goal
 from cable_twin.scenario import Scenario, places_of
 from cable_twin.simulation import Simulation
-from cable_twin.simulation.command_checks import check_drive
+from cable_twin.simulation.command_handlers import check_drive
 
 TOLERANCE = 0.1  # m, largest distance from the goal on arrival
 RESTING = 0.05  # m/s, speed of the drive below which it counts as at rest

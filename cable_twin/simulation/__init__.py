@@ -1,5 +1,7 @@
 """One twin: only owner of state and solver time, effect of commands on it, and its snapshots."""
 
-from cable_twin.simulation.twin import SAMPLES, EquilibriumError, Meanwhile, Simulation, SnapshotError, SolverError
+from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.simulation.snapshot_file import SnapshotError
+from cable_twin.simulation.twin import SAMPLES, Meanwhile, Simulation, SolverError
 
 __all__ = ["SAMPLES", "EquilibriumError", "Meanwhile", "Simulation", "SnapshotError", "SolverError"]

@@ -35,11 +35,8 @@ from cable_twin.scenario.builders.bundle import (
     build_ropes,
     clamped_pairs,
 )
-from cable_twin.simulation.loop import Loop
-from cable_twin.simulation.loop_layout import LoopLayout
-from cable_twin.simulation.meeting import with_buffers
-from cable_twin.simulation.ropeway import Ropeway, of_rope, restore_ropes
-from cable_twin.simulation.second_rope import (
+from cable_twin.simulation.loop import Loop, LoopLayout
+from cable_twin.simulation.rope_couplings import (
     along_track,
     check_connectors,
     clamp_rows,
@@ -47,7 +44,9 @@ from cable_twin.simulation.second_rope import (
     note_clamps,
     observe_clamps,
 )
+from cable_twin.simulation.ropeway import Ropeway, of_rope, restore_ropes
 from cable_twin.simulation.snapshot_file import FullState
+from cable_twin.simulation.vehicle_contacts import with_buffers
 
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 

@@ -1,8 +1,12 @@
-"""Ropeway of one rope, target of commands: parameters, state and commands in force."""
+"""Ropeway of one rope, target of commands: parameters, state, drives, loading, and commands in force.
+
+Vehicles are loaded over time in small increments: unloaded at once, a cabin of 12 t that weighs 5.6 t a moment later
+is thrown upwards with g times the ratio of both, and the rope shakes for minutes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,24 +14,28 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import Command
+from cable_twin.mechanics.drives.haul_rope import hang_in_rope
+from cable_twin.mechanics.drives.initial_speed import set_going
+from cable_twin.mechanics.drives.motion import take_over
 from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.language.simd import WIDTH
-from cable_twin.mechanics.on_rope.payload import load_bodies
+from cable_twin.mechanics.on_rope.payload import load_bodies, shift_centres
 from cable_twin.mechanics.on_rope.wind import set_wind
-from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, FloatArray, Payloads, System
+from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.sections import Sections, allocate_sections
 from cable_twin.mechanics.rope.element import element_tensions
 from cable_twin.mechanics.rope.rounding import rounding, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients
-from cable_twin.mechanics.state import Workspace, allocate_state
+from cable_twin.mechanics.state import State, Workspace, allocate_state
 from cable_twin.scenario import Scenario, build_payloads
-from cable_twin.simulation.driving import brake, hang_in_ropes, set_in_motion
-from cable_twin.simulation.sharp_bends import warn_of_bends
+from cable_twin.scenario.sections.vehicles import Payload
 from cable_twin.simulation.snapshot_file import FullState
+from cable_twin.simulation.start_checks import warn_of_bends
 
 LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
@@ -265,6 +273,69 @@ class Ropeway:
         self._carried = None
 
 
+def drive(state: State, index: int, kind: str, value: float) -> None:
+    """Set mode ("speed" or "force") and target (m/s or N) of a drive, starting from its present motion."""
+    if kind == "force":
+        state.drives.mode[index] = FORCE
+        state.drives.force[index] = value
+        return
+    if state.drives.mode[index] != SPEED:
+        state.drives.mode[index] = SPEED
+        as_python(take_over)(state, index)
+    state.drives.target[index] = value
+
+
+def brake(system: System, state: State, index: int) -> None:
+    """Stop one carriage by the means of its scenario: its drive, brakes on it, or the track-rope brake alone."""
+    drives = system.carriages
+    if drives.clamped[index]:
+        return
+    braked = bool(drives.brake_force[index].any())
+    if state.drives.mode[index] == FREE and not braked:
+        return
+    stoppable = drives.drive_stops[index] or drives.brake_force[index, :TRACK_ROPE].any()
+    if state.drives.mode[index] != FREE or stoppable:
+        drive(state, index, "speed" if stoppable else "force", 0.0)
+    state.drives.braking[index] = True
+
+
+def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
+    """Initialise every haul rope with the force that holds its carriage.
+
+    Raises:
+        EquilibriumError: when a haul rope would have to push; the line names the carriage.
+    """
+    for index, name in enumerate(names):
+        if state.axis[index] != DRUM:
+            continue
+        force = float(state.drives.force[index])
+        if not hang_in_rope(system, state, index, force):
+            raise EquilibriumError(
+                f"carriages.{name}.drive.haul_rope: it would have to push with {with_unit(abs(force), 'N')} to hold "
+                f"the carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
+            )
+        if state.drives.mode[index] != SPEED:
+            state.drives.force[index] = 0.0
+
+
+def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str, Command]:
+    """Set the initial speeds of the scenario; returns the commands that keep them, by carriage or drive."""
+    held = {}
+    for name, drive in scenario.drives.items():
+        if drive.speed != 0.0:
+            state.rope.velocity[:] = state.rope_drive.target[0] = drive.speed
+            held[name] = Command("speed", {name: drive.speed})
+            for index in np.flatnonzero(system.carriages.clamped & state.attached).tolist():
+                set_going(system, state, index, drive.speed)
+    for index, (name, vehicle) in enumerate(scenario.vehicles.items()):
+        if vehicle.speed != 0.0:
+            set_going(system, state, index, vehicle.speed)
+            if state.drives.mode[index] == SPEED:
+                state.drives.target[index] = vehicle.speed
+                held[name] = Command("speed", {name: vehicle.speed})
+    return held
+
+
 @contextmanager
 def of_rope(name: str) -> Iterator[None]:
     """Name the keys of a rope in errors as the scenario does."""
@@ -287,4 +358,55 @@ def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
         part.loading = {name: mass for name, mass in full.loading.items() if name in own}
 
 
-__all__ = ["Ropeway", "of_rope", "restore_ropes"]
+def load(ropeway: Ropeway, masses: Mapping[str, float]) -> None:
+    """Begin loading vehicles to `masses` (kg), each over the loading time of its scenario."""
+    at_once = {name: mass for name, mass in masses.items() if _room(ropeway, name).loading_time == 0.0}
+    ropeway.loading.update(masses)
+    put_in(ropeway, at_once)
+
+
+def load_on(ropeway: Ropeway, time: float) -> None:
+    """Continue all loading and unloading by `time` (s)."""
+    if ropeway.loading:
+        put_in(ropeway, _next_loads(ropeway, time))
+
+
+def exchange(ropeway: Ropeway) -> None:
+    """Set the payload of carriers that have entered a station to that of carriers leaving it."""
+    here = ropeway.stations_now()
+    came = ~np.isnan(here) & (here != ropeway.stations)
+    ropeway.stations = here
+    if came.any():
+        loads = {
+            name: room.from_start if here[ropeway.rows[name]] == 0.0 else room.from_end
+            for name, room in ropeway.rooms.items()
+            if came[ropeway.rows[name]]
+        }
+        put_in(ropeway, loads)
+
+
+def _next_loads(ropeway: Ropeway, time: float) -> dict[str, float]:
+    """Payloads (kg) of vehicles under loading after another `time` (s)."""
+    loads = {}
+    for name, wanted in ropeway.loading.items():
+        room, carried = _room(ropeway, name), float(ropeway.state.payload[ropeway.rows[name]])
+        most = room.capacity / room.loading_time * time
+        loads[name] = min(max(wanted, carried - most), carried + most)
+    return loads
+
+
+def put_in(ropeway: Ropeway, loads: Mapping[str, float]) -> None:
+    """Set payloads of vehicles to `loads` (kg); loading ends for vehicles at their wanted payload."""
+    before = ropeway.system.carriages.centre_offset
+    for name, mass in loads.items():
+        ropeway.state.payload[ropeway.rows[name]] = mass
+        if mass == ropeway.loading.get(name):
+            del ropeway.loading[name]
+    ropeway.carry(ropeway.state.payload)
+    shift_centres(ropeway.state, ropeway.system.carriages.centre_offset - before)
+
+
+def _room(ropeway: Ropeway, name: str) -> Payload:
+    room = ropeway.scenario.vehicles[name].payload
+    assert room is not None
+    return room

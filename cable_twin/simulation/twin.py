@@ -1,10 +1,14 @@
-"""Twin without interfaces: only owner of state and solver time, deterministic, without ROS."""
+"""Simulation of a scenario: only owner of state and solver time, deterministic, without ROS.
+
+Solver steps are taken in batches; loading, stations and vehicle contacts are handled between them, at fixed simulated
+times.
+"""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -17,25 +21,23 @@ from cable_twin.frame.records import (
 )
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.mechanics.language.declared import Kept
-from cable_twin.mechanics.parameters import System
-from cable_twin.mechanics.solution.equilibrium import EquilibriumError
+from cable_twin.mechanics.parameters import Solver, System
 from cable_twin.mechanics.solution.runge_kutta import stable_step
+from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario
-from cable_twin.simulation.advance import in_parts, meeting_found, report_of, undamped
-from cable_twin.simulation.compilation_watch import expect_kernels
-from cable_twin.simulation.effects import take_effect
-from cable_twin.simulation.element_crossing import warn_of_crossing
+from cable_twin.simulation.command_handlers import take_effect
 from cable_twin.simulation.engine import Engine
-from cable_twin.simulation.first_compilation import compiling_ahead
-from cable_twin.simulation.meeting import Meeting
-from cable_twin.simulation.observer import Observer, read_only
-from cable_twin.simulation.pressure import check_pressure
-from cable_twin.simulation.readings import Readings
-from cable_twin.simulation.ropeway import Ropeway
-from cable_twin.simulation.slack_frame import warn_of_frames
+from cable_twin.simulation.first_compilation import compiling_ahead, expect_kernels
+from cable_twin.simulation.queries import Observer, Queries, read_only
+from cable_twin.simulation.ropeway import Ropeway, exchange, load_on
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
+from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames
+from cable_twin.simulation.vehicle_contacts import VehicleContacts
 
+PART = 50_000  # steps times nodes that are taken at once
+PERIOD = 0.05  # s of simulated time from one look to the next; a person gets into a cabin in several of them
+SURE_RADIUS = 0.8  # -, of solver.spectral_radius; with more a light load on a stiff cable fails now and then
 SAMPLES = 200  # points at which a snapshot holds the cable
 Meanwhile = Callable[[Scenario, Snapshot], object]
 NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residual=0.0)
@@ -45,7 +47,7 @@ class SolverError(RuntimeError):
     """Failure of a solver step; the simulation keeps the last good state."""
 
 
-class Simulation(Readings):
+class Simulation(Queries):
     """Simulation of one scenario.
 
     It starts in static equilibrium with every joint held at its arc length, and lets go. Commands take effect at
@@ -73,7 +75,7 @@ class Simulation(Readings):
         self.scenario = scenario
         self._engine = Engine(scenario)
         self._parts = self._engine.parts
-        self._ropeway, self._meetings = self._parts[0], [Meeting(part.scenario) for part in self._parts]
+        self._ropeway, self._contacts = self._parts[0], [VehicleContacts(part.scenario) for part in self._parts]
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
         self._state = self._ropeway.state
@@ -291,13 +293,13 @@ class Simulation(Readings):
             return self.snapshot
         self._at_start = False
         try:
-            outcome = in_parts(self._parts, self._meetings, steps, self._engine.advance, on_part)
+            outcome = advance_in_batches(self._parts, self._contacts, steps, self._engine.advance, on_part)
         except BaseException:  # of `on_part`, or Ctrl-C
             self._show(NOTHING_DONE)
             raise
         self._show(report_of(outcome))
-        if met := meeting_found(self._parts, self._meetings):
-            raise SolverError(f"{met}; the state is that at {self.time:g} s")
+        if pressed := penetration(self._parts, self._contacts):
+            raise SolverError(f"{pressed}; the state is that at {self.time:g} s")
         if not outcome.converged:
             raise SolverError(
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
@@ -309,4 +311,91 @@ class Simulation(Readings):
         return self.snapshot
 
 
-__all__ = ["SAMPLES", "EquilibriumError", "Simulation", "SnapshotError", "SolverError"]
+def advance_in_batches(
+    parts: Sequence[Ropeway],
+    contacts: Sequence[VehicleContacts],
+    steps: int,
+    advance: Callable[[int], tuple],
+    on_part: Callable[[], object] = lambda: None,
+) -> Outcome:
+    """Take `steps` solver steps by calls of `advance`, each of some tenths of a second at most.
+
+    Ctrl-C and `on_part` take effect between the calls.
+
+    Args:
+        parts: ropes with their vehicles.
+        contacts: watches of vehicles that can meet, one a rope.
+        steps: count of steps.
+        advance: function that takes a count of steps and returns the fields of `Outcome`.
+        on_part: called after each call; an exception from it ends the steps there.
+
+    Returns:
+        Outcome of all steps, or of those before a failed step or before two vehicles were pressed through each other.
+    """
+    most = max(PART // sum([len(part.state.nodes.position) for part in parts]), 1)  # steps of a call
+    if not _interrupted(parts, contacts):
+        total = Outcome(*advance(min(steps, most)))
+        on_part()
+        while total.converged and total.steps < steps:
+            total = _joined(total, Outcome(*advance(min(steps - total.steps, most))))
+            on_part()
+        return total
+    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
+    step, clock = parts[0].system.solver.step, parts[0].state.clock
+    period = max(round(PERIOD / step), 1)
+    while total.converged and total.steps < steps and not penetration(parts, contacts):
+        rest = steps - total.steps
+        until = period - int(clock[0]) % period if _interrupted(parts, contacts) else rest
+        total = _joined(total, Outcome(*advance(min(rest, until, most))))
+        on_part()
+        if total.converged and int(clock[0]) % period == 0:
+            for ropeway in parts:
+                load_on(ropeway, period * step)
+                if ropeway.rooms:
+                    exchange(ropeway)
+    return total
+
+
+def _joined(before: Outcome, last: Outcome) -> Outcome:
+    """Sum of the outcomes of two calls of the integrator."""
+    return last._replace(
+        steps=before.steps + last.steps,
+        iterations=before.iterations + last.iterations,
+        halvings=before.halvings + last.halvings,
+        gap=max(before.gap, last.gap),
+        lost=before.lost + last.lost,
+        moved=before.moved + last.moved,
+    )
+
+
+def _interrupted(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -> bool:
+    """Whether steps have to be interrupted for loading, stations or vehicles that can meet."""
+    return any(part.loading or part.rooms for part in parts) or any(one.possible for one in contacts)
+
+
+def penetration(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -> str:
+    """Message about two vehicles pressed through each other, empty without such a pair."""
+    lines = (watch.found(part.state) for part, watch in zip(parts, contacts, strict=True))
+    return next((line for line in lines if line), "")
+
+
+def report_of(outcome: Outcome) -> SolverReport:
+    """Solver report of a snapshot from the outcome of an integrator call."""
+    return SolverReport(
+        int(outcome.steps),
+        int(outcome.iterations),
+        int(outcome.halvings),
+        float(outcome.gap),
+        float(outcome.lost),
+        float(outcome.moved),
+    )
+
+
+def undamped(solver: Solver) -> str:
+    """Explanation of a failed step by too little numerical damping of joints and a stiff cable, empty where damped."""
+    if solver.spectral_radius <= SURE_RADIUS:
+        return ""
+    return (
+        f"solver.spectral_radius is {solver.spectral_radius:g}, which hardly damps the ringing of joints and cable: "
+        f"up to {SURE_RADIUS:g} is sure; "
+    )

@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.text import Text
 
-from cable_twin.simulation.compilation_watch import Moment, watching_compilation
 from cable_twin.simulation.engine import RelaxationMoment, watching_relaxation
+from cable_twin.simulation.first_compilation import Moment, watching_compilation
 
 BEGIN = "compiling the solver's kernels, once on this machine"
 LARGE = 5000  # elements, from which on a line reports the settling of the rope where there is no bar

@@ -13,7 +13,7 @@ from cable_twin.mechanics.language.specialization import known_fields, names_lef
 from cable_twin.mechanics.parameters import CONTINUUM
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation.engine import leave_out_absent
-from cable_twin.simulation.meeting import with_buffers
+from cable_twin.simulation.vehicle_contacts import with_buffers
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 

@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from cable_twin.ros.client.drive import main
 from cable_twin.runtime.point_to_point import STATIONS, target_of
 from cable_twin.scenario import command_fault, load_scenario
-from cable_twin.simulation.command_checks import check_drive
+from cable_twin.simulation.command_handlers import check_drive
 
 STOP = Command("speed", {"cabin": 0.0})
 

@@ -26,7 +26,7 @@ class Pair(NamedTuple):
     damping: float  # s/m
 
 
-class Meeting:
+class VehicleContacts:
     """Watch for exchanged order of vehicles that can meet: only a drive without force limit overcomes buffers.
 
     Attributes:
@@ -127,6 +127,3 @@ def _reach(carriage: Carriage) -> tuple[float, float]:
         low, high = min(low, float(outline.min())), max(high, float(outline.max()))
         pin = centre + (body.lower_pivot or (0.0, 0.0))[0]
     return -low, high
-
-
-__all__ = ["Meeting", "with_buffers"]

@@ -1,30 +1,33 @@
-"""Queries of a simulation beside its snapshots: shape, tension, clearance, energy, modes."""
+"""Queries of a simulation: snapshots, shape, tension, clearance, energy, natural modes."""
 
 from __future__ import annotations
 
 from dataclasses import astuple
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from cable_twin.frame.records import Clearance, Energy, SolverReport
-from cable_twin.frame.snapshot import Snapshot
+from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.geometry.ground import clearance_seen, ground_of, surroundings_of
+from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import observe
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.ground import Ground, look_at_ground
 from cable_twin.mechanics.readout.samples import places_on, sample_positions, sample_shape
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
 from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
+from cable_twin.scenario import Scenario
 from cable_twin.simulation.engine import Engine
-from cable_twin.simulation.observer import Observer
 from cable_twin.simulation.ropeway import Ropeway
 
 ROPE_POINTS = 10  # of an element, at which its clearance is taken
 LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding
 
 
-class Readings:
+class Queries:
     """Queries of the present state of a ropeway, without any change."""
 
     _ropeway: Ropeway  # the first rope with what is on it
@@ -175,4 +178,51 @@ class Readings:
         return self._parts[0 if rope is None else names.index(rope)]
 
 
-__all__ = ["Readings"]
+class Observer:
+    """Reader of snapshots of one scenario.
+
+    Args:
+        scenario: what runs.
+        engine: what is read.
+        samples: points (at least 2) at which snapshots hold each rope.
+    """
+
+    def __init__(self, scenario: Scenario, engine: Engine, samples: int) -> None:
+        self._engine = engine
+        self.layout = layout = Layout.of(scenario, samples)
+        self._numbers = np.zeros(layout.size)
+        self._columns = layout.columns(self._numbers)
+        self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], tuple[Any, ...]]] = []
+
+    def _prepare(self) -> None:
+        """Find the sample places on ropes: by kernels, for which a bare rope without an equilibrium is not to wait."""
+        for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
+            places = places_on(part.system.cable, self.layout.arc_lengths[samples])
+            read = pack(part.state), pack(part.sections), pack(places)
+            written = pack(self.layout.rows_of(number)), pack(self.layout.columns_of(number, self._columns))
+            self._of_ropes.append((part, read, written))
+
+    def snapshot(self, time: float, report: SolverReport) -> Snapshot:
+        """Read a snapshot from the present state.
+
+        Args:
+            time: s.
+            report: what the solver did since the snapshot before.
+        """
+        if not self._of_ropes:
+            self._prepare()
+        self._engine.couple()
+        for part, read, written in self._of_ropes:
+            observe(part.packed_system, *read, part.start.tower_load, *written)
+        self._engine.observe(self._columns)
+        self._numbers[0] = time
+        return Snapshot(self.layout, self._numbers.copy(), report)
+
+
+def read_only(arrays: Any) -> Any:
+    """Read-only views of the arrays of a named tuple."""
+    if isinstance(arrays, tuple):
+        return type(arrays)(*map(read_only, arrays))
+    view = arrays.view()
+    view.flags.writeable = False
+    return view

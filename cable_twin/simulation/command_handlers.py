@@ -1,17 +1,27 @@
-"""Checks of commands: each is accepted or refused whole, with the given value and the allowed range."""
+"""Handlers of commands: checks and effects of each kind in the table `cable_twin.frame.commands.KINDS`.
+
+A command is accepted or refused whole; a refusal names the given value and the allowed range.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
 
 from cable_twin.basics.printable import printable
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
-from cable_twin.mechanics.parameters import STRONGEST_WIND, System
+from cable_twin.mechanics.on_rope.wind import set_wind
+from cable_twin.mechanics.parameters import FORCE, GUSTS, STRONGEST_WIND, System
 from cable_twin.mechanics.state import State
-from cable_twin.scenario import Scenario, command_fault, unknown_name, wind_unfelt
-from cable_twin.scenario.sections.vehicles import Carriage
+from cable_twin.scenario import Scenario, command_fault, wind_unfelt
+from cable_twin.simulation.engine import Engine
+from cable_twin.simulation.ropeway import Ropeway, drive, load
 
+GUST_SHAPES = {"gust": "one_minus_cosine", "operating_gust": "operating_gust"}  # by kind of command
+GUST_DURATION = 10.5  # s, in IEC 61400-1
 LONGEST_GUST = 600.0  # s; what lasts longer is a wind
 
 
@@ -130,7 +140,117 @@ def check_no_gust(command: Command, scenario: Scenario, system: System, state: S
         raise CommandError(f"{kind} given while another one lasts; allowed: in {left:.3g} s, when that one has ended")
 
 
-def _known(name: str, scenario: Scenario) -> Carriage:
-    if name not in scenario.vehicles:
-        raise CommandError(unknown_name(scenario, name))
-    return scenario.vehicles[name]
+class Handler(NamedTuple):
+    """Checks and effects of one kind of command; a check raises CommandError."""
+
+    change: Callable[[Ropeway, Command], None]  # effect on each rope and its vehicles
+    check: Callable[[Command, Scenario], None] | None = None  # refuses commands impossible in any state
+    check_motion: Callable[[Command, Scenario, System, State], None] | None = None  # refuses by the present motion
+    between: Callable[[Engine, Command], None] | None = None  # effect on couplings of ropes, such as bullwheels
+
+
+def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
+    """Refuse a command impossible in any state; `stopped` tells of an emergency stop in force by then.
+
+    Raises:
+        CommandError: one line with what was given and what is allowed.
+    """
+    if command.kind not in HANDLERS:
+        raise CommandError(f"a command of kind {command.kind!r}; known: {', '.join(HANDLERS)}")
+    if KINDS[command.kind].drives and stopped:
+        raise CommandError("the emergency stop is in force: release it before the next command")
+    if (check := HANDLERS[command.kind].check) is not None:
+        check(command, scenario)
+
+
+def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
+    """Apply a command: whole or, with an error, not at all.
+
+    Args:
+        engine: Engine with the ropes and couplings that the command acts on.
+        scenario: The whole scenario.
+        command: Command of any kind.
+
+    Raises:
+        CommandError: one line with what was given and what is allowed.
+    """
+    check_ahead(scenario, command, stopped=engine.parts[0].stopped)
+    effect = HANDLERS[command.kind]
+    shares = [(part, _share(command, part)) for part in engine.parts]
+    for part, share in shares:
+        if effect.check_motion is not None:
+            effect.check_motion(share, part.scenario, part.system, part.state)
+    for part, share in shares:
+        effect.change(part, share)
+    if effect.between is not None:
+        effect.between(engine, command)
+
+
+def _share(command: Command, part: Ropeway) -> Command:
+    """Share of a command for one rope: values for its vehicles and drives, all of a command without names."""
+    kind = KINDS[command.kind]
+    if kind.axes or not kind.quantity:
+        return command
+    own = {name: value for name, value in command.values.items() if name in part.rows or name in part.scenario.drives}
+    return Command(command.kind, own)
+
+
+def _drive(ropeway: Ropeway, command: Command) -> None:
+    for name, value in command.values.items():
+        if name in ropeway.scenario.drives:
+            ropeway.state.rope_drive.target[0] = value
+        else:
+            drive(ropeway.state, ropeway.rows[name], command.kind, value)
+        ropeway.commands[name] = Command(command.kind, {name: value})
+
+
+def _load(ropeway: Ropeway, command: Command) -> None:
+    load(ropeway, command.values)
+
+
+def _set_wind(ropeway: Ropeway, command: Command) -> None:
+    values = command.values
+    wind = np.array(ropeway.scenario.vector((values["x"], values.get("y", 0.0), values["z"])))
+    if ropeway.system.air.varies:  # it is elsewhere another one, as the next step finds out
+        ropeway.state.wind[:] = wind
+    else:
+        set_wind(ropeway.state, wind)
+
+
+def _gust(ropeway: Ropeway, command: Command) -> None:
+    values, field = command.values, ropeway.state.wind_field
+    duration = values.get("duration", GUST_DURATION)
+    amplitude = values["x"], values.get("y", 0.0), values["z"]
+    field.gust[:] = *amplitude, field.time[0], duration, GUSTS.index(GUST_SHAPES[command.kind])
+
+
+def _stop(ropeway: Ropeway, _: Command) -> None:
+    ropeway.stop()
+
+
+def _release(ropeway: Ropeway, _: Command) -> None:
+    state = ropeway.state
+    ropeway.stopped = False
+    for row in np.flatnonzero(state.drives.braking).tolist():
+        if state.drives.mode[row] == FORCE:  # let go for its track-rope brake alone: the drive holds again
+            drive(state, row, "speed", 0.0)
+    state.drives.braking[:] = False
+    state.rope_drive.braking[:] = False
+
+
+def _reset(ropeway: Ropeway, _: Command) -> None:
+    ropeway.stopped = False
+    ropeway.go_back()
+
+
+HANDLERS: Mapping[str, Handler] = {
+    "speed": Handler(_drive, check_drive, between=Engine.drive),
+    "force": Handler(_drive, check_drive, between=Engine.drive),
+    "payload": Handler(_load, check_room, check_station),
+    "wind": Handler(_set_wind, check_wind),
+    **dict.fromkeys(GUST_SHAPES, Handler(_gust, check_gust, check_no_gust)),
+    "emergency_stop": Handler(_stop, between=Engine.stop),
+    "release": Handler(_release, between=Engine.release),
+    "reset": Handler(_reset, between=Engine.go_back),
+}
+assert HANDLERS.keys() == KINDS.keys(), "a kind without a handler, or a handler without a kind"

@@ -1,0 +1,149 @@
+"""Checks of a start: compression, sharp bends under vehicles, slack elements, element crossings in too few steps.
+
+A rope without bending stiffness under compression is in an unstable equilibrium and is refused; the others warn
+(theory.md: sharp kinks, element frames, crossing of nodes).
+"""
+
+from __future__ import annotations
+
+import warnings
+from math import inf, log, sqrt
+
+import numpy as np
+
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import CableSamples
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, FloatArray, System
+from cable_twin.mechanics.rope.rounding import MEASURED
+from cable_twin.mechanics.solution.catenary import EquilibriumError
+from cable_twin.scenario import Scenario
+
+ROUNDING = 1e-9  # strain of compression by rounding alone
+SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
+E_FOLDS = 5.6  # by which the error of a joint has to die out on an element, measured
+REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
+
+
+def check_pressure(system: System, rope: CableSamples) -> None:
+    """Refuse a start with compression beyond rounding errors and beyond elements that fold under the cable's weight.
+
+    Raises:
+        EquilibriumError: the cable is pressed, and has no bending stiffness.
+    """
+    cable = system.cable
+    weight = cable.mass_per_length * cable.unstrained_length * float(np.linalg.norm(cable.gravity))
+    pressure = -float(rope.tensions.min())
+    if cable.bending_stiffness == 0.0 and pressure > max(ROUNDING * cable.axial_stiffness, weight):
+        raise EquilibriumError(
+            "cable.bending_stiffness: given 0, but the cable starts under a pressure of "
+            f"{with_unit(pressure, 'N')}, which only "
+            "a strut bears; allowed: a number above 0 in N m^2, a shorter cable, or gravity"
+        )
+
+
+def worst_bend(
+    scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray
+) -> tuple[float, str, float]:
+    """Largest EA F² / T³ (-), its vehicle, and F (N): weight of the fully loaded vehicle across the rope.
+
+    Looked at is each element to which the vehicle may come, with the tension that it has now.
+
+    Args:
+        scenario: of one rope.
+        system: its parameters, without payloads.
+        slopes: (nodes, dim) of the rope at its nodes.
+        tensions: (elements,) N.
+    """
+    cable, carriages = system.cable, system.carriages
+    gravity = np.array(cable.gravity)
+    along = slopes[:-1] + slopes[1:]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    across = np.sqrt(np.maximum(gravity @ gravity - (along @ gravity) ** 2, 0.0))  # m/s², of each element
+    bends = cable.axial_stiffness * across**2 / np.maximum(tensions, 1e-9 * cable.axial_stiffness) ** 3
+    worst = 0.0, "", 0.0
+    for row, (name, vehicle) in enumerate(scenario.vehicles.items()):
+        mass = float(carriages.mass[carriages.body_offset[row] : carriages.body_offset[row + 1]].sum())
+        mass += vehicle.payload.capacity if vehicle.payload else 0.0
+        where = slice(None)
+        if vehicle.joint == "fixed":
+            after = int(np.searchsorted(cable.node_arc_length[1:-1], vehicle.arc_length, side="right"))
+            where = slice(after, after + 1)
+        element = int(np.argmax(bends[where])) + (where.start or 0)
+        worst = max(worst, (mass * mass * float(bends[element]), name, mass * float(across[element])))
+    return worst
+
+
+def warn_of_bends(scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray, key: str) -> None:
+    """Warn of a bend beyond the validated range; `key` is that of the rope, other arguments as in `worst_bend`."""
+    bend, name, force = worst_bend(scenario, system, slopes, tensions)
+    if bend > MEASURED:
+        warnings.warn(
+            f"{key}.kinks: given 'sharp' where {name!r} may bend the rope by EA F^2 / T^3 = {bend:.3g}, with a weight "
+            f"of {with_unit(force, 'N')} across it; measured up to {MEASURED:g}: beyond, the solver may fail; "
+            "allowed: rounded "
+            "with shorter elements, a tighter rope, or less weight",
+            stacklevel=2,
+        )
+
+
+def warn_of_frames(system: System, rope: CableSamples) -> None:
+    """Warn of elements that turn so far in their chord frame that the false strain is a share of the tension.
+
+    An element that turns by φ = w l / T over its length l, under its weight w, has slopes up to φ/2 aside of its chord,
+    which shortens them there by φ²/24 on average: EA φ²/24 beside T.
+    """
+    cable = system.cable
+    tension = float(np.abs(rope.tensions).min())
+    weight = cable.mass_per_length * float(np.linalg.norm(cable.gravity))
+    if cable.elastic_model != ELEMENT_FRAME or weight == 0.0:
+        return
+    longest = (24.0 * SHARE * max(tension, 1e-9) ** 3 / cable.axial_stiffness) ** 0.5 / weight
+    if float(cable.element_length.max()) > longest:
+        warnings.warn(
+            f"cable.elastic_model element_frame on a slack rope (least tension {with_unit(tension, 'N', 3)}): "
+            "elements of "
+            f"{with_unit(float(cable.element_length.max()), 'm', 3)} are too long for its curvature, and its shape "
+            "may be "
+            f"off by metres; elements up to {with_unit(longest, 'm', 2)}, or elastic_model continuum, prevent that",
+            stacklevel=3,
+        )
+
+
+def growing_steps(spectral_radius: float, length: float, speed: float, wave: float) -> tuple[float, float]:
+    """Interval of step sizes (s) of generalized-alpha in which the joint force at nodes may grow.
+
+    Those with speed h/l > ln(1/ρ)/5.6 and wave h/l < 0.45/ln(1/ρ); none where the first is not below the second.
+
+    Args:
+        spectral_radius: ρ, at infinite frequency.
+        length: l, of the elements (m).
+        speed: of the joint along the cable (m/s), at least 0.
+        wave: speed of transverse waves (m/s), at least 0.
+    """
+    decay = log(1.0 / spectral_radius) if spectral_radius > 0.0 else inf
+    shortest = decay / E_FOLDS * length / speed if speed > 0.0 else inf
+    return shortest, REACH / decay * length / wave if decay * wave > 0.0 else inf
+
+
+def highest_speed(vehicles: Scenario, drives: Scenario) -> float:
+    """Highest speed (m/s) of the vehicles of one scenario with the drives of another; 0 without any limit."""
+    moved = [one for one in vehicles.vehicles.values() if one.joint != "fixed"]
+    limits = [drive.limits.speed for drive in drives.drives.values()] if moved else []
+    limits += [one.drive.limits.speed for one in moved]
+    return max([*(limit for limit in limits if limit is not None), *(abs(one.speed) for one in moved)], default=0.0)
+
+
+def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope: CableSamples) -> None:
+    """Warn of a step size with which joint forces may grow on the shortest elements, at the least tension of `rope`."""
+    step, radius = system.solver.step, system.solver.spectral_radius
+    speed, length = highest_speed(vehicles, drives), float(system.cable.element_length.min())
+    wave = sqrt(max(float(rope.tensions.min()), 0.0) / system.cable.mass_per_length)
+    shortest, longest = growing_steps(radius, length, speed, wave)
+    if shortest < step < longest:
+        warnings.warn(
+            f"solver.step of {step:g} s is above {shortest:.3g} s, the longest for a vehicle at {speed:g} m/s on "
+            f"elements of {with_unit(length, 'm', 3)} with solver.spectral_radius {radius:g}: the force of its "
+            "joint may grow from "
+            "node to node; a shorter step, longer elements or a lower radius prevent that",
+            stacklevel=3,
+        )
