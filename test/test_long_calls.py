@@ -66,7 +66,7 @@ def test_a_rest_in_parts_has_the_same_bits_and_tells_how_far_it_is(name, monkeyp
 
 
 def test_a_large_mesh_says_how_long_its_start_may_take(monkeypatch):
-    monkeypatch.setattr("cable_twin.terminal.bars.SOON", 0.0)
+    monkeypatch.setattr("cable_twin.terminal.bars.SETTLING_TIME", 0.0)
     monkeypatch.setattr("cable_twin.terminal.bars.LARGE", 30)
     monkeypatch.setattr(relaxation, "PART", 1)
     lines, output = [], StringIO()
