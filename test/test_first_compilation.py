@@ -95,7 +95,7 @@ def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     lines = [line.split() for line in result.stdout.splitlines()]
     names = [name for name, _, _ in lines]
     assert {last_of_rest, "find_saturated", "move_drives", "add_cable", "element_at"} < set(names)
-    assert ("foresee" in names) == (name == "jig_back")  # vehicles that can meet are in that alone
+    assert ("predict_contacts" in names) == (name == "jig_back")  # vehicles that can meet are in that alone
     asked = [line for line in lines if line[1] != "0"]
     assert len(asked) > 0.8 * len(lines)
     assert len([name for name, _, as_guessed in asked if as_guessed != "True"]) <= 1  # an arc length that is whole

@@ -10,7 +10,7 @@ import pytest
 from bent_line import BENT
 from small_tramway import IN_SPACE, TRAMWAY
 
-from cable_twin.mechanics.solution.bundle.loop_in_closed_form import on_bullwheels, rest_in_closed_form
+from cable_twin.mechanics.solution.bundle.loop_rest import on_bullwheels, rest_in_closed_form
 from cable_twin.mechanics.solution.bundle.records import bullwheels_at_rest
 from cable_twin.mechanics.solution.catenary import rest_over_supports
 from cable_twin.scenario import load_scenario

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.on_rope.wind import blow, set_wind
+from cable_twin.mechanics.on_rope.wind import set_wind, update_wind
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import build_system, load_scenario
@@ -61,7 +61,7 @@ def winds(data: dict[str, Any], places: FloatArray, step: float, count: int) -> 
     state.bodies.position[:, :3] = places
     found = np.empty((count, len(places), 3))
     for number in range(count):
-        blow(system, state, step)
+        update_wind(system, state, step)
         found[number] = state.wind_field.at_bodies
     return found
 

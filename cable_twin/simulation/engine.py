@@ -17,14 +17,14 @@ from cable_twin.mechanics.parameters import CONTINUUM, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.sections import allocate_sections
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Couplings, Rope
+from cable_twin.mechanics.solution.bundle.bullwheels import update_end_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
-from cable_twin.mechanics.solution.bundle.mutual_forces import give_forces
+from cable_twin.mechanics.solution.bundle.couplings import give_forces
 from cable_twin.mechanics.solution.bundle.records import BundleState, Wires
-from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together, without_friction
 from cable_twin.mechanics.solution.integrator_by_name import integrator_named
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
-from cable_twin.mechanics.solution.relaxation import note_rest, relax, watching_relaxation
+from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
 from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import (
@@ -104,7 +104,7 @@ class Engine:
         self._layout = LoopLayout(scenario, self.bundle.sheaves, self.parts)
         self.commands: dict[str, Command] = {}
         self.integrator = cast(Kernel, integrator_named(scenario.solver.integrator))
-        self.at_rest = cast(tuple[Kernel, ...], (relax, feel_ends) if scenario.sheaves else (relax,))
+        self.at_rest = cast(tuple[Kernel, ...], (relax, update_end_tensions) if scenario.sheaves else (relax,))
         self._forces = np.zeros(len(scenario.connectors))
         self._clamp_rows = clamp_rows(scenario)
         self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
@@ -177,7 +177,7 @@ class Engine:
         note_clamps(self.parts, self.bundle.clamps)
         for row, (part, drives) in enumerate(zip(self.parts, held, strict=True)):
             self._ropes.put(row, part.system)
-            note_rest(part.system, part.state)
+            store_equilibrium(part.system, part.state)
             release_joints(part.system, part.state, *drives)
             self.bundle.wires.tension[row] = part.mean_tension()
 

@@ -9,15 +9,14 @@ import numpy as np
 
 from cable_twin.basics.units import rounded, with_unit
 from cable_twin.frame.records import Command, Energy
-from cable_twin.mechanics.drives.initial_speed import set_going
+from cable_twin.mechanics.drives.motion import set_going
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
-from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel
-from cable_twin.mechanics.solution.bundle.loop_in_closed_form import on_bullwheels, rest_in_closed_form
-from cable_twin.mechanics.solution.bundle.loop_rest import settle_loop
+from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel, update_end_tensions
+from cable_twin.mechanics.solution.bundle.loop_rest import on_bullwheels, rest_in_closed_form, settle_loop
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
@@ -26,7 +25,6 @@ from cable_twin.mechanics.solution.bundle.records import (
     Bundle,
     bullwheels_at_rest,
 )
-from cable_twin.mechanics.solution.bundle.strand_ends import feel_ends
 from cable_twin.mechanics.solution.catenary import Cure, EquilibriumError, check_rest, rest_over_supports
 from cable_twin.mechanics.solution.equilibrium import hang_carriages
 from cable_twin.scenario import Scenario
@@ -70,7 +68,7 @@ class Loop:
         def rest() -> None:
             self._lay()
             relax()
-            feel_ends(self._bundle, self.motion, first.system, first.state)
+            update_end_tensions(self._bundle, self.motion, first.system, first.state)
 
         laid = [clone(part.state) for part in self._parts.values()]
         try:

@@ -15,8 +15,7 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import Command
 from cable_twin.mechanics.drives.haul_rope import hang_in_rope
-from cable_twin.mechanics.drives.initial_speed import set_going
-from cable_twin.mechanics.drives.motion import take_over
+from cable_twin.mechanics.drives.motion import set_going, take_over
 from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python

@@ -8,8 +8,7 @@ from systems import dense_matrix, difference, disturbed_state, make_system
 
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
-from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
-from cable_twin.mechanics.solution.bundle.order import order_of, sequence_of
+from cable_twin.mechanics.solution.bundle.elimination import order_of, sequence_of, solve_bundle
 from cable_twin.mechanics.solution.bundle.records import (
     Clamps,
     Connectors,

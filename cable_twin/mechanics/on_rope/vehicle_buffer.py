@@ -5,8 +5,8 @@ as a haul rope's pull does; what the rope takes is λ less the push. Depth d = r
 joints, so that its potential is that of the buffer, and linear and angular momentum are kept.
 
 In Newton's tangent each vehicle has its own share, F' u uᵀ. That of its neighbour would couple what is eliminated
-vehicle by vehicle. Instead, `foresee` solves for how far they go along the rope as if that stood still, and each meets
-its neighbours there; `still_off` lets the iteration go on for what that leaves, which is the way of the rope itself.
+vehicle by vehicle. Instead, `predict_contacts` solves for the increments of all vehicles along a rope at rest, and each
+meets its neighbours there; `still_off` continues the iteration for the remainder, the displacement of the rope itself.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def push_on(system, state, carriage, rate_factor, stiffness_factor):
 
 
 @kernel
-def foresee(system, state, rate_factor, stiffness_factor, work):
+def predict_contacts(system, state, rate_factor, stiffness_factor, work):
     """Predict in `foreseen` the displacement of vehicles in buffer contact; needs chains and drives condensed."""
     buffers, any_pressed = system.buffers, False
     for carriage in range(work.pressed.size):
@@ -132,7 +132,7 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
 def beside_neighbours(system, state, carriage, force, impedance, work):
     """Contact force (dim,) in N and impedance D of a carriage, with the buffers of its neighbours added.
 
-    The others are where `foresee` has them, along the way between.
+    The others are where `predict_contacts` has them, along the way between.
     """
     buffers = system.buffers
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):

@@ -30,7 +30,7 @@ def set_wind(state: State, wind: FloatArray) -> None:
 
 
 @kernel
-def blow(system, state, h):
+def update_wind(system, state, h):
     """Advance the wind by `h` (s), and write its field at elements and bodies."""
     air, field, dim = system.air, state.wind_field, state.wind.size
     field.time[0] += h

@@ -51,7 +51,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     velocity_turning,
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
-from cable_twin.mechanics.on_rope.vehicle_buffer import foresee
+from cable_twin.mechanics.on_rope.vehicle_buffer import predict_contacts
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.kink import has_kinks, kink
@@ -149,7 +149,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
             )
             condense_drive(system, state, carriage, mass_factor, rate_factor, work)
     if system.buffers.present:
-        foresee(system, state, rate_factor, stiffness_factor, work)
+        predict_contacts(system, state, rate_factor, stiffness_factor, work)
     for carriage in range(carriages.fixed.size):
         if state.attached[carriage]:
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)

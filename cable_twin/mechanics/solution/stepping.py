@@ -11,7 +11,7 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers
 from cable_twin.mechanics.on_rope.vehicle_buffer import settle_buffers
-from cable_twin.mechanics.on_rope.wind import blow
+from cable_twin.mechanics.on_rope.wind import update_wind
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 
 
@@ -37,7 +37,7 @@ def begin_step(system, state, h):
     """Advance the references of all drives, and the wind, to the end of a step of `h` (s)."""
     move_drives(system, state, h)
     if system.air.present:
-        blow(system, state, h)
+        update_wind(system, state, h)
 
 
 @kernel

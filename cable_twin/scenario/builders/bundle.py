@@ -7,7 +7,7 @@ from math import exp, inf
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
-from cable_twin.mechanics.solution.bundle.order import lines_of, sequence_of
+from cable_twin.mechanics.solution.bundle.elimination import lines_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,

@@ -12,7 +12,7 @@ from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
-from cable_twin.mechanics.solution.bundle.order import lines_of, order_of
+from cable_twin.mechanics.solution.bundle.elimination import lines_of, order_of
 from cable_twin.mechanics.solution.bundle.records import (
     SYSTEM,
     Bullwheels,

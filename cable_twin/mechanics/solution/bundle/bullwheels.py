@@ -1,29 +1,34 @@
-"""Bullwheels: friction drives and tensioning devices between two strands of a rope.
+"""Bullwheels: friction drives and tensioning devices between two strands of a rope, and motion of the strand ends.
 
-A wheel counts rope by its unstrained length, of which as much leaves it as comes to it; a force by that length is the
-tension times the stretch there, and times the rate of that length the power. What turns by its forces, and the carriage
-of a counterweight, are coordinates of generalized-alpha as those of the ropes. Their increments come after those of
-the strands, with what these pull with then; the tangent is that of a long strand, times what the steps before have
-measured. What a drive moves, a rope that slips, a wheel that its brake stops and a cylinder go as the forces at the
-start of the step have it.
+A wheel counts rope by its unstrained length, of which as much leaves it as comes to it; the force conjugate to that
+length is the tension times the stretch there, and times the rate of the length the power. A wheel turned by its forces,
+and the carriage of a counterweight, are coordinates of generalized-alpha like those of the ropes. Their increments come
+after those of the strands, by the pull of the strands then; the tangent is that of a long strand, times the correction
+measured in the steps before. The motion of a driven wheel, of slipping rope, of a wheel stopped by its brake and of a
+hydraulic cylinder follows from the forces at the start of the step. The ends of the strands move with their wheels.
 """
 
 from __future__ import annotations
 
 from math import inf, nan, sqrt, tanh
 
+from cable_twin.mechanics.drives.motion import prescribe
+from cable_twin.mechanics.drives.moving_rope import carry_clamped
 from cable_twin.mechanics.drives.reference import capped_speed, follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.readout.columns import STOPPING
+from cable_twin.mechanics.readout.sections import end_force
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
     HYDRAULIC,
     LEAST_ANSWER,
     MOST_ANSWER,
+    STATE,
     SYSTEM,
 )
 from cable_twin.mechanics.solution.newmark import factors
@@ -402,3 +407,67 @@ def force_of_drive(sheaves, motion, sheave):
     speed = motion.rim.velocity[sheave]
     sense = 1.0 if speed > 0.0 else -1.0 if speed < 0.0 else 0.0
     return force + sheaves.resistance[sheave] * sense
+
+
+@kernel
+def give_ends(bundle, motion, system, state):
+    """Prescribe the rope travel at both ends of all strands from their bullwheels."""
+    sheaves = bundle.sheaves
+    for sheave in range(sheaves.inertia.size):
+        for side in range(2):
+            here = record_at(bundle.records[sheaves.rope[sheave, side], STATE], state)
+            position, speed = motion.rope.position[sheave], motion.rope.velocity[sheave]
+            follow(here.rope, 1 - side, position, speed, motion.rope.acceleration[sheave])
+
+
+@kernel
+def place_ends(bundle, motion, system, state):
+    """Prescribe position and motion of the end nodes of all strands from the carriages of their bullwheels."""
+    sheaves, like = bundle.sheaves, system.cable.gravity
+    for sheave in range(sheaves.inertia.size):
+        if sheaves.tensioning[sheave] == FIXED:
+            continue
+        direction = load(sheaves.direction[sheave], like)
+        for side in range(2):
+            rope = sheaves.rope[sheave, side]
+            cable = record_at(bundle.records[rope, SYSTEM], system).cable
+            nodes = record_at(bundle.records[rope, STATE], state).nodes
+            node = cable.element_count if side == 0 else 0
+            place = add_scaled(motion.carriage.position[sheave], direction, load(cable.end_position[1 - side], like))
+            store(place, nodes.position[node, 0])
+            store(scale(motion.carriage.velocity[sheave], direction), nodes.velocity[node, 0])
+            store(scale(motion.carriage.acceleration[sheave], direction), nodes.acceleration[node, 0])
+            store(scale(motion.carriage.algorithmic[sheave], direction), nodes.algorithmic[node, 0])
+
+
+@kernel
+def propagate_wheels(bundle, motion, system, state):
+    """Update all strands, and all vehicles clamped to them, from the bullwheels of the present iteration."""
+    give_ends(bundle, motion, system, state)
+    place_ends(bundle, motion, system, state)
+    for rope in range(bundle.records.shape[0]):
+        own = record_at(bundle.records[rope, SYSTEM], system)
+        if own.moving_cable.over_bullwheels:
+            here = record_at(bundle.records[rope, STATE], state)
+            carry_clamped(own, here)
+            prescribe(here)
+
+
+@kernel
+def update_end_tensions(bundle, motion, system, state):
+    """Update the tension of both strands at each bullwheel, less the momentum flux turned by the wheel."""
+    sheaves, like = bundle.sheaves, system.cable.gravity
+    for sheave in range(sheaves.inertia.size):
+        pull, stretch = 0.0, 1.0
+        for side in range(2):
+            rope = sheaves.rope[sheave, side]
+            own = record_at(bundle.records[rope, SYSTEM], system)
+            here = record_at(bundle.records[rope, STATE], state)
+            force = end_force(own, here, 1 - side)
+            r_x = load(here.nodes.position[own.cable.element_count if side == 0 else 0, 1], like)
+            along = dot(force, r_x) / sqrt(dot(r_x, r_x))
+            motion.tension[sheave, side] = along if side == 0 else -along
+            stretch += 0.5 * motion.tension[sheave, side] / own.cable.axial_stiffness
+            if sheaves.tensioning[sheave] != FIXED:
+                pull += dot(force, load(sheaves.direction[sheave], like))
+        motion.pull[sheave], motion.stretch[sheave] = pull, stretch

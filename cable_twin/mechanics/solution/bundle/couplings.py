@@ -1,20 +1,34 @@
-"""Couplings of ropes in a step of generalized-alpha: bullwheels, clamps, connectors, pantographs."""
+"""Couplings of ropes in a step of generalized-alpha: bullwheels, clamps, connectors, pantographs.
+
+Forces between ropes as input to the readout of section forces, `readout.sections`.
+"""
 
 from __future__ import annotations
 
+from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import add_scaled, load, scale
+from cable_twin.mechanics.readout.sections import give
+from cable_twin.mechanics.rope.point import point_at
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     correct_bullwheels,
     end_bullwheels,
+    give_ends,
     move_bullwheels,
+    place_ends,
+    propagate_wheels,
+    update_end_tensions,
 )
-from cable_twin.mechanics.solution.bundle.clamp import add_clamps, find_clamps, follow_clamps, worst_clamp_gap
-from cable_twin.mechanics.solution.bundle.connector import add_connectors
-from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs
-from cable_twin.mechanics.solution.bundle.records import rope_of
-from cable_twin.mechanics.solution.bundle.riders import ride_tracks
-from cable_twin.mechanics.solution.bundle.strand_ends import carry_on, feel_ends, give_ends, place_ends
-from cable_twin.mechanics.solution.bundle.wires import damp_wire
+from cable_twin.mechanics.solution.bundle.clamp import (
+    add_clamps,
+    find_clamps,
+    follow_clamps,
+    ride_tracks,
+    worst_clamp_gap,
+)
+from cable_twin.mechanics.solution.bundle.connector import add_connectors, connector_force, damp_rope
+from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs, push_direction
+from cable_twin.mechanics.solution.bundle.records import SECTIONS, STATE, SYSTEM, rope_of
 from cable_twin.mechanics.solution.newmark import correct, predict
 
 
@@ -44,7 +58,7 @@ def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rat
         for rope in range(bundle.records.shape[0]):
             own, here, room = rope_of(bundle, rope, system, state, work)
             tension_time = wires.by_stiffness[rope] * wires.tension[rope]
-            damp_wire(own.cable, wires.by_mass[rope], tension_time, here, room, rate_factor)
+            damp_rope(own.cable, wires.by_mass[rope], tension_time, here, room, rate_factor)
     changed = add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_factor, like)
     changed += add_pantographs(
         bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like
@@ -59,11 +73,11 @@ def correct_couplings(bundle, moving, scratch, system, state, c, h, iteration):
     correct(c, h, scratch.increment, moving.stages)
     if bundle.sheaves.inertia.size == 0:
         return 0.0
-    feel_ends(bundle, moving.sheaves, system, state)
+    update_end_tensions(bundle, moving.sheaves, system, state)
     if iteration == 1:
         scratch.wheel_increment[:] = 0.0
     turned = correct_bullwheels(bundle, moving.sheaves, scratch, system, c, h, iteration)
-    carry_on(bundle, moving.sheaves, system, state)
+    propagate_wheels(bundle, moving.sheaves, system, state)
     follow_clamps(bundle, moving, system, state)
     return turned
 
@@ -79,3 +93,32 @@ def end_couplings(bundle, moving, system, state):
     """End a step: store the traction of bullwheels, and transfer carriages between tracks and stations."""
     end_bullwheels(bundle.sheaves, moving.sheaves)
     ride_tracks(bundle, system, state)
+
+
+@kernel
+def give_forces(bundle, moving, system, state, sections):
+    """Add the present forces of clamps, connectors and pantographs to the sections of each rope."""
+    like = system.cable.gravity
+    for rope in range(bundle.records.shape[0]):
+        record_at(bundle.records[rope, SECTIONS], sections).given[0] = 0
+    for clamp in range(bundle.clamps.rope.size):
+        other = moving.clamp_rope[clamp]
+        if other >= 0:
+            carriage = record_at(bundle.records[bundle.clamps.rope[clamp], STATE], state)
+            force = load(carriage.clamp_force[bundle.clamps.carriage[clamp]], like)
+            pull = scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force))  # as `add_clamps` has it
+            give(record_at(bundle.records[other, SECTIONS], sections), moving.clamp_place[clamp], pull)
+    for connector in range(bundle.connectors.length.size):
+        pull, _, _, along, _ = connector_force(bundle, connector, state, like)
+        for end in range(2):
+            rope = bundle.connectors.rope[connector, end]
+            cable = record_at(bundle.records[rope, SYSTEM], system).cable
+            place = cable.node_arc_length[bundle.connectors.node[connector, end]]
+            sign = 1.0 if end == 0 else -1.0
+            give(record_at(bundle.records[rope, SECTIONS], sections), place, scale(sign * pull, along))
+    for pantograph in range(bundle.pantographs.rope.size):
+        rope, place = bundle.pantographs.rope[pantograph], moving.arc_length[pantograph]
+        cable = record_at(bundle.records[rope, SYSTEM], system).cable
+        nodes = record_at(bundle.records[rope, STATE], state).nodes
+        push = push_direction(nodes, point_at(cable, place), load(bundle.up, like), like)
+        give(record_at(bundle.records[rope, SECTIONS], sections), place, scale(moving.contact_force[pantograph], push))
