@@ -10,7 +10,7 @@ from test_scenario_faults import faults_of
 
 from cable_twin.frame.records import CommandError
 from cable_twin.key_figures import KeyFigures
-from cable_twin.mechanics.readout.boxes import box_distance
+from cable_twin.mechanics.readout.clearances import box_distance
 from cable_twin.runtime.point_to_point import target_of
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation

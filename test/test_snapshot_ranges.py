@@ -10,8 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pytest
 
-from cable_twin.mechanics.language.declared import arrays_of
-from cable_twin.mechanics.language.ranges import ANY, Range, ranges_of
+from cable_twin.mechanics.language.declared import ANY, Range, arrays_of, ranges_of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.bundle.records import BUNDLE_RANGES
 from cable_twin.mechanics.state import RANGES

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cable_twin.mechanics.language.orientations import orientation
-from cable_twin.mechanics.language.turns import cross
+from cable_twin.mechanics.language.rotations import cross, orientation
 from cable_twin.mechanics.on_rope.sliding_joint import cable_direction
 from cable_twin.simulation import Simulation
 from verification import Result, case

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.rope.strand import rest_stretch, rope_before
+from cable_twin.mechanics.rope.ale import rest_stretch, rope_before
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case

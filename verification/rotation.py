@@ -16,7 +16,7 @@ from scipy.special import ellipj, ellipk
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equilibrium import settle
-from cable_twin.mechanics.solution.integrator_by_name import integrator_named
+from cable_twin.mechanics.solution.stepping import integrator_named
 from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

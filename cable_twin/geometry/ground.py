@@ -10,8 +10,7 @@ import numpy as np
 from cable_twin.frame.records import Clearance, FloatArray, Place
 from cable_twin.geometry.bodies import body_box, body_outlines
 from cable_twin.mechanics.parameters import IntArray
-from cable_twin.mechanics.readout.ground import Ground
-from cable_twin.mechanics.readout.surroundings import Surroundings
+from cable_twin.mechanics.readout.clearances import Ground, Surroundings
 from cable_twin.scenario import Scenario, masts
 
 

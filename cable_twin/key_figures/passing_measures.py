@@ -13,7 +13,7 @@ from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.parameters import FloatArray, IntArray
-from cable_twin.mechanics.readout.boxes import box_distance
+from cable_twin.mechanics.readout.clearances import box_distance
 
 NEAR = 30.0  # m between two joints, from which on a pair is looked at
 

@@ -9,7 +9,7 @@ from cable_twin.key_figures.extremes import Extremes, take
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.parameters import FloatArray, IntArray
-from cable_twin.mechanics.readout.ground import Ground, look_at_ground
+from cable_twin.mechanics.readout.clearances import Ground, look_at_ground
 
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at the clearance
 MEAN = 0.2  # s over which accelerations are means of means: what is shorter is a shock, and of the mesh

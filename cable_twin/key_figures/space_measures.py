@@ -12,7 +12,7 @@ from cable_twin.key_figures.rope_measures import CLEARANCE_PERIOD
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.surroundings import Surroundings, look_around
+from cable_twin.mechanics.readout.clearances import Surroundings, look_around
 
 
 @by_reference

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.declared import Memory, Of, allocate
+from cable_twin.mechanics.language.declared import ANY, CLOCK, Memory, Of, Range, allocate, ranges_of
 from cable_twin.mechanics.language.memory import copy_array
-from cable_twin.mechanics.language.ranges import ANY, CLOCK, Range, ranges_of
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.parameters import (
     DRUM,

@@ -21,12 +21,12 @@ from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.language.simd import WIDTH
-from cable_twin.mechanics.on_rope.payload import load_bodies, shift_centres
+from cable_twin.mechanics.on_rope.chain import load_bodies, shift_centres
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.sections import Sections, allocate_sections
 from cable_twin.mechanics.rope.element import element_tensions
-from cable_twin.mechanics.rope.rounding import rounding, smoothed
+from cable_twin.mechanics.rope.joint_compliance import rounding, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients

@@ -20,8 +20,7 @@ from typing import IO, Any
 import numpy as np
 
 from cable_twin.frame.records import Command
-from cable_twin.mechanics.language.declared import Kept, arrays_of, with_arrays
-from cable_twin.mechanics.language.ranges import HUGEST, range_faults
+from cable_twin.mechanics.language.declared import HUGEST, Kept, arrays_of, range_faults, with_arrays
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.bundle.records import BUNDLE_RANGES
 from cable_twin.mechanics.state import FIELDS, RANGES, State

@@ -5,10 +5,9 @@ import pytest
 from systems import disturbed_state, make_system
 from test_equations_of_motion import ELASTIC, check_newton_step, rows
 
-from cable_twin.mechanics.language.orientations import orientation
-from cable_twin.mechanics.on_rope.body_drag import drag_bodies
+from cable_twin.mechanics.language.rotations import orientation
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint
-from cable_twin.mechanics.on_rope.wind import set_wind
+from cable_twin.mechanics.on_rope.wind import drag_bodies, set_wind
 from cable_twin.mechanics.parameters import FREE, SPEED, Air
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.rope_drag import POINTS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import disturbed_state, make_system, put, with_moving_cable
 
-from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, Air, MovingCable
@@ -42,7 +42,7 @@ def balance_of_end_nodes(system, state, work):
             held = slice(2 * point.element, 2 * point.element + 4)
             r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
             turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
-            nodal[held] -= grip_moment(system, state, carriage)[0][0] * np.outer(point.shape_x, turn)
+            nodal[held] -= tangent_moment(system, state, carriage)[0][0] * np.outer(point.shape_x, turn)
     for contact in range(system.towers.stiffness.size):
         act(state.contact_arc_length[contact], contact_force(cable, system.towers, state, contact)[0])
     return -nodal[[0, -2]]

@@ -10,12 +10,11 @@ from systems import changed, difference, disturbed_state, make_system, second_di
 from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.language.declared import clone
-from cable_twin.mechanics.language.orientations import orientation
-from cable_twin.mechanics.language.turns import cross
+from cable_twin.mechanics.language.rotations import cross, orientation
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.chain import arm_to, carriage_mass
 from cable_twin.mechanics.on_rope.friction import friction_force
-from cable_twin.mechanics.on_rope.sliding_joint import place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import freeze_compliance, place_joint
 from cable_twin.mechanics.parameters import DRUM, ELEMENT_FRAME, FORCE, FREE, JOINT, SPEED
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
@@ -27,7 +26,6 @@ from cable_twin.mechanics.solution.equations_of_motion import (
     solve,
     solve_accelerations,
 )
-from cable_twin.mechanics.solution.kinks import hold_kinks
 from cable_twin.mechanics.state import Motion
 
 GRAVITY = np.array([0.0, -9.81])
@@ -251,7 +249,7 @@ def check_newton_step(system, state, work, tolerance=1e-8, residual=None):
     total = size + 5 * system.carriages.mass.size + 3 * count
     residual = residual or (lambda moved: np.concatenate([rows(system, moved, work), np.zeros(2 * count)]))
     still = held(system)
-    hold_kinks(system, state, work)
+    freeze_compliance(system, state, work)
     matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
     right = -residual(state)
     # what is held does not move: P K P + (1 - P)

@@ -16,8 +16,7 @@ from cable_twin.mechanics.drives.haul_rope import (
     rope_force,
     take_up,
 )
-from cable_twin.mechanics.language.orientations import orientation
-from cable_twin.mechanics.language.turns import cross
+from cable_twin.mechanics.language.rotations import cross, orientation
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
 from cable_twin.mechanics.parameters import DRUM, END, FORCE, FREE, SPEED, START
 

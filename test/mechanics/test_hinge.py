@@ -5,16 +5,16 @@ import pytest
 from systems import changed, difference, disturbed_state, make_system, turned
 from test_equilibrium import loaded_span
 
-from cable_twin.mechanics.on_rope.grip import moment_by_slope, spin_by_slope, tangent_pitch, turn_by_slope
 from cable_twin.mechanics.on_rope.hinge import hinge_energy, hinge_moment
 from cable_twin.mechanics.on_rope.sliding_joint import (
     cable_direction,
     driven_force,
-    grip_moment,
     joint_point,
     joint_tangent,
     place_joint,
+    tangent_moment,
 )
+from cable_twin.mechanics.on_rope.tangent_hinge import moment_by_slope, spin_by_slope, tangent_pitch, turn_by_slope
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.point import bend, slope
 from cable_twin.mechanics.rope.shape_functions import shape_functions_xx, shape_functions_xxx
@@ -123,9 +123,9 @@ def test_a_driven_joint_takes_the_moment_along_a_bent_cable():
     """m ∂α/∂s more than λ·t: to 1e-12."""
     system, state, _ = hinged_system()
     bare = system._replace(carriages=system.carriages._replace(hinge_stiffness=np.zeros(2), hinge_damping=np.zeros(2)))
-    moment, force = grip_moment(system, state, 0)
+    moment, force = tangent_moment(system, state, 0)
     assert force == pytest.approx(moment[0] * turn_along(system, state), rel=1e-12)
     assert abs(force) > 0.5
-    assert grip_moment(bare, state, 0) == ((0.0,), 0.0)
+    assert tangent_moment(bare, state, 0) == ((0.0,), 0.0)
     more = driven_force(system, state, 0) - driven_force(bare, state, 0)
     assert more * np.linalg.norm(joint_tangent(system.cable, state, 0)) == pytest.approx(force, rel=1e-12)

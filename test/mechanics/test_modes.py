@@ -7,7 +7,7 @@ from systems import changed, difference
 from test_equilibrium import loaded_span, prepare
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.language.rotations import move_bodies
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.solution import modes
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations

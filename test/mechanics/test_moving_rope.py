@@ -15,8 +15,14 @@ from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.on_rope.sliding_joint import joint_velocity
 from cable_twin.mechanics.parameters import SPEED, STANDING, MovingCable
+from cable_twin.mechanics.rope.ale import (
+    flow_energy,
+    flow_integrals,
+    rest_stretch,
+    rope_before,
+    transport_velocity,
+)
 from cable_twin.mechanics.rope.element import add_cable, element_tensions
-from cable_twin.mechanics.rope.flow import flow_energy, flow_integrals
 from cable_twin.mechanics.rope.shape_functions import (
     FLOW,
     SLOPE,
@@ -24,7 +30,6 @@ from cable_twin.mechanics.rope.shape_functions import (
     shape_functions_x,
     shape_functions_xx,
 )
-from cable_twin.mechanics.rope.strand import going_by, rest_stretch, rope_before
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 from cable_twin.mechanics.solution.generalized_alpha import advance
@@ -418,7 +423,7 @@ def test_what_is_clamped_goes_with_its_place_on_the_rope():
         stretch, gone = stretch_at(t)
         return (rope + gone) / stretch
 
-    speed, rate = going_by(system.cable, state, 0.8)
+    speed, rate = transport_velocity(system.cable, state, 0.8)
     assert as_python(rest_stretch)(system.cable, state) == pytest.approx(now, rel=1e-15)
     assert speed == pytest.approx((place(1e-4) - place(-1e-4)) / 2e-4, rel=1e-6)
     assert rate == pytest.approx((place(1e-3) - 2.0 * place(0.0) + place(-1e-3)) / 1e-6, rel=1e-5)

@@ -17,15 +17,14 @@ from systems import (
 )
 from test_kink import YIELDING, way_and_push
 
-from cable_twin.mechanics.on_rope.body_drag import drag_bodies
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.hinge import Above
-from cable_twin.mechanics.on_rope.sliding_joint import place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import freeze_compliance, place_joint
 from cable_twin.mechanics.on_rope.tower import add_towers
-from cable_twin.mechanics.on_rope.wind import set_wind
+from cable_twin.mechanics.on_rope.wind import drag_bodies, set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, Air, MovingCable
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x, shape_functions_xx
@@ -36,7 +35,6 @@ from cable_twin.mechanics.solution.equations_of_motion import (
     measure_gaps,
     solve,
 )
-from cable_twin.mechanics.solution.kinks import hold_kinks
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 PLACE = np.array([0.2, 0.4, -0.1])
@@ -365,7 +363,7 @@ def dense_newton_step(system, state, work):
 
 def check_newton_step(system, state, work, tolerance=1e-5):
     """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
-    hold_kinks(system, state, work)
+    freeze_compliance(system, state, work)
     exact = dense_newton_step(system, state, work)
     before, start = state.multipliers.copy(), chain(system, state)
     holding = stored_holding(start, state)

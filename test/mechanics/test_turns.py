@@ -5,21 +5,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 from systems import difference
 
-from cable_twin.mechanics.language.orientations import (
+from cable_twin.mechanics.language.rotations import (
+    by_turn,
+    cross,
     grow_turn,
+    gyration,
     inertia_of,
+    inverse_of,
+    moment,
+    moment_by_turn,
     orientation,
     orientation_in_space,
     turn_between,
     turn_row,
-)
-from cable_twin.mechanics.language.turns import (
-    by_turn,
-    cross,
-    gyration,
-    inverse_of,
-    moment,
-    moment_by_turn,
 )
 
 SPACE = (0.0, 0.0, -9.81)

@@ -8,8 +8,7 @@ from systems import difference, disturbed_state, make_system
 
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.declared import clone
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_position, joint_tangent, place_joint
-from cable_twin.mechanics.on_rope.vehicle_buffer import (
+from cable_twin.mechanics.on_rope.buffer import (
     CLOSING,
     FORCE_NOW,
     HIGHEST,
@@ -18,10 +17,11 @@ from cable_twin.mechanics.on_rope.vehicle_buffer import (
     push_on,
     settle_buffers,
 )
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_position, joint_tangent, place_joint
 from cable_twin.mechanics.parameters import VehicleBuffers
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.increments import largest_increment
 from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
+from cable_twin.mechanics.solution.newton import largest_increment
 from verification.models import for_kernels
 from verification.vehicle_buffers import level, vehicle
 

@@ -12,12 +12,11 @@ from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load
-from cable_twin.mechanics.on_rope.sliding_joint import grip_moment, joint_kink, joint_tangent
+from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint, joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
-from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.kink import has_kinks
+from cable_twin.mechanics.rope.ale import flow_integrals, transport_velocity
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import point_at, slope
-from cable_twin.mechanics.rope.strand import going_by
 
 
 @kernel
@@ -38,9 +37,9 @@ def moving_rope_force(system, state):
             r_x = joint_tangent(cable, state, carriage)
             pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             force += dot(pull, r_x)
-            if has_kinks(cable):
-                force -= joint_kink(cable, state, carriage, pull).along
-            force += grip_moment(system, state, carriage)[1]
+            if has_joint_compliance(cable):
+                force -= compliance_of_joint(cable, state, carriage, pull).along
+            force += tangent_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)
         force -= dot(contact_force(cable, system.towers, state, contact)[0], r_x)
@@ -83,7 +82,7 @@ def carry_clamped(system, state):
             place = loop_coordinate(system, state, carriage)
             moved = abs(place - state.joints.position[carriage])
             if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * moving.loop_length:
-                speed, rate = going_by(cable, state, place)
+                speed, rate = transport_velocity(cable, state, place)
                 follow(state.reference, carriage, place, speed, rate)
             else:
                 park(system, state, carriage, place)

@@ -14,8 +14,8 @@ import numpy as np
 from cable_twin.mechanics.drives.haul_rope import condense_drum, haul_direction, pull_on_carriage, recover_drum
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
+from cable_twin.mechanics.on_rope.buffer import push_on
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
-from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
 from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
 
 

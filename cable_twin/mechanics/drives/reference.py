@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.on_rope.brake import brake_force
+from cable_twin.mechanics.on_rope.friction import brake_force
 from cable_twin.mechanics.parameters import EMERGENCY, SERVICE
 
 ROUNDING = 1e-6  # of a step

@@ -18,8 +18,8 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     place_joint,
     velocity_acceleration,
 )
+from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.point import position_on_cable, slope, value
-from cable_twin.mechanics.rope.strand import going_by, rest_stretch
 
 
 @kernel
@@ -75,7 +75,7 @@ def attach_carriers(system, state):
 @kernel
 def attach(system, state, carriage, place):
     """Attach one carriage to the moving cable at the arc length `place` (m)."""
-    speed, rate = going_by(system.cable, state, place)
+    speed, rate = transport_velocity(system.cable, state, place)
     put_on(system, state, carriage, place, speed, rate)
 
 

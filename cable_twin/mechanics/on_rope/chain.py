@@ -1,19 +1,32 @@
-"""Carriage as a chain of rigid bodies below its joint with the cable, condensed to an impedance.
+"""Vehicle as a chain of rigid bodies below its joint with the cable, condensed to an impedance; its payload.
 
 The coordinates of a body are its centre of mass (dim,) and its pitch about y, right-handed, or in space its unit
-quaternion; a point u of the body is at c + A u. The multiplier of a joint is the force on the body below it; what turns
-it is in `hinge`.
+quaternion; a point u of the body is at c + A u. The multiplier of a joint is the force on the body below it; moments at
+joints are in `hinge`. A payload is a point mass, merged with its body into one rigid body of changed mass, centre and
+inertia.
 
-The chain is eliminated from its end upwards (articulated bodies): at any pivot it acts on what is above as an
-impedance, Δ(λ, m) = D Δ(p, θ) + b: force and moment there, by the place of the pivot and the turn of what is above. One
-matrix of turns a body is inverted, which is a number in a plane.
+The chain is eliminated from its end upwards (articulated bodies): at any pivot it acts on the body above as an
+impedance, Δ(λ, m) = D Δ(p, θ) + b: force and moment there, by the displacement of the pivot and the rotation of the
+body above. One matrix of rotations a body is inverted, which is a number in a plane.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.orientations import inertia_of, orientation, set_upright
-from cable_twin.mechanics.language.turns import by_turn, cross, gyration, inverse_of, moment, moment_by_turn, no_turn
+from cable_twin.mechanics.language.rotations import (
+    by_turn,
+    cross,
+    gyration,
+    inertia_of,
+    inverse_of,
+    moment,
+    moment_by_turn,
+    no_turn,
+    orientation,
+    set_upright,
+)
 from cable_twin.mechanics.language.vectors import (
     accumulate,
     add_scaled,
@@ -26,15 +39,17 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
 )
-from cable_twin.mechanics.on_rope.hinge import hinge
-from cable_twin.mechanics.on_rope.joint_constraints import (
+from cable_twin.mechanics.on_rope.hinge import (
     accelerate_held,
     add_held,
+    hinge,
     hold,
     keep_held,
     measure_held,
     recover_held,
 )
+from cable_twin.mechanics.parameters import Carriages, FloatArray, Payloads
+from cable_twin.mechanics.state import State
 
 
 @inlined_kernel
@@ -277,3 +292,48 @@ def carriage_mass(carriages, carriage):
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         total += carriages.mass[body]
     return total
+
+
+def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> FloatArray:
+    """Shift (bodies, dim) in m of the centres of mass of the empty `carriages` under payloads (carriages,) in kg."""
+    offsets = np.zeros(carriages.upper_pivot.shape)
+    for body, position, mass in zip(payloads.body, payloads.position, masses, strict=True):
+        if mass > 0.0:
+            offsets[body] = mass / (carriages.mass[body] + mass) * position
+    return offsets
+
+
+def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> Carriages:
+    """Carriages with payloads (carriages,) in kg: mass, inertia about the common centre, pivots from that centre."""
+    offsets = centre_offsets(carriages, payloads, masses)
+    mass, inertia = carriages.mass.copy(), carriages.inertia.copy()
+    for body, position, added in zip(payloads.body, payloads.position, masses, strict=True):
+        if added > 0.0:
+            reduced = mass[body] * added / (mass[body] + added)
+            if inertia.ndim == 1:
+                inertia[body] += reduced * float(position @ position)
+            else:
+                tensor = np.eye(3) * float(position @ position) - np.outer(position, position)
+                inertia[body] += reduced * tensor.ravel()
+            mass[body] += added
+    return carriages._replace(
+        mass=mass,
+        inertia=inertia,
+        upper_pivot=carriages.upper_pivot - offsets,
+        lower_pivot=carriages.lower_pivot - offsets,
+        centre_offset=offsets,
+    )
+
+
+def shift_centres(state: State, change: FloatArray) -> None:
+    """Move the reference centres of mass of `state` by `change` (bodies, dim) in m in body axes, bodies unmoved."""
+    for body in np.flatnonzero(np.any(change != 0.0, axis=1)):
+        dim = change.shape[1]
+        axes = np.array(orientation(state.bodies.position[body], tuple(change[body]))).reshape(dim, dim)
+        arm = tuple(axes @ change[body])
+        spin = tuple(state.bodies.velocity[body, dim:])
+        state.bodies.position[body, :dim] += arm
+        state.bodies.velocity[body, :dim] += cross(spin, arm)
+        for accelerations in (state.bodies.acceleration, state.bodies.algorithmic):
+            turning = cross(tuple(accelerations[body, dim:]), arm)
+            accelerations[body, :dim] += np.add(turning, cross(spin, cross(spin, arm)))

@@ -1,6 +1,7 @@
-"""Dry friction with presliding (Dahl): the law, and its use at the joint of a carriage.
+"""Dry friction with presliding (Dahl): force law, use at the joint of a vehicle, and force of its brakes.
 
-Towers have the same law over the way of the rope (`mobilise`). What else a law needs is the normal force at hand.
+Towers have the same law over the sliding distance of the rope (`mobilise`). Another law needs no more than the normal
+force that is given here.
 """
 
 from __future__ import annotations
@@ -10,8 +11,17 @@ from math import exp
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import add_scaled, dot
-from cable_twin.mechanics.on_rope.brake import brake_force
 from cable_twin.mechanics.parameters import TRACK_ROPE
+
+
+@kernel
+def brake_force(carriages, state, carriage, brake):
+    """Available force (N) of one brake (SERVICE, EMERGENCY, TRACK_ROPE), rising linearly once applied."""
+    full = carriages.brake_force[carriage, brake]
+    if full == 0.0 or not state.drives.braking[carriage]:
+        return 0.0
+    rise, elapsed = carriages.brake_rise_time[carriage, brake], state.drives.braking_time[carriage]
+    return full if elapsed >= rise else full * elapsed / rise
 
 
 @kernel

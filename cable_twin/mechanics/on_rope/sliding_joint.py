@@ -1,9 +1,14 @@
-"""Sliding joint of cable and carriage (paper, eq. 14, 15): constraint, friction, drive force, end stops.
+"""Sliding joint of cable and vehicle (paper, eq. 14, 15): constraint, friction, drive force, end stops, compliance.
 
 Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
-f_t is what the cable does to the carriage along itself (the paper has f_t = 0). A driven joint has s given instead, and
-its drive force is what that takes. A haul rope pulls the carriage and not the cable: λ is what is left of its pull.
-Where elements round off the kink of the rope, r_p is beside S(s) e by δ, and row s has λ·r_x - ∂E/∂s (`rope.kink`).
+f_t is the force of the cable on the vehicle along itself (the paper has f_t = 0). A driven joint has s given instead,
+and its drive force follows from that row. A haul rope pulls the vehicle and not the cable: λ is its pull's remainder.
+
+Where elements round off the kink of the rope, r_p is beside S(s) e by δ, and row s has λ·r_x - ∂E/∂s
+(`rope.joint_compliance`). Frozen in a step, from the predicted rope, are the tangent that δ is across, the slackness of
+the rope, and the rope in its kinks: that under the weight of the vehicle and the mean tension of the rope. Rope that
+came and went with the forces beside it would be a compliance, which gives energy to waves along the rope where Newton's
+method does not know of it.
 """
 
 from __future__ import annotations
@@ -11,7 +16,9 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.turns import along_track, no_turn
+from cable_twin.mechanics.language.memory import clear_array
+from cable_twin.mechanics.language.rotations import along_track, no_turn
+from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     apply,
@@ -25,13 +32,18 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
-from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.buffer import push_on, stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
-from cable_twin.mechanics.on_rope.grip import add_grip, tangent_orientation, turn_by_slope, turning_left
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
-from cable_twin.mechanics.on_rope.seen_carriage import contact_force, seen_by_cable, yielding
-from cable_twin.mechanics.on_rope.vehicle_buffer import push_on
-from cable_twin.mechanics.rope.kink import has_kinks, kink
+from cable_twin.mechanics.on_rope.tangent_hinge import (
+    add_tangent_hinge,
+    spin_rate_by_velocities,
+    tangent_orientation,
+    turn_by_slope,
+)
+from cable_twin.mechanics.on_rope.vehicle_impedance import contact_force, impedance_at_joint, impedance_at_pivot
+from cable_twin.mechanics.rope.element import group_tension
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance, kink_length, shares
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
@@ -67,10 +79,10 @@ def joint_along(cable, state, carriage):
 
 
 @inlined_kernel
-def joint_kink(cable, state, carriage, force):
-    """Displacement of a compliant joint under a force (dim,) in N, see `rope.kink`."""
+def compliance_of_joint(cable, state, carriage, force):
+    """Displacement of a compliant joint under a force (dim,) in N, see `rope.joint_compliance`."""
     element, place = state.joint_element[carriage], state.joints.position[carriage]
-    return kink(cable, element, place, force, joint_along(cable, state, carriage), state.slackness[0])
+    return joint_compliance(cable, element, place, force, joint_along(cable, state, carriage), state.slackness[0])
 
 
 @kernel
@@ -101,29 +113,29 @@ def cable_direction(cable, state, carriage):
 
 
 @inlined_kernel
-def grip_of(system, state, carriage, stiffness_factor, rate_factor):
+def tangent_hinge(system, state, carriage, stiffness_factor, rate_factor):
     """Joint of the first body of a carriage with the cable, as `hinge.Joint`."""
     first, above = system.carriages.body_offset[carriage], cable_direction(system.cable, state, carriage)
     return hinge(system.carriages, state, first, True, above, stiffness_factor, rate_factor, system.cable.gravity)
 
 
 @kernel
-def grip_moment(system, state, carriage):
+def tangent_moment(system, state, carriage):
     """Moment m (turns,) in N m of the cable on the first body of a carriage, and its share m·∂θ/∂s (N) in row s."""
     first, like = system.carriages.body_offset[carriage], system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, first):
         return still, 0.0
-    moment = grip_of(system, state, carriage, 0.0, 0.0).moment
+    moment = tangent_hinge(system, state, carriage, 0.0, 0.0).moment
     point = joint_point(system.cable, state, carriage)
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
     return moment, dot(moment, product(by_slope, bend(state.nodes.position, point, like), like))
 
 
 @kernel
-def grip_force(system, state, carriage, row):
+def tangent_moment_force(system, state, carriage, row):
     """Force (dim,) in N of a carriage's moment on coordinate `row` of the joint's element: -S_x Gᵀ m."""
-    moment, _ = grip_moment(system, state, carriage)
+    moment, _ = tangent_moment(system, state, carriage)
     point, like = joint_point(system.cable, state, carriage), system.cable.gravity
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
     return scale(-point.shape_x[row], product(moment, by_slope, moment))
@@ -152,7 +164,7 @@ def velocity_acceleration(cable, state, carriage):
 def velocity_turning(cable, state, carriage):
     """Velocity-dependent rate (turns,) in rad/s² of the cable's angular velocity at the joint; 0 in a plane."""
     s_dot = state.joints.velocity[carriage]
-    return turning_left(cable, state.nodes, joint_point(cable, state, carriage), s_dot, cable.gravity)
+    return spin_rate_by_velocities(cable, state.nodes, joint_point(cable, state, carriage), s_dot, cable.gravity)
 
 
 @inlined_kernel
@@ -168,10 +180,10 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     point = joint_point(cable, state, carriage)
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
-    seen, by_s, pushed, pushed_by_s = yielding(
-        cable, state, point, seen_by_cable(system, state, carriage, work), r_x, carriage, work
+    vehicle, by_s, pushed, pushed_by_s = impedance_at_joint(
+        cable, state, point, impedance_at_pivot(system, state, carriage, work), r_x, carriage, work
     )
-    force = seen.force
+    force = vehicle.force
 
     norm, tangential, normal_force, normal = along_and_across(force, r_x)
     f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, cable, carriage, s, s_dot)
@@ -179,7 +191,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         carriages, state, carriage, normal
     )
 
-    d_r_x = apply(seen.by_place, by_s)
+    d_r_x = apply(vehicle.by_place, by_s)
     if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
         along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
@@ -189,11 +201,11 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, by_s)
         across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
-        d_along = apply(transpose(seen.by_place), along)
+        d_along = apply(transpose(vehicle.by_place), along)
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         pivot -= stiffness_factor * pushed_by_s
-        right = norm * f_t - dot(force, r_x) + pushed - dot(along, seen.left)
+        right = norm * f_t - dot(force, r_x) + pushed - dot(along, vehicle.left)
 
     shape, shape_x = point.shape, point.shape_x
     rows, columns = work.sliding_row[carriage], work.sliding_column[carriage]
@@ -201,15 +213,15 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         store(add_scaled(shape[i], d_along, scale(stiffness_factor * shape_x[i], across)), rows[i])
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
     if is_hinged(carriages, first):
-        joint = grip_of(system, state, carriage, stiffness_factor, rate_factor)
-        more = add_grip(cable, state, carriage, joint, seen, point, by_s, along, stiffness_factor, work)
+        joint = tangent_hinge(system, state, carriage, stiffness_factor, rate_factor)
+        more = add_tangent_hinge(cable, state, carriage, joint, vehicle, point, by_s, along, stiffness_factor, work)
         pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
     store(along, work.sliding_along[carriage])
     if state.clamp_holds[carriage]:
         pivot = inf  # s stays, and is solved for with the force of the clamp
 
-    hang_on_nodes(point, add_scaled(1.0, force, seen.left), seen.by_place, pivot, right, rows, columns, work)
+    hang_on_nodes(point, add_scaled(1.0, force, vehicle.left), vehicle.by_place, pivot, right, rows, columns, work)
 
 
 @inlined_kernel
@@ -240,9 +252,9 @@ def driven_force(system, state, carriage):
     norm, tangential, _, normal = along_and_across(force, r_x)
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
-    _, turning = grip_moment(system, state, carriage)
-    if has_kinks(cable):
-        turning -= joint_kink(cable, state, carriage, force).along
+    _, turning = tangent_moment(system, state, carriage)
+    if has_joint_compliance(cable):
+        turning -= compliance_of_joint(cable, state, carriage, force).along
     return tangential + turning / norm - f_friction - f_stop
 
 
@@ -253,7 +265,7 @@ def recover_joint(system, state, carriage, work):
     like = cable.gravity
     point = joint_point(cable, state, carriage)
     by_s = slope(state.nodes.position, point, like)
-    if has_kinks(cable):
+    if has_joint_compliance(cable):
         by_s = load(work.joint_by_s[carriage], like)
     moved = scale(0.0, like)
     right = work.sliding_right[carriage]
@@ -276,6 +288,47 @@ def recover_turn(system, state, carriage, work):
     element, rows = state.joint_element[carriage], outer(0.0, still, like)
     turned = scale(work.sliding_increment[carriage], load(work.grip_by_s[carriage], still))
     for i in range(4):
-        seen = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like), like)
-        turned = add_scaled(1.0, seen, turned)
+        vehicle = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like), like)
+        turned = add_scaled(1.0, vehicle, turned)
     return turned
+
+
+SLACKEST = 1.5  # τ, also of a rope that has less tension: c is worked out around 1, and a slack rope is no string
+
+
+@kernel
+def freeze_compliance(system, state, work):
+    """Freeze tangent, slackness and rope length in the kinks for a step, if joints are compliant."""
+    if has_joint_compliance(system.cable):
+        state.slackness[0] = slackness(system.cable, state, work)
+        clear_array(state.kink_length)
+        for carriage in range(system.carriages.fixed.size):
+            along = joint_along(system.cable, state, carriage)
+            store(along, work.joint_along[carriage])
+            if state.attached[carriage]:
+                take_kink_length(system, state, carriage, along)
+
+
+@kernel
+def slackness(cable, state, work):
+    """Mean tension of the rope at rest over the present one (-), a single number for the whole rope."""
+    now, rest = 0.0, 0.0
+    for first in range(0, cable.element_count, WIDTH):
+        spread((group_tension(cable, state, first),), work.group, 0)
+        for lane in range(min(WIDTH, cable.element_count - first)):
+            now += cable.element_length[first + lane] * work.group[0, lane]
+            rest += cable.element_length[first + lane] * cable.rounding_tension[first + lane]
+    return rest / max(now, rest / SLACKEST)
+
+
+@kernel
+def take_kink_length(system, state, carriage, along):
+    """Take the rope in the kink of a joint from three elements, at the unit tangent `along` (dim,)."""
+    cable, carriages, gravity, mass = system.cable, system.carriages, system.cable.gravity, 0.0
+    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+        mass += carriages.mass[body]
+    weight = mass * sqrt(max(dot(gravity, gravity) - dot(gravity, along) ** 2, 0.0))
+    element, place = state.joint_element[carriage], state.joints.position[carriage]
+    length = kink_length(cable, element, place, weight, state.slackness[0])
+    for number, share in shares(cable, element, place):
+        state.kink_length[number] += share * length

@@ -1,4 +1,4 @@
-"""Towers: one-sided contact of the rope with sheaves and saddles, and friction along it.
+"""Towers: one-sided contact of the rope with sheaves and saddles, friction along it, and grooves in space.
 
 A contact is a fixed point p and the side on which the rope is. It acts on the point of the rope nearest to it,
 
@@ -10,8 +10,11 @@ f friction. s is not an unknown but a function of the shape: it is found anew in
 potential, and a rope that slides over keeps its tension. A saddle, or a train of sheaves, is several contacts on a
 circle: a sharper bend lifts off the outer ones.
 
-In space a groove holds the rope sideways (`groove`), until more than a ratio of the normal force pushes it over the
-flank, or it lifts higher than the groove is deep. Then it is out, and this tower touches it no more.
+In space a groove holds the rope sideways, until more than a ratio of the normal force pushes it over the flank, or it
+lifts higher than the groove is deep. From then on this tower does not touch it. With b = t x n, the lateral force is
+-g N y b, y = (r - p)·b, so that g y is the ratio of the forces, and a contact without normal force holds nothing.
+Friction adds -μ N v / √(v² + v_0²) b, v the lateral speed: Coulomb's law but for a creep below v_0. In a plane there is
+no groove, and no code is compiled for it.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from math import inf, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.rotations import cross
+from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import (
     Vector,
     add_scaled,
@@ -32,17 +37,9 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
-from cable_twin.mechanics.on_rope.groove import (
-    add_groove,
-    depth_in_groove,
-    side_force,
-    sideways,
-    to_that_side,
-    with_groove,
-)
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
+from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
-from cable_twin.mechanics.rope.strand import rope_before
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 NEAR = 1e-6  # of an element's length: a last move below leaves its square
@@ -257,3 +254,74 @@ def lift(cable, towers, state, tower):
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         deepest = max(deepest, contact_frame(cable, towers, state, contact)[4])
     return -deepest
+
+
+CREEP = 0.01  # v_0, m/s, at which friction sideways is 0.7 of what it comes to
+
+
+@kernel
+def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
+    """Contact depth (m) of the rope on its tower; -inf once derailed."""
+    if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
+        return depth
+    return -inf
+
+
+@kernel
+def with_groove(
+    force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
+) -> Vector:
+    """Force (dim,) in N of a contact with the lateral force of its groove; without groove in a plane.
+
+    Args:
+        force: of the contact without it, N.
+        stiffness: g N, N/m.
+        friction: μ N, N.
+        r_x: along the rope (dim,).
+        normal: of the contact (dim,).
+        apart: r - p (dim,) in m.
+        moving: velocity of the rope (dim,) in m/s.
+    """
+    if len(force) == 2:
+        return force
+    across = sideways(r_x, normal)
+    return add_scaled(side_force(stiffness, friction, dot(apart, across), dot(moving, across)), across, force)
+
+
+@formula
+def side_force(stiffness, friction, aside, speed):
+    """Lateral force (N) of a groove on a rope offset by `aside` (m) and moving sideways at `speed` (m/s)."""
+    return -stiffness * aside - friction * speed / square_root(speed * speed + CREEP * CREEP)
+
+
+@formula
+def sideways(r_x, normal):
+    """Unit vector (3,) across the rope and the normal of a contact."""
+    across = cross(r_x, normal)
+    return scale(1.0 / square_root(dot(across, across)), across)
+
+
+@inlined_kernel
+def to_that_side(across, side):
+    """Vector `across` (3,), reversed if it points away from `side` (3,)."""
+    return scale(-1.0 if dot(across, side) < 0.0 else 1.0, across)
+
+
+@inlined_kernel
+def add_groove(
+    stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector, point: Any, work: Any
+) -> None:
+    """Add the lateral tangent of a groove to the element in contact; no-op in a plane.
+
+    `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
+    """
+    if len(r_x) == 2:
+        return
+    across = sideways(r_x, normal)
+    speed = dot(moving, across)
+    squared = speed * speed + CREEP * CREEP
+    stiffness += damping * CREEP * CREEP / (squared * sqrt(squared))
+    for i in range(4):
+        for j in range(4):
+            matrix = outer(stiffness * point.shape[i] * point.shape[j], across, across)
+            add_block(matrix, point.element, i, j, work)

@@ -1,4 +1,4 @@
-"""Wind at elements and bodies: power law of height, gusts, frozen turbulence, vortex shedding.
+"""Wind at elements and bodies, and its force on bodies: height law, gusts, turbulence, drag, vortex shedding.
 
 Power law and gusts are those of IEC 61400-1 (2005), 6.3.1.2 and 6.3.2.2, and of CS-25.341: a gust has the amplitude a,
 the duration T and, t after its start, the speed
@@ -6,11 +6,15 @@ the duration T and, t after its start, the speed
     -0.37 a sin(3 π t / T) (1 - cos(2 π t / T))   extreme operating gust, with a dip before and after its peak,
     a / 2 (1 - cos(2 π t / T))                    one minus cosine,
 
-everywhere at once, and as the mean with height. Turbulence is a table of what goes by with the mean wind unchanged
+everywhere at once, and as the mean with height. Turbulence is a table that the mean wind carries past unchanged
 (Taylor 1938), at points along the line, between which it is interpolated.
 
-Eddies leave a body of the width b f = St v / b times a second, left and right in turn; they push it across the
-horizontal relative wind v with c A ρ v² / 2 sin(2 π ∫ f dt) (EN 1991-1-4, annex E).
+The drag on a body acts at its centre of mass, without a moment. With the wind w there, w_b = w - ċ, a body that is
+alike all round has the force q |w_b| w_b, q = density drag_area / 2, one with a drag area for each of its axes
+A diag(q) Aᵀ |w_b| w_b. Eddies leave a body of the width b f = St v / b times a second, left and right in turn; they
+push it across the horizontal relative wind v with c A ρ v² / 2 sin(2 π ∫ f dt) (EN 1991-1-4, annex E).
+
+The drag on the rope is `rope.rope_drag`.
 """
 
 from __future__ import annotations
@@ -18,6 +22,23 @@ from __future__ import annotations
 from math import cos, floor, hypot, pi, sin, sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.rotations import by_turn, orientation
+from cable_twin.mechanics.language.vectors import (
+    accumulate,
+    add_scaled,
+    apply,
+    block,
+    dot,
+    flipped,
+    full,
+    load,
+    outer,
+    product,
+    scale,
+    store,
+    subtract,
+    symmetric,
+)
 from cable_twin.mechanics.parameters import OPERATING_GUST, FloatArray
 from cable_twin.mechanics.state import State
 
@@ -41,7 +62,7 @@ def update_wind(system, state, h):
     mean = x, y, z
     field.way[0] += h * sqrt(x * x + y * y + z * z)
     if wind.intensity > 0.0:
-        stir(wind, field, mean)
+        update_turbulence(wind, field, mean)
     for number in range(wind.gusts.shape[0] + 1):
         gust = field.gust if number == wind.gusts.shape[0] else wind.gusts[number]
         share = share_of_gust(gust, time)
@@ -62,7 +83,7 @@ def update_wind(system, state, h):
         if dim == 3:
             field.at_bodies[body, 1] = here[1]
     for body in range(wind.shedding.shape[0]):
-        shed(wind, state, body, h)
+        update_shedding(wind, state, body, h)
 
 
 @kernel
@@ -118,7 +139,7 @@ def share_of_line(wind, place):
 
 
 @kernel
-def stir(wind, field, mean):
+def update_turbulence(wind, field, mean):
     """Write the turbulence at all points in a mean wind (3,) in m/s, delayed with the distance downwind."""
     flat = hypot(mean[0], mean[1])
     speed = hypot(flat, mean[2])
@@ -150,7 +171,7 @@ def stir(wind, field, mean):
 
 
 @kernel
-def shed(wind, state, body, h):
+def update_shedding(wind, state, body, h):
     """Advance the vortex shedding of a body by `h` (s), and write its side force."""
     field = state.wind_field
     x = field.at_bodies[body, 0] - state.bodies.velocity[body, 0]
@@ -160,3 +181,40 @@ def shed(wind, state, body, h):
     field.shedding_phase[body] = phase % (2.0 * pi)
     side = wind.shedding[body, 1] * speed * sin(phase)
     field.shedding_force[body, 0], field.shedding_force[body, 1] = -side * y, side * x
+
+
+@kernel
+def drag_bodies(air, state, like, rate_factor, stiffness_factor, work):
+    """Aerodynamic force on every body (N), and its negative derivatives by position and rotation."""
+    dim = len(like)
+    for body in range(air.body_drag.shape[0]):
+        q, even = air.body_drag[body, 0], True
+        for axis in range(1, dim):
+            even = even and air.body_drag[body, axis * (dim + 1)] == q
+        relative = subtract(load(state.wind_field.at_bodies[body], like), load(state.bodies.velocity[body], like))
+        speed = sqrt(dot(relative, relative))
+        if not even:
+            drag_by_axes(air, state, body, relative, (speed, rate_factor, stiffness_factor), work)
+        elif q > 0.0:
+            store(scale(q * speed, relative), work.body_drag[body])
+            steep = rate_factor * q / speed if speed > 0.0 else 0.0
+            store(full(1.0, symmetric(steep * speed * speed, steep, relative), 0.0), work.body_drag_tangent[body])
+        if air.wind.shedding.shape[0] > 0:
+            if even and q == 0.0:
+                store(scale(0.0, like), work.body_drag[body])
+            accumulate(load(state.wind_field.shedding_force[body], like), work.body_drag[body])
+
+
+@inlined_kernel
+def drag_by_axes(air, state, body, relative, factors, work):
+    """Drag on a body with different areas along its axes: K |w| w, K = A diag(q) Aᵀ rotating with the body."""
+    speed, rate_factor, stiffness_factor = factors
+    axes = orientation(state.bodies.position[body], relative)
+    k = product(product(axes, load(air.body_drag[body], axes), relative), flipped(axes, relative), relative)
+    drag = apply(k, relative)
+    store(scale(speed, drag), work.body_drag[body])
+    steep = rate_factor / speed if speed > 0.0 else 0.0
+    by_place = add_scaled(1.0, outer(steep, drag, relative), block(rate_factor * speed, k, 0.0))
+    store(by_place, work.body_drag_tangent[body])
+    by_angle = subtract(product(k, by_turn(relative), relative), by_turn(drag))
+    store(scale(stiffness_factor * speed, by_angle), work.body_drag_turning[body])

@@ -10,12 +10,11 @@ from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
 from cable_twin.mechanics.drives.reference import force_limit
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.orientations import orientation_in_space
-from cable_twin.mechanics.language.turns import cross, turn_in_space
+from cable_twin.mechanics.language.rotations import cross, orientation_in_space, turn_in_space
 from cable_twin.mechanics.language.vectors import load, scale, store, subtract
+from cable_twin.mechanics.on_rope.buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
-from cable_twin.mechanics.on_rope.vehicle_buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.parameters import DRUM, FORCE, NO_RATIO, SPEED, FloatArray, IntArray
 from cable_twin.mechanics.readout.samples import joint_place, sample_shape, store_beside, store_in_space
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions, tension_range, tower_force

@@ -5,19 +5,18 @@ from __future__ import annotations
 from cable_twin.mechanics.drives.haul_rope import haul_energies
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.orientations import inertia_of
+from cable_twin.mechanics.language.rotations import inertia_of
 from cable_twin.mechanics.language.vectors import dot, load, product
+from cable_twin.mechanics.on_rope.buffer import buffers_energy
 from cable_twin.mechanics.on_rope.chain import axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
 from cable_twin.mechanics.on_rope.sliding_joint import joint_along, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
-from cable_twin.mechanics.on_rope.vehicle_buffer import buffers_energy
+from cable_twin.mechanics.rope.ale import flow_energy, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, tension_of
-from cable_twin.mechanics.rope.flow import flow_energy
-from cable_twin.mechanics.rope.kink import has_kinks, kink_energy
+from cable_twin.mechanics.rope.joint_compliance import compliance_energy, has_joint_compliance
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.rope.strand import rest_stretch
 
 
 @kernel
@@ -59,10 +58,10 @@ def energies(system, state):
             kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
             elastic += spring_energy(system, state, carriage, body)
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
-        if has_kinks(cable) and state.attached[carriage]:
+        if has_joint_compliance(cable) and state.attached[carriage]:
             contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
             along, element = joint_along(cable, state, carriage), state.joint_element[carriage]
-            elastic += kink_energy(cable, element, place, contact, along, state.slackness[0])
+            elastic += compliance_energy(cable, element, place, contact, along, state.slackness[0])
         if system.buffers.present:
             elastic += buffers_energy(system, state, carriage)
     for contact in range(system.towers.stiffness.size):

@@ -10,9 +10,9 @@ from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, store, subtract
-from cable_twin.mechanics.on_rope.sliding_joint import joint_kink
+from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint
 from cable_twin.mechanics.parameters import Cable, FloatArray, IntArray
-from cable_twin.mechanics.rope.kink import has_kinks
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import interpolate, point_at, position_on_cable
 
 KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
@@ -83,9 +83,9 @@ def sample_shape(system, state, places, positions):
     """Fill `positions` (n, 3) in m at all places, with sharp kinks under vehicles if joints are compliant."""
     cable, arc_lengths, rising = system.cable, places.arc_length, places.rising
     sample_positions(cable, state, places, positions)
-    for carriage in range(system.carriages.fixed.size if has_kinks(cable) else 0):
+    for carriage in range(system.carriages.fixed.size if has_joint_compliance(cable) else 0):
         if state.attached[carriage]:
-            way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
+            way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
             place, reach = (
                 state.joints.position[carriage],
                 KINK_REACH * cable.element_length[state.joint_element[carriage]],
@@ -127,7 +127,7 @@ def joint_place(system, state, carriage):
     """Position (dim,) in m of the joint of a vehicle, at its sharp kink on the rope."""
     cable = system.cable
     place = position_on_cable(cable, state, state.joints.position[carriage])
-    if has_kinks(cable) and state.attached[carriage]:
-        way = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0]).way
+    if has_joint_compliance(cable) and state.attached[carriage]:
+        way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
         place = subtract(place, way)
     return place

@@ -8,7 +8,7 @@ on places of it. Within an element
     F(s) = G_A - u (G_A - G_B - Σ P) - Σ P_(before s) + ρA u_r² / λ r_s,   u from 0 to 1,
 
 P being what acts on places of it: G falls by these where they are, and by what acts along the element evenly. The last
-term is the momentum of a rope that goes by, which is in no nodal force (`rope.flow`). The tension is |F|, with the sign
+term is the momentum of a rope that goes by, which is in no nodal force (`rope.ale`). The tension is |F|, with the sign
 of F·r_s: the bending stiffness of a rope carries a shear force where it is bent sharply, which is in it.
 """
 
@@ -24,13 +24,12 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, store, subtract
-from cable_twin.mechanics.on_rope.sliding_joint import grip_force
+from cable_twin.mechanics.on_rope.sliding_joint import tangent_moment_force
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.rope.ale import flows, rest_stretch
 from cable_twin.mechanics.rope.element import force_of_element, forces_of_elements, strand_now
-from cable_twin.mechanics.rope.flow import flows
 from cable_twin.mechanics.rope.point import point_at, point_on, slope
-from cable_twin.mechanics.rope.strand import rest_stretch
 
 NONE = -1  # no further point load on an element
 SMALL = 1e-160
@@ -126,9 +125,9 @@ def recover_sections(system, state, sections):
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage]:
             element = state.joint_element[carriage]
-            accumulate(grip_force(system, state, carriage, 0), sections.node_force[element])
+            accumulate(tangent_moment_force(system, state, carriage, 0), sections.node_force[element])
             if element == last:
-                accumulate(scale(-1.0, grip_force(system, state, carriage, 2)), sections.node_force[last + 1])
+                accumulate(scale(-1.0, tangent_moment_force(system, state, carriage, 2)), sections.node_force[last + 1])
     find_node_tensions(system, state, sections)
 
 
@@ -282,7 +281,7 @@ def end_force(system, state, end):
                 total = add_scaled(share, own_force(system, state, own), total)
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage] and state.joint_element[carriage] == element:
-            total = add_scaled(1.0, grip_force(system, state, carriage, row), total)
+            total = add_scaled(1.0, tangent_moment_force(system, state, carriage, row), total)
     return scale(-1.0, total)
 
 

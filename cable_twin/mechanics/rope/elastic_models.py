@@ -20,6 +20,7 @@ from cable_twin.mechanics.language.vectors import (
     symmetric_pair,
 )
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
+from cable_twin.mechanics.rope.ale import rest_length
 from cable_twin.mechanics.rope.shape_functions import (
     AXIAL_POINTS,
     AXIAL_SLOPES,
@@ -28,8 +29,8 @@ from cable_twin.mechanics.rope.shape_functions import (
     BENDING_POINTS,
     BENDING_SLOPES,
     BENDING_WEIGHT,
+    combine,
 )
-from cable_twin.mechanics.rope.strand import rest_length
 
 
 @kernel
@@ -40,12 +41,6 @@ def chord_and_slopes(coordinates, element, cable):
     slope_a = scale(cable.element_length[element], load(coordinates[element, 1], like))
     slope_b = scale(cable.element_length[element], load(coordinates[element + 1, 1], like))
     return chord, slope_a, slope_b
-
-
-@formula
-def combine(c, d, a, b):
-    """Linear combination c_0 d + c_1 a + c_2 b of three vectors."""
-    return add_scaled(c[0], d, add_scaled(c[1], a, scale(c[2], b)))
 
 
 @formula

@@ -21,12 +21,18 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     transpose,
 )
-from cable_twin.mechanics.rope.elastic_models import chord_force, combine, elastic_force, mean_tension
-from cable_twin.mechanics.rope.flow import add_flow, flow_factors, flow_forces, flows, nodal_vectors
-from cable_twin.mechanics.rope.groups import block_row, vector_row
+from cable_twin.mechanics.rope.ale import (
+    add_flow,
+    flow_factors,
+    flow_forces,
+    flows,
+    mesh_dilution_rate,
+    nodal_vectors,
+    rest_stretch,
+)
+from cable_twin.mechanics.rope.elastic_models import chord_force, elastic_force, mean_tension
 from cable_twin.mechanics.rope.rope_drag import add_drag, drag_on
-from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.rope.strand import rest_stretch, thickening
+from cable_twin.mechanics.rope.shape_functions import MASS, block_row, combine, vector_row
 
 
 @kernel
@@ -55,7 +61,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     like = cable.gravity
     stretch = rest_stretch(cable, state)
-    flowing, taken_in = flows(system, state), thickening(cable, state)
+    flowing, taken_in = flows(system, state), mesh_dilution_rate(cable, state)
     clear_array(work.right_side[0])
     clear_array(work.diagonal[0])
     for first in range(0, cable.element_count, WIDTH):
@@ -88,7 +94,7 @@ def group_tension(cable, state, first):
     d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
     r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, first, like)
     rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-    rates = rates_of_strain(thickening(cable, state), (d, a, b), rates)
+    rates = rates_of_strain(mesh_dilution_rate(cable, state), (d, a, b), rates)
     at_rest = rest_stretch(cable, state) * length - gather_numbers(state.kink_length, first)
     return mean_tension(cable, at_rest, d, a, b, *rates)
 
@@ -114,7 +120,7 @@ def rates_of_strain(taken_in, shape, shape_rates):
 def strand_now(system, state):
     """Mesh-wide flow quantities: rest stretch λ of `strand`, its relative rate (1/s), and whether the rope moves."""
     flowing = system.moving_cable.moving and flows(system, state)
-    return rest_stretch(system.cable, state), thickening(system.cable, state), flowing
+    return rest_stretch(system.cable, state), mesh_dilution_rate(system.cable, state), flowing
 
 
 @inlined_kernel

@@ -21,9 +21,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.rope.elastic_models import combine
-from cable_twin.mechanics.rope.groups import block_row, vector_row
-from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_functions_x
+from cable_twin.mechanics.rope.shape_functions import block_row, combine, shape_functions, shape_functions_x, vector_row
 
 POINTS = 2  # Gauss points of an element: exact for an even drag
 PLACES = tuple(float(x + 1.0) / 2.0 for x in leggauss(POINTS)[0])

@@ -1,7 +1,10 @@
-"""Cubic shape functions of the cable element (paper, eq. 2) and their integrals.
+"""Cubic shape functions of the cable element (paper, eq. 2), their integrals, and rows of groups of elements.
 
 The four functions S belong to the nodal coordinates (r_A, r_x of A, r_B, r_x of B). As S_1 + S_3 = 1, derivatives
 along the cable need only three: of the chord d = r_B - r_A and of the two slopes.
+
+Residual and tangent of a group of elements are in `Workspace.group`, one row a number, one lane an element: first the
+vectors of the four nodal coordinates, then the sixteen blocks of coordinate i against j, row by row.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.parameters import FloatArray
 
 AXIAL_POINTS = 4  # Gauss points of the axial energy
@@ -99,3 +103,22 @@ def shape_functions_xxx(length):
     """Third derivatives along the cable, 1/m³ for positions, 1/m² for slopes; constant over an element."""
     s = 12 / (length * length * length)
     return s, 6 / (length * length), -s, 6 / (length * length)
+
+
+@formula
+def combine(c, d, a, b):
+    """Linear combination c_0 d + c_1 a + c_2 b of three vectors."""
+    return add_scaled(c[0], d, add_scaled(c[1], a, scale(c[2], b)))
+
+
+@formula
+def vector_row(i, like):
+    """First row of the vector (dim,) of coordinate i."""
+    return i * len(like)
+
+
+@formula
+def block_row(i, j, like):
+    """First row of the block (dim²) of coordinate i against j."""
+    dim = len(like)
+    return 4 * dim + (4 * i + j) * dim * dim

@@ -16,16 +16,15 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.orientations import inertia_of, orientation, turn_between
+from cable_twin.mechanics.language.rotations import cross, inertia_of, no_turn, orientation, turn_between
 from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, sum_of_lanes
 from cable_twin.mechanics.language.traced import formula
-from cable_twin.mechanics.language.turns import cross, no_turn
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.language.vectors import product as times
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of
+from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.elastic_models import combine
-from cable_twin.mechanics.rope.flow import nodal_vectors
-from cable_twin.mechanics.rope.kink import has_kinks
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import point_on, slope, value
 from cable_twin.mechanics.rope.shape_functions import AXIAL_POINTS, AXIAL_SLOPES, AXIAL_WEIGHT, MASS
 
@@ -115,7 +114,7 @@ def spun(carriages, bodies, body, like):
 def joint_work(system, at, before, after, carriage):
     """Work (J) of the joint forces of a carriage `at` one end of a step over the displacement of the whole step.
 
-    Joints that yield (`rope.kink`) have some of their own on the cable.
+    Joints that yield (`rope.joint_compliance`) have some of their own on the cable.
     """
     cable, carriages, like = system.cable, system.carriages, system.cable.gravity
     first = carriages.body_offset[carriage]
@@ -134,7 +133,7 @@ def joint_work(system, at, before, after, carriage):
         upper = add_scaled(1.0, cross(turn, arm_to(axes, carriages.upper_pivot[body], like)), way)
         if body > first:
             work += dot(load(at.multipliers[body], like), subtract(upper, above))
-        elif not has_kinks(cable):
+        elif not has_joint_compliance(cable):
             work += dot(joint_forces(system, at, carriage)[0], subtract(upper, above))
         above = add_scaled(1.0, cross(turn, arm_to(axes, carriages.lower_pivot[body], like)), way)
     return work

@@ -35,10 +35,9 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.on_rope.body_drag import drag_bodies
+from cable_twin.mechanics.on_rope.buffer import predict_contacts
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
-from cable_twin.mechanics.on_rope.seen_carriage import pivot_way
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
     direction_above,
@@ -51,10 +50,11 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     velocity_turning,
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
-from cable_twin.mechanics.on_rope.vehicle_buffer import predict_contacts
+from cable_twin.mechanics.on_rope.vehicle_impedance import pivot_displacement
+from cable_twin.mechanics.on_rope.wind import drag_bodies
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
-from cable_twin.mechanics.rope.kink import has_kinks, kink
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 
@@ -83,11 +83,11 @@ def largest_gap(system, state, work, place):
     cable, worst = system.cable, 0.0
     for carriage in range(system.carriages.fixed.size):
         first = system.carriages.body_offset[carriage]
-        if has_kinks(cable) and state.attached[carriage]:
+        if has_joint_compliance(cable) and state.attached[carriage]:
             contact, along = joint_forces(system, state, carriage)[0], load(work.joint_along[carriage], cable.gravity)
             element, place = state.joint_element[carriage], state.joints.position[carriage]
-            bent = kink(cable, element, place, contact, along, state.slackness[0])
-            accumulate(scale(-1.0, bent.way), work.joint_gap[first])
+            bent = joint_compliance(cable, element, place, contact, along, state.slackness[0])
+            accumulate(scale(-1.0, bent.displacement), work.joint_gap[first])
         for body in range(first, system.carriages.body_offset[carriage + 1]):
             for axis in range(work.joint_gap.shape[1]):
                 worst = max(worst, abs(work.joint_gap[body, axis]))
@@ -237,8 +237,8 @@ def recover(system, state, work):
         if state.attached[carriage]:
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
-            if has_kinks(system.cable):
-                moved = pivot_way(carriage, moved, turned, work)
+            if has_joint_compliance(system.cable):
+                moved = pivot_displacement(carriage, moved, turned, work)
             recover_chain(system.carriages, state, carriage, moved, turned, work)
             recover_drive(state, carriage, moved, work)
 

@@ -11,7 +11,7 @@ from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hol
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_array
-from cable_twin.mechanics.on_rope.vehicle_buffer import still_off
+from cable_twin.mechanics.on_rope.buffer import contact_error
 from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
 from cable_twin.mechanics.solution.bundle.couplings import (
     correct_couplings,
@@ -22,9 +22,8 @@ from cable_twin.mechanics.solution.bundle.couplings import (
 )
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, copy_ropes, rope_of
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.increments import worst_element
 from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
-from cable_twin.mechanics.solution.newton import solve_increments
+from cable_twin.mechanics.solution.newton import solve_increments, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 from cable_twin.mechanics.state import copy_state
 
@@ -79,7 +78,9 @@ def integrate(bundle, moving, scratch, system, state, work, h):
         if iteration == 2 and before > 0.0:
             measured = max(increment / (before * before), LEAST_CURVATURE)
             curvature = measured if increment >= ANSWER * turned_before else min(curvature, measured)
-        left = max(curvature * increment * increment, still_off_any(bundle, system, state, work, increment, before))
+        left = max(
+            curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
+        )
         before, turned_before = increment, turned
         allowed = solver.tolerance if iteration > 1 else min(solver.tolerance, STILL * c.beta * h * h * h)
         if turned > allowed or not isfinite(turned):
@@ -91,12 +92,12 @@ def integrate(bundle, moving, scratch, system, state, work, h):
 
 
 @kernel
-def still_off_any(bundle, system, state, work, increment, before):
+def contact_error_of_all(bundle, system, state, work, increment, before):
     """Residual error (m) of vehicles in buffer contact on any rope."""
     worst = 0.0
     for rope in range(bundle.records.shape[0]):
         own, _, room = rope_of(bundle, rope, system, state, work)
-        worst = max(worst, still_off(own, room, increment, before))
+        worst = max(worst, contact_error(own, room, increment, before))
     return worst
 
 

@@ -11,9 +11,9 @@ from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
 from cable_twin.mechanics.drives.motion import prescribe
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import flat
-from cable_twin.mechanics.language.orientations import grow_turn, turn_row
+from cable_twin.mechanics.language.rotations import grow_turn, turn_row
 from cable_twin.mechanics.language.vectors import Vector
-from cable_twin.mechanics.solution.kinks import hold_kinks
+from cable_twin.mechanics.on_rope.sliding_joint import freeze_compliance
 
 
 class Coefficients(NamedTuple):
@@ -144,7 +144,7 @@ def predict_rope(c, h, system, state, work):
     predict_massless(c, h, state.hauled)
     predict(c, h, state.drums)
     prescribe(state)
-    hold_kinks(system, state, work)
+    freeze_compliance(system, state, work)
     direct_haul(system, state, work)
 
 

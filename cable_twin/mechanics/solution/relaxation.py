@@ -10,17 +10,16 @@ from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import brief_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
-from cable_twin.mechanics.language.orientations import move_bodies
+from cable_twin.mechanics.language.rotations import move_bodies
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, freeze_compliance, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
 from cable_twin.mechanics.on_rope.wind import update_wind
+from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.point import slope, value
-from cable_twin.mechanics.rope.strand import rope_before
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
 from cable_twin.mechanics.solution.bundle.records import GOOD, LONGEST_GAP, STATE, copy_ropes, rope_of
-from cable_twin.mechanics.solution.kinks import hold_kinks
 from cable_twin.mechanics.solution.newton import solve_increments
 
 MAX_RELAXATIONS = 5000
@@ -45,7 +44,7 @@ def hang_carriages(system, state):
 
 
 @kernel
-def store_equilibrium(system, state):
+def note_rest(system, state):
     """Store the equilibrium: holding force of each joint, origins of friction, and extremes of tower loads."""
     for carriage in range(state.axis.size):
         state.drives.force[carriage] = driven_force(system, state, carriage)
@@ -60,7 +59,7 @@ def begin_relaxation(system, state, work):
     """Prepare one rope for an iteration: present wind, and frozen quantities of joint compliance."""
     if system.air.varies:
         update_wind(system, state, 0.0)
-    hold_kinks(system, state, work)
+    freeze_compliance(system, state, work)
 
 
 @kernel
@@ -146,7 +145,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
             if ropes == 1:
                 own, here, _ = rope_of(bundle, 0, system, state, work)
-                store_equilibrium(own, here)
+                note_rest(own, here)
             return iteration + 1, increment, 0.0
         if increment < longest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -212,8 +211,8 @@ __all__ = [
     "MAX_RELAXATIONS",
     "Moment",
     "hang_carriages",
+    "note_rest",
     "relax",
     "relax_in_parts",
-    "store_equilibrium",
     "watching_relaxation",
 ]

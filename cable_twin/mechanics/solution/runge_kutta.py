@@ -17,14 +17,14 @@ from cable_twin.mechanics.drives.motion import prescribe, report_forces
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
-from cable_twin.mechanics.language.orientations import make_unit, quaternion_rate
+from cable_twin.mechanics.language.rotations import make_unit, quaternion_rate
 from cable_twin.mechanics.language.vectors import Vector
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, rope_of
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap, solve_accelerations
-from cable_twin.mechanics.solution.increments import worst_element
+from cable_twin.mechanics.solution.newton import worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, settle
 from cable_twin.mechanics.state import copy_state
 

@@ -1,17 +1,23 @@
-"""Common parts of a step of every integrator: drives and wind before it; friction, contacts and stations after it."""
+"""Common parts of a step of every integrator, and the integrators by name.
+
+Drives and wind are moved before the step; friction, contacts and stations after it.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import take_up
 from cable_twin.mechanics.drives.motion import move_drives
 from cable_twin.mechanics.drives.stations import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.on_rope.buffer import settle_buffers
 from cable_twin.mechanics.on_rope.friction import settle_friction
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers
-from cable_twin.mechanics.on_rope.vehicle_buffer import settle_buffers
 from cable_twin.mechanics.on_rope.wind import update_wind
+from cable_twin.mechanics.parameters import INTEGRATORS
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 
 
@@ -60,3 +66,14 @@ def settle(system, state):
         settle_buffers(system, state)
     settle_towers(system.cable, system.towers, state)
     derail(system.cable, system.towers, state, system.cable.gravity)
+
+
+def integrator_named(name: str) -> Callable[..., Any]:
+    """Kernel `advance` of an integrator, with the arguments and results of `generalized_alpha.advance`.
+
+    Raises:
+        KeyError: there is none of that name.
+    """
+    if name not in INTEGRATORS:
+        raise KeyError(name)
+    return import_module(f"cable_twin.mechanics.solution.{name}").advance  # type: ignore[no-any-return]

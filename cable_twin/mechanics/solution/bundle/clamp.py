@@ -36,7 +36,7 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
 from cable_twin.mechanics.on_rope.tower import nearest
 from cable_twin.mechanics.rope.point import add_force, point_at, slope, value
-from cable_twin.mechanics.rope.strand import going_by, rest_stretch
+from cable_twin.mechanics.rope.ale import transport_velocity, rest_stretch
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
 
 CLOSING_TIME = 2.0  # s, after which nothing is left of what was between a clamp and a rope that it has just taken
@@ -129,7 +129,7 @@ def gap_rate(bundle, moving, clamp, system, state, like):
     haul, there = record_at(bundle.records[other, SYSTEM], system), record_at(bundle.records[other, STATE], state)
     place = moving.clamp_place[clamp]
     held = point_at(haul.cable, place)
-    speed, _ = going_by(haul.cable, there, place)
+    speed, _ = transport_velocity(haul.cable, there, place)
     goes = add_scaled(speed, slope(there.nodes.position, held, like), value(there.nodes.velocity, held, like))
     return subtract(goes, joint_velocity(track.cable, here, carriage))
 
@@ -303,7 +303,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
 def speed_beside(strand, strand_state, s, track, track_state, place, like):
     """Speed (m/s) and its rate along a track at an arc length, beside a moving point `s` (m) of a strand."""
     own, beside = point_at(strand, s), point_at(track, place)
-    speed, rate = going_by(strand, strand_state, s)
+    speed, rate = transport_velocity(strand, strand_state, s)
     r_x, along = slope(strand_state.nodes.position, own, like), slope(track_state.nodes.position, beside, like)
     moving = subtract(value(strand_state.nodes.velocity, own, like), value(track_state.nodes.velocity, beside, like))
     squared = dot(along, along)

@@ -16,7 +16,7 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, load, outer
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
-from cable_twin.mechanics.solution.node_blocks import (
+from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
     invert_node,
     load_node,

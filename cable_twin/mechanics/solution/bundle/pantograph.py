@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.turns import along_track
+from cable_twin.mechanics.language.rotations import along_track
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, scale
 from cable_twin.mechanics.rope.point import add_block, add_force, coordinate, point_at, slope, value
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK

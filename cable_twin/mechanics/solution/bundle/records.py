@@ -7,8 +7,7 @@ from typing import Annotated, NamedTuple
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.declared import Memory, Of, allocate
-from cable_twin.mechanics.language.ranges import Range, ranges_of
+from cable_twin.mechanics.language.declared import Memory, Of, Range, allocate, ranges_of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.state import PLACE, Course, Drives, Motion, copy_state
 

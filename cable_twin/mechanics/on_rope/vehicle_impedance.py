@@ -1,8 +1,8 @@
 """Statically condensed vehicle: contact force and driving-point impedance at its joint, rigid or compliant.
 
 F is the force of the cable alone. Where its elements round off the kink under a joint, the pivot is at S(s) e - δ(s, F)
-(`rope.kink`). With the impedance Δ(F, m) = D Δ(x, θ) + b by the place x of the pivot, and the way u of the joint on
-the cable,
+(`rope.joint_compliance`). With the impedance Δ(F, m) = D Δ(x, θ) + b by the displacement x of the pivot, and the
+displacement u of the joint on the cable,
 
     x = u - δ - ∂δ/∂F ΔF  gives  x = A u + B θ + a,
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.turns import no_turn
+from cable_twin.mechanics.language.rotations import no_turn
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,
@@ -29,11 +29,11 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
 )
-from cable_twin.mechanics.on_rope.vehicle_buffer import beside_neighbours
-from cable_twin.mechanics.rope.kink import has_kinks, kink
+from cable_twin.mechanics.on_rope.buffer import with_neighbours
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance
 
 
-class Seen(NamedTuple):
+class Impedance(NamedTuple):
     """Contact force on a vehicle and its driving-point impedance at the joint: Δ(F, m) = D Δ(place, θ) + b."""
 
     force: Any  # F (dim,) N
@@ -55,17 +55,17 @@ def contact_force(system, state, carriage):
 
 
 @inlined_kernel
-def seen_by_cable(system, state, carriage, work):
+def impedance_at_pivot(system, state, carriage, work):
     """Contact force of the cable alone, and impedance of a carriage with haul rope and buffers, at its pivot."""
     first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
     force = contact_force(system, state, carriage)
     impedance = load(work.impedance[first], outer(0.0, like, like))
     residual = load(work.impedance_force[first], like)
     if system.haul_ropes.present:
-        force, impedance, residual = beside_haul_rope(carriage, force, impedance, residual, work)
+        force, impedance, residual = with_haul_rope(carriage, force, impedance, residual, work)
     if system.buffers.present:
-        force, impedance = beside_neighbours(system, state, carriage, force, impedance, work)
-    return Seen(
+        force, impedance = with_neighbours(system, state, carriage, force, impedance, work)
+    return Impedance(
         force,
         impedance,
         load(work.impedance_turning[first], outer(0.0, like, still)),
@@ -77,7 +77,7 @@ def seen_by_cable(system, state, carriage, work):
 
 
 @kernel
-def beside_haul_rope(carriage, force, impedance, residual, work):
+def with_haul_rope(carriage, force, impedance, residual, work):
     """Contact force (dim,) in N, impedance D and b of a carriage, with the haul rope's impedance added.
 
     The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
@@ -90,47 +90,47 @@ def beside_haul_rope(carriage, force, impedance, residual, work):
 
 
 @inlined_kernel
-def yielding(cable, state, point, seen, r_x, carriage, work):
+def impedance_at_joint(cable, state, point, vehicle, r_x, carriage, work):
     """Impedance of a carriage at a `point` of a cable with slope r_x (dim,), with joint compliance if any.
 
     Returns:
         The carriage by the way of its joint on the cable, the place (dim,) of its pivot by s, the force (N) that pushes
-        it back along the cable, and that by s (N/m). Leaves what `pivot_way` needs.
+        it back along the cable, and that by s (N/m). Leaves what `pivot_displacement` needs.
     """
-    if not has_kinks(cable):
-        return seen, r_x, 0.0, 0.0
+    if not has_joint_compliance(cable):
+        return vehicle, r_x, 0.0, 0.0
     along, s = load(work.joint_along[carriage], r_x), state.joints.position[carriage]
-    bent = kink(cable, point.element, s, seen.force, along, state.slackness[0])
+    bent = joint_compliance(cable, point.element, s, vehicle.force, along, state.slackness[0])
     by_s = subtract(r_x, bent.by_place)
     store(by_s, work.joint_by_s[carriage])
-    return let_yield(seen, bent, carriage, work), by_s, bent.along, bent.along_by_place
+    return with_compliance(vehicle, bent, carriage, work), by_s, bent.along, bent.along_by_place
 
 
 @inlined_kernel
-def let_yield(seen, bent, carriage, work):
+def with_compliance(vehicle, bent, carriage, work):
     """Impedance of a carriage by the displacement of the cable at a compliant joint."""
-    like, still = seen.force, seen.moment_left
-    giving = block(1.0, multiply(bent.by_force, seen.by_place), 1.0)
+    like, still = vehicle.force, vehicle.moment_left
+    giving = block(1.0, multiply(bent.by_force, vehicle.by_place), 1.0)
     stiff = adjugate(1.0 / determinant(giving), giving)
     soft = multiply(stiff, bent.by_force)
-    by_turn = scale(-1.0, product(soft, seen.by_turn, like))
-    right = scale(-1.0, add_scaled(1.0, apply(stiff, bent.way), apply(soft, seen.left)))
+    by_turn = scale(-1.0, product(soft, vehicle.by_turn, like))
+    right = scale(-1.0, add_scaled(1.0, apply(stiff, bent.displacement), apply(soft, vehicle.left)))
     store(stiff, work.pivot_by_joint[carriage])
     store(by_turn, work.pivot_by_turn[carriage])
     store(right, work.pivot_right[carriage])
-    return Seen(
-        seen.force,
-        multiply(seen.by_place, stiff),
-        add_scaled(1.0, product(seen.by_place, by_turn, like), seen.by_turn),
-        add_scaled(1.0, apply(seen.by_place, right), seen.left),
-        product(seen.moment_by_place, stiff, like),
-        add_scaled(1.0, product(seen.moment_by_place, by_turn, like), seen.moment_by_turn),
-        add_scaled(1.0, product(seen.moment_by_place, right, like), still),
+    return Impedance(
+        vehicle.force,
+        multiply(vehicle.by_place, stiff),
+        add_scaled(1.0, product(vehicle.by_place, by_turn, like), vehicle.by_turn),
+        add_scaled(1.0, apply(vehicle.by_place, right), vehicle.left),
+        product(vehicle.moment_by_place, stiff, like),
+        add_scaled(1.0, product(vehicle.moment_by_place, by_turn, like), vehicle.moment_by_turn),
+        add_scaled(1.0, product(vehicle.moment_by_place, right, like), still),
     )
 
 
 @inlined_kernel
-def pivot_way(carriage, moved, turned, work):
+def pivot_displacement(carriage, moved, turned, work):
     """Displacement (dim,) in m of the pivot, from displacement and rotation (turns,) of the cable at the joint."""
     like = moved
     by_joint = load(work.pivot_by_joint[carriage], outer(0.0, like, like))

@@ -12,8 +12,8 @@ from math import atan2, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.rotations import by_turn, cross, moment, no_turn
 from cable_twin.mechanics.language.traced import formula
-from cable_twin.mechanics.language.turns import by_turn, cross, moment, no_turn
 from cable_twin.mechanics.language.vectors import (
     Matrix,
     Vector,
@@ -74,7 +74,7 @@ def spin_by_slope(turning, r_x):
 
 
 @kernel
-def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector) -> Vector:
+def spin_rate_by_velocities(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector) -> Vector:
     """Rate (turns,) in rad/s² of the tangent's angular velocity G w at a joint by velocities alone; 0 in a plane.
 
     That is G w_dot - 2 (r_x·w) / |r_x|² G w.
@@ -91,7 +91,7 @@ def turning_left(cable: Any, nodes: Any, point: Any, s_dot: float, like: Vector)
 
 
 @inlined_kernel
-def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stiffness_factor, work):
+def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s, along, stiffness_factor, work):
     """Add the hinge moment on the tangent to the nodes, and to row and column of the sliding coordinate.
 
     Args:
@@ -99,7 +99,7 @@ def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stif
         state: where to linearise.
         carriage: whose joint it is.
         joint: of its first body (`hinge.Joint`).
-        seen: the carriage (`seen_carriage.Seen`).
+        vehicle: the carriage (`seen_carriage.Impedance`).
         point: place of the joint.
         joint_by_s: derivative (dim,) of the place of the pivot by s.
         along: derivative (dim,) of the row of s by λ, zero where s is driven.
@@ -117,8 +117,8 @@ def add_grip(cable, state, carriage, joint, seen, point, joint_by_s, along, stif
     g = turn_by_slope(r_x)
     turning = add_scaled(s_dot, r_xx, slope(e_dot, point, like))  # w
     bending = add_scaled(s_dot, r_xxx, bend(e_dot, point, like))  # ∂w/∂s
-    pt, tp, tt = seen.by_turn, seen.moment_by_place, seen.moment_by_turn
-    residual = add_scaled(1.0, joint.moment, seen.moment_left)
+    pt, tp, tt = vehicle.by_turn, vehicle.moment_by_place, vehicle.moment_by_turn
+    residual = add_scaled(1.0, joint.moment, vehicle.moment_left)
     free = 1.0 if dot(along, along) > 0.0 else 0.0
 
     # the turn as the hinge sees it: turned_j Δe_j + by_s Δs
