@@ -171,7 +171,7 @@ class Workspace(NamedTuple):
     lower: Annotated[FloatArray, Of("element", 2, 2, "dim²")]  # couples node k + 1 to k
     group: Annotated[
         FloatArray, Of("element row", WIDTH)
-    ]  # residual and tangent of a group of elements, as in `groups`
+    ]  # residual and tangent of a group of elements, as in `shape_functions`
     right_side: Annotated[FloatArray, Of("node", 2, "dim")]  # minus the residual; after the solution the increment of e
     joint_gap: Annotated[
         FloatArray, Of("body", "dim", unit="m")
@@ -200,7 +200,7 @@ class Workspace(NamedTuple):
     held_right: Annotated[FloatArray, Of("body", "turn")]
     pivot_by_joint: Annotated[
         FloatArray, Of("vehicle", "dim²")
-    ]  # A of `seen_carriage`: place of the pivot by that of the joint
+    ]  # A of `vehicle_impedance`: place of the pivot by that of the joint
     pivot_by_turn: Annotated[FloatArray, Of("vehicle", "turn dim")]  # B of it: by the turn of the cable
     pivot_right: Annotated[FloatArray, Of("vehicle", "dim", unit="m")]  # a of it
     joint_along: Annotated[

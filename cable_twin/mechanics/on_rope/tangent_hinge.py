@@ -99,7 +99,7 @@ def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s,
         state: where to linearise.
         carriage: whose joint it is.
         joint: of its first body (`hinge.Joint`).
-        vehicle: the carriage (`seen_carriage.Impedance`).
+        vehicle: the carriage (`vehicle_impedance.Impedance`).
         point: place of the joint.
         joint_by_s: derivative (dim,) of the place of the pivot by s.
         along: derivative (dim,) of the row of s by λ, zero where s is driven.

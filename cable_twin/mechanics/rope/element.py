@@ -39,7 +39,7 @@ from cable_twin.mechanics.rope.shape_functions import MASS, block_row, combine, 
 def inertia(cable, length, stretch, r_a, a, r_b, b):
     """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B.
 
-    Takes the length (m), λ of `strand`, and the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
+    Takes the length (m), λ of `ale`, and the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
     """
     mass = cable.mass_per_length * stretch * length
     r_a, r_b = subtract(r_a, cable.gravity), subtract(r_b, cable.gravity)
@@ -118,7 +118,7 @@ def rates_of_strain(taken_in, shape, shape_rates):
 
 @inlined_kernel
 def strand_now(system, state):
-    """Mesh-wide flow quantities: rest stretch λ of `strand`, its relative rate (1/s), and whether the rope moves."""
+    """Mesh-wide flow quantities: rest stretch λ of `ale`, its relative rate (1/s), and whether the rope moves."""
     flowing = system.moving_cable.moving and flows(system, state)
     return rest_stretch(system.cable, state), mesh_dilution_rate(system.cable, state), flowing
 
