@@ -43,7 +43,7 @@ class Cable(NamedTuple):
     cell_length: float  # m, of the even grid by which the element at an arc length is looked up
     cell_element: IntArray  # (cells,) the element at the start of each of its cells
     unstrained_length: float  # L, m
-    rounding: FloatArray  # (elements, 3, 9) of x / l, highest power first: c_0 in m/N, d_0 in m/N³, k in m/N of `joint_compliance`
+    rounding: FloatArray  # (elements, 3, 9) of x / l, powers falling: c_0 m/N, d_0 m/N³, k m/N of `joint_compliance`
     rounding_limit: float  # b_0 of it, 1/N²
     rounding_tension: FloatArray  # T_0 of it, (elements,) N
     mass_per_length: float  # rho A, kg/m
