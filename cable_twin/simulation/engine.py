@@ -22,9 +22,9 @@ from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.couplings import give_forces
 from cable_twin.mechanics.solution.bundle.records import BundleState, Wires
 from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together, without_friction
-from cable_twin.mechanics.solution.stepping import integrator_named
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
+from cable_twin.mechanics.solution.stepping import integrator_named
 from cable_twin.mechanics.state import allocate_workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import (

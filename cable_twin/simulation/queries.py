@@ -13,12 +13,11 @@ from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.geometry.ground import clearance_seen, ground_of, surroundings_of
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.clearances import Ground, Surroundings, look_around, look_at_ground
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.mechanics.readout.energies import energies
-from cable_twin.mechanics.readout.clearances import Ground, look_at_ground
 from cable_twin.mechanics.readout.samples import places_on, sample_positions, sample_shape
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
-from cable_twin.mechanics.readout.clearances import Surroundings, look_around
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.ropeway import Ropeway

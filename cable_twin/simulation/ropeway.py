@@ -26,7 +26,7 @@ from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, Payloads, System
 from cable_twin.mechanics.readout.sections import Sections, allocate_sections
 from cable_twin.mechanics.rope.element import element_tensions
-from cable_twin.mechanics.rope.joint_compliance import rounding, smoothed
+from cable_twin.mechanics.rope.joint_compliance import joint_compliance_table, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients
@@ -142,7 +142,7 @@ class Ropeway:
                 f"tension above {with_unit(LEAST_STRAIN * cable.axial_stiffness, 'N', 3)}"
             )
         warn_of_bends(self.scenario, self._empty, self.state.nodes.position[:, 1], tensions, key)
-        table = rounding(cable, tensions)
+        table = joint_compliance_table(cable, tensions)
         self._empty = self._empty._replace(cable=cable._replace(**table))
         self._carried = None
         self.carry(self._first_loads)

@@ -14,7 +14,7 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import CableSamples
 from cable_twin.mechanics.parameters import ELEMENT_FRAME, FloatArray, System
-from cable_twin.mechanics.rope.rounding import MEASURED
+from cable_twin.mechanics.rope.joint_compliance import MEASURED
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
 

@@ -10,13 +10,13 @@ from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.sliding_joint import (
+    compliance_of_joint,
     driven_force,
-    joint_kink,
     joint_velocity,
     place_joint,
 )
 from cable_twin.mechanics.parameters import DRUM, FORCE, SPEED
-from cable_twin.mechanics.rope.kink import has_kinks
+from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 
 
 @kernel
@@ -111,8 +111,8 @@ def set_going(system, state, carriage, speed):
     follow(state.reference, carriage, place, speed, 0.0)
     place_joint(cable, state, carriage)
     velocity = joint_velocity(cable, state, carriage)
-    if has_kinks(cable):  # what the joint yields changes on the way
-        bent = joint_kink(cable, state, carriage, joint_forces(system, state, carriage)[0])
+    if has_joint_compliance(cable):  # what the joint yields changes on the way
+        bent = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0])
         velocity = add_scaled(-speed, bent.by_place, velocity)
     # the rope is bent there by the vehicle itself, and the bend goes along with it: no v²/r of that
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, scale(0.0, velocity))

@@ -44,7 +44,7 @@ def hang_carriages(system, state):
 
 
 @kernel
-def note_rest(system, state):
+def store_equilibrium(system, state):
     """Store the equilibrium: holding force of each joint, origins of friction, and extremes of tower loads."""
     for carriage in range(state.axis.size):
         state.drives.force[carriage] = driven_force(system, state, carriage)
@@ -145,7 +145,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         if increment < tolerance and mass_factor <= smallest and changed == 0 and closed:
             if ropes == 1:
                 own, here, _ = rope_of(bundle, 0, system, state, work)
-                note_rest(own, here)
+                store_equilibrium(own, here)
             return iteration + 1, increment, 0.0
         if increment < longest:
             mass_factor = max(0.25 * mass_factor, smallest)
@@ -211,8 +211,8 @@ __all__ = [
     "MAX_RELAXATIONS",
     "Moment",
     "hang_carriages",
-    "note_rest",
     "relax",
     "relax_in_parts",
+    "store_equilibrium",
     "watching_relaxation",
 ]

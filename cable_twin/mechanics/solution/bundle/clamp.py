@@ -35,8 +35,8 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
 from cable_twin.mechanics.on_rope.tower import nearest
+from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.point import add_force, point_at, slope, value
-from cable_twin.mechanics.rope.ale import transport_velocity, rest_stretch
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
 
 CLOSING_TIME = 2.0  # s, after which nothing is left of what was between a clamp and a rope that it has just taken

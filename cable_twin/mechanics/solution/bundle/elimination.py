@@ -15,7 +15,6 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, load, outer
 from cable_twin.mechanics.parameters import FloatArray, IntArray
-from cable_twin.mechanics.solution.bundle.records import WORK, Order
 from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
     invert_node,
@@ -28,6 +27,7 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     store_pair,
     subtract_pair,
 )
+from cable_twin.mechanics.solution.bundle.records import WORK, Order
 
 CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
 
