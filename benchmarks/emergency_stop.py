@@ -96,7 +96,7 @@ class _Caller:
         from rclpy.qos import QoSProfile  # noqa: PLC0415
         from std_srvs.srv import SetBool  # noqa: PLC0415
 
-        from cable_twin.ros.executor import new_executor  # noqa: PLC0415
+        from cable_twin.ros.startup import new_executor  # noqa: PLC0415
 
         self._context = rclpy.Context()
         rclpy.init(context=self._context)

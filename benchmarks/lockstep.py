@@ -118,7 +118,7 @@ class _Twin:
         from std_srvs.srv import Trigger  # noqa: PLC0415 - of the extra ros
 
         from cable_twin.ros.client.twin_client import TwinClient  # noqa: PLC0415
-        from cable_twin.ros.command_line import Ending  # noqa: PLC0415
+        from cable_twin.ros.startup import Ending  # noqa: PLC0415
 
         command = [sys.executable, "-m", "cable_twin.ros.sim", scenario, "--record", "false", "--start-paused"]
         environment = {**environment_of_user(), "ROS_DOMAIN_ID": str(domain)}

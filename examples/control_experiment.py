@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from cable_twin.ros.command_line import Ending, OneLineParser, print_hint
-from cable_twin.ros.middleware import prepare_middleware
+from cable_twin.ros.startup import Ending, OneLineParser, prepare_middleware, print_hint
 
 COMMAND_PERIOD = 0.02  # s of simulated time between two commands
 DISCOVERY = 10.0  # s of the clock to find the twin, where --wait does not say it

@@ -83,7 +83,7 @@ def _operations(draw: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _names() -> st.SearchStrategy[str]:
-    from cable_twin.ros.node_parameters import PARAMETERS  # noqa: PLC0415 - only where cases are made
+    from cable_twin.ros.parameter_table import PARAMETERS  # noqa: PLC0415 - only where cases are made
 
     return st.sampled_from([*(one.name for one in PARAMETERS), "use_sim_time", "scenario", "command_timeout"])
 

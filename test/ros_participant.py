@@ -17,7 +17,7 @@ from twin_process import COMPILING, PATIENCE, check_alive
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.messages import decode, serialize
 from cable_twin.messages.command_messages import applied_command_from_message
-from cable_twin.ros.middleware import remove_unfinished_ports
+from cable_twin.ros.startup import remove_unfinished_ports
 
 
 class Participant:

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import pytest
 
 from cable_twin.frame.records import Command, CommandError
-from cable_twin.ros.client.twin_list import UNLIMITED, limits_in
-from cable_twin.ros.description import robot_description
+from cable_twin.ros.client.twin_client import UNLIMITED, limits_in
+from cable_twin.ros.rviz import robot_description
 from cable_twin.runtime.point_to_point import target_of
 from cable_twin.scenario import command_limits, load_scenario, places_of
 from cable_twin.simulation.command_handlers import check_drive

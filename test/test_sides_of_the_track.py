@@ -14,7 +14,7 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.messages.derailments import DerailmentMessage
 from cable_twin.messages.texts import statuses_of_message
 from cable_twin.recording.logged_supports import LoggedSupports
-from cable_twin.ros.description import robot_description
+from cable_twin.ros.rviz import robot_description
 from cable_twin.scenario import load_scenario, masts, tower_axes
 from cable_twin.simulation import Simulation
 from verification import JIT

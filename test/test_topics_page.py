@@ -15,7 +15,7 @@ from cable_twin.frame.commands import INPUTS
 from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import Topic, topics
 from cable_twin.messages.sensor_messages import sensor_topics
-from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.ros.parameter_table import PARAMETERS
 from cable_twin.scenario import load_scenario
 
 LAYOUT = Layout(

@@ -1,7 +1,7 @@
 """Service `emergency_stop` of a twin, with its own DDS participant, executor and thread.
 
-Whatever holds the node up (messages by the thousand, a scenario that is loaded, a disk that stalls), a call comes
-through sockets, queues and a thread that serve nothing else, goes before all that waits for the frame loop, and is
+Whatever delays the node (thousands of messages, a scenario that is loaded, a disk that stalls), a call comes through
+sockets, queues and a thread that serve nothing else, goes before all requests that wait for the frame loop, and is
 answered.
 """
 
@@ -21,35 +21,35 @@ from std_srvs.srv import SetBool
 
 from cable_twin.frame.commands import kinds_by_service
 from cable_twin.frame.records import Command
-from cable_twin.ros.executor import done, new_executor
+from cable_twin.ros.services import EMERGENCY_STOP, done
+from cable_twin.ros.startup import new_executor
 from cable_twin.runtime.frame_loop import FrameLoop, wake_promptly
 
-SERVICE = "emergency_stop"
-ANSWER = 0.025  # s after which a call is answered though the frame boundary at which it takes effect is still to come
-TURN = 0.001  # s for which one call holds up the others
-DEPTH = 1000  # calls that may wait where the machine stalls; with the 10 of other services some had no answer
-IDLE = 0.5  # s between two looks whether it is to end
+ANSWER = 0.025  # s after which a call is answered even before the frame boundary at which it takes effect
+TURN = 0.001  # s for which one waiting call delays the others
+DEPTH = 1000  # calls that may wait on a stalled machine; with the usual 10 some got no answer
+IDLE = 0.5  # s between two checks whether to end
 
 
 class EmergencyStop:
     """Service `emergency_stop`, available as long as the process lives, also between frame loops.
 
     Args:
-        node: of the twin, whose name is in that of the service.
-        arguments: of ROS, of which the enclave counts.
+        node: node of the twin; its name is in that of the service.
+        arguments: ROS arguments, of which the enclave is used.
     """
 
     def __init__(self, node: Node, arguments: Sequence[str] = ()) -> None:
-        self._kinds = kinds_by_service()[SERVICE]
-        self._name, self._domain = node.resolve_service_name(f"~/{SERVICE}"), node.context.get_domain_id()
-        self._node_name, self._namespace = f"{node.get_name()}_{SERVICE}", node.get_namespace()
+        self._kinds = kinds_by_service()[EMERGENCY_STOP]
+        self._name, self._domain = node.resolve_service_name(f"~/{EMERGENCY_STOP}"), node.context.get_domain_id()
+        self._node_name, self._namespace = f"{node.get_name()}_{EMERGENCY_STOP}", node.get_namespace()
         self._arguments = _enclave(arguments)
         self._lock = threading.Lock()
         self._loop: FrameLoop | None = None
-        self._waiting: Command | None = None  # for the loop that is to come
+        self._waiting: Command | None = None  # stop or release for the next frame loop
         self._ready, self._closing = threading.Event(), threading.Event()
         self._fault: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name=SERVICE, daemon=True)
+        self._thread = threading.Thread(target=self._run, name=EMERGENCY_STOP, daemon=True)
         self._thread.start()
         self._ready.wait()
         if self._fault is not None:
@@ -74,7 +74,7 @@ class EmergencyStop:
         self._thread.join()
 
     def _run(self) -> None:
-        wake_promptly()  # the threads of the participant, which this one makes, inherit it
+        wake_promptly()  # inherited by the threads of the participant
         context = rclpy.Context()
         try:
             rclpy.init(
@@ -98,7 +98,7 @@ class EmergencyStop:
             )
             executor = new_executor(context)
             executor.add_node(node)
-        except Exception as error:  # told by who waits
+        except Exception as error:  # raised by the constructor, which waits
             self._fault = error
             return
         finally:
@@ -144,4 +144,4 @@ def _enclave(arguments: Sequence[str]) -> list[str] | None:
     return []
 
 
-__all__ = ["SERVICE", "EmergencyStop"]
+__all__ = ["EMERGENCY_STOP", "EmergencyStop"]

@@ -17,7 +17,8 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from cable_twin.basics.printable import printable
 from cable_twin.frame.commands import INPUTS
 from cable_twin.messages import Topic, TopicNames
-from cable_twin.ros.declaration import QOS_OVERRIDES, ParameterError, is_installed
+from cable_twin.ros.parameters import QOS_OVERRIDES, ParameterError
+from cable_twin.ros.startup import is_installed
 
 OVERRIDABLE = (QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH)
 
@@ -26,10 +27,10 @@ class Endpoints:
     """All publishers of a node, and its command subscriptions after `subscribe`.
 
     Attributes:
-        senders: by the name of the table, what sends the bytes of a topic.
+        senders: functions that publish the bytes of a message, by topic.
 
     Raises:
-        ParameterError: a QoS that was asked for is none, in a line.
+        ParameterError: an overridden QoS is invalid; the message is one line.
     """
 
     def __init__(self, node: Node, table: Sequence[Topic]) -> None:
@@ -40,8 +41,8 @@ class Endpoints:
         self.senders: dict[str, Callable[[bytes], None]] = {}
         self._publishers: dict[str, Any] = {}
         for topic in table:
-            if not is_installed(topic.type):  # in the log all the same
-                self.senders[topic.name] = _nowhere
+            if not is_installed(topic.type):  # as with the wheels; logged all the same
+                self.senders[topic.name] = lambda data: None
             elif topic.name not in INPUTS:
                 self._publishers[topic.name] = self._create(topic, node.create_publisher)
                 self.senders[topic.name] = self._publishers[topic.name].publish
@@ -62,7 +63,7 @@ class Endpoints:
         return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
 
     def check_names(self, topics: Iterable[str]) -> None:
-        """Refuse topics of another scenario with invalid, such as too long, full names by a ParameterError."""
+        """Raise ParameterError if a topic of another scenario has an invalid full name, such as a too long one."""
         try:
             for topic in topics:
                 validate_full_topic_name(self.names.full(topic))
@@ -82,7 +83,7 @@ class Endpoints:
                     f"known: {QOS_OVERRIDES}TOPIC.publisher or .subscription, and .reliability, .durability or .depth"
                 )
 
-    def _create(self, topic: Topic, create: Callable[..., Any], *how: Any, **options: Any) -> Any:
+    def _create(self, topic: Topic, create: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         """Create a publisher or a subscription, and record its full name and QoS."""
         quality = QoSProfile(
             depth=topic.depth,
@@ -93,7 +94,12 @@ class Endpoints:
         overriding = QoSOverridingOptions(OVERRIDABLE)
         try:
             made = create(
-                message_class(topic.type), name, *how, qos_profile=quality, qos_overriding_options=overriding, **options
+                message_class(topic.type),
+                name,
+                *arguments,
+                qos_profile=quality,
+                qos_overriding_options=overriding,
+                **options,
             )
         except (ParameterException, RuntimeError) as error:  # RuntimeError: also of rcl
             reason = " ".join(str(error).split()).partition(", at /")[0]
@@ -113,7 +119,3 @@ def message_class(kind: str) -> Any:
     """Class of messages of a type such as sensor_msgs/msg/JointState."""
     package, _, name = kind.split("/")
     return getattr(import_module(f"{package}.msg"), name)
-
-
-def _nowhere(_data: bytes) -> None:
-    """Drop a message whose package is not installed, as with the wheels."""

@@ -1,7 +1,7 @@
 """Topic `markers`: the twin for RViz and Foxglove, without own message types.
 
 Rope coloured by tension, ground, masts and stations with their names, vehicles, and forces as arrows. Names and numbers
-of markers stay the same for a whole run, so each message takes the place of the one before.
+of markers stay unchanged for a whole run, so each message replaces the previous one.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 Pose = ros2_jazzy.geometry_msgs__msg__Pose
 
-LIFETIME = 3  # s that a marker is shown after its last message: a twin that has ended leaves no ghost
-REPEAT = 1.0  # s after which they are sent again where none have come: a paused twin stays in sight
-LONGEST = 0.08  # of the span, the longest arrow at the start, of vehicles and of supports
-LETTER = 0.6  # of the height of a text, the width of a letter
-LEAST = 1e-4  # of the span, of an arrow without a force: one without length has no direction
-GROUND, STILL, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
+LIFETIME = 3  # s for which a marker is shown after its last message, so that none stays after the end of a twin
+REPEAT = 1.0  # s after which markers are repeated, so that a paused twin stays visible
+LONGEST = 0.08  # length of the longest arrow at the start, of vehicles and of supports, over the span of the ropes
+LETTER = 0.6  # width of a letter over the height of its text
+LEAST = 1e-4  # length of an arrow without a force over the span, as one without length has no direction
+GROUND, STATIC, BODY = (0.52, 0.45, 0.36, 1.0), (0.45, 0.49, 0.56, 1.0), (0.18, 0.56, 0.89, 1.0)
 WHEEL = (0.60, 0.43, 0.88, 1.0)
 LINE, FORCE, REACTION = (0.78, 0.49, 0.0, 1.0), (0.88, 0.32, 0.35, 1.0), (0.60, 0.43, 0.88, 1.0)
 ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
@@ -53,10 +53,10 @@ class Markers:
         """Prepare the markers of a scenario.
 
         Args:
-            scenario: What runs.
-            layout: Of its frames.
-            columns: Of the frame that is shown; those of the first one set the scale of arrows and colours.
-            frame_id: Of the frame in which all is.
+            scenario: running scenario.
+            layout: layout of its frames.
+            columns: columns of the shown frame; the first frame sets the scale of arrows and colours.
+            frame_id: name of the fixed frame.
         """
         self._columns, self._layout = columns, layout
         self._header = Header(STAMP, frame_id)
@@ -74,7 +74,7 @@ class Markers:
         self._ropes = [slice(last - count, last) for count, last in zip(counts, np.cumsum(counts), strict=True)]
         self._rope_of_points = np.repeat(np.arange(len(counts)), counts)
         width = max(len(name.encode()) for name in layout.ropes) + 40
-        # a text keeps its length while its numbers change
+        # padded, so that a text keeps its length while its numbers change
         self._captions = [f"tension colours {n}".ljust(width) for n in range(len(counts) if len(counts) > 1 else 0)]
         self._arrows = np.empty((len(layout.vehicles) + len(layout.supports), 2, 3))
         self._scales = self._scales_of_forces()
@@ -87,12 +87,12 @@ class Markers:
             self._arrows,
         ]
         places, *rest = self._marks()
-        markers: list[Any] = [  # of another class to mypy
+        markers: list[Any] = [  # mypy knows another class
             *(
-                self._marker("rope", n, Marker.LINE_STRIP, (self._width(scenario), 0, 0), STILL, points=places[part])
+                self._marker("rope", n, Marker.LINE_STRIP, (self._width(scenario), 0, 0), STATIC, points=places[part])
                 for n, part in enumerate(self._ropes)
             ),
-            *self._still(scenario),
+            *self._static(scenario),
             *self._legend(),
             *(
                 self._marker("wheels", row, Marker.LINE_STRIP, (0.001 * self._span, 0, 0), WHEEL, points=rim)
@@ -121,7 +121,7 @@ class Markers:
         return message
 
     def _fill_rope(self, c: Columns) -> None:
-        """Fill the samples of the rope, with its kinks at attached joints, in order along the rope."""
+        """Fill points and colours of the rope: samples and attached joints, in order along the rope."""
         layout = self._layout
         rope, vehicle = layout.joints.T
         last = np.array([part.stop - 1 for part in layout.ropes.values()])[rope]  # of its own rope
@@ -164,7 +164,7 @@ class Markers:
         ends = np.cumsum([source.size for source in self._sources])[:-1]
         return [part.reshape(source.shape) for part, source in zip(np.split(numbers, ends), self._sources, strict=True)]
 
-    def _still(self, scenario: Scenario) -> list[Marker]:
+    def _static(self, scenario: Scenario) -> list[Marker]:
         """Markers of ground, masts, stations and their names."""
         c = self._columns
         ground = np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2)
@@ -187,15 +187,15 @@ class Markers:
             foot = float(np.interp(x, ground[:, 0], ground[:, 1]))
             top, wide = max(z, foot + mast), 3.0 * mast if row < len(ends) else mast
             box = (wide, 2.0 * wide, top - foot)
-            markers.append(self._marker("supports", row, Marker.CUBE, box, STILL, place=(x, y, 0.5 * (top + foot))))
+            markers.append(self._marker("supports", row, Marker.CUBE, box, STATIC, place=(x, y, 0.5 * (top + foot))))
             places[names[row]] = (x, y, top + 6.0 * mast)
         together = gathered(places, wheel_rims(scenario), self._layout.ropes, NEAR * self._span)
         high = 4.0 * mast
         tops = np.array(list(together.values())).reshape(-1, 3)
         sizes = np.array([(LETTER * high * len(text), 1.2 * high) for text in together]).reshape(-1, 2)
-        tops[:, ::2] = apart(tops[:, ::2], sizes)  # above each other, as they are seen from the side
+        tops[:, ::2] = apart(tops[:, ::2], sizes)  # stacked, as seen from the side
         for row, (text, place) in enumerate(zip(together, tops, strict=True)):
-            name = self._marker("names", row, Marker.TEXT_VIEW_FACING, (0, 0, high), STILL, place=place)
+            name = self._marker("names", row, Marker.TEXT_VIEW_FACING, (0, 0, high), STATIC, place=place)
             name.text = text
             markers.append(name)
         return markers
@@ -207,7 +207,7 @@ class Markers:
         markers = []
         for row, caption in enumerate(self._captions):
             place = (x, y, top + high * (2.0 + 1.5 * row))
-            text = self._marker("tension_colors", row, Marker.TEXT_VIEW_FACING, (0, 0, high), STILL, place=place)
+            text = self._marker("tension_colors", row, Marker.TEXT_VIEW_FACING, (0, 0, high), STATIC, place=place)
             text.text = caption
             markers.append(text)
         return markers
@@ -268,6 +268,3 @@ class Markers:
             mesh_file=MeshFile("", np.zeros(0, np.uint8)),
             mesh_use_embedded_materials=False,
         )
-
-
-__all__ = ["LIFETIME", "REPEAT", "Markers"]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
+import socket
 import threading
 import time
 from collections.abc import Sequence
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 from rcl_interfaces.msg import SetParametersResult
@@ -29,28 +32,26 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.recording.run import start_run
-from cable_twin.ros.declaration import (
+from cable_twin.ros.command_subscriber import CommandLimits, CommandSubscriber
+from cable_twin.ros.diagnostics import Diagnostics, StatusLine, live_hint
+from cable_twin.ros.emergency_stop import EmergencyStop
+from cable_twin.ros.endpoints import Endpoints
+from cable_twin.ros.markers import REPEAT
+from cable_twin.ros.parameter_table import splitting_of
+from cable_twin.ros.parameters import (
+    LiveParameterService,
     ParameterError,
-    as_meant,
+    are_unchanged,
     changes_of,
     count_frame_steps,
     declare_parameters,
     own_topics,
     topic_rates,
+    with_doubles,
 )
-from cable_twin.ros.diagnostics import Diagnostics
-from cable_twin.ros.emergency_stop import EmergencyStop
-from cable_twin.ros.endpoints import Endpoints
-from cable_twin.ros.for_rviz import ForRviz
-from cable_twin.ros.incoming import CommandLimits, Incoming
-from cable_twin.ros.live_parameters import LiveParameters, LiveParameterService, are_unchanged
-from cable_twin.ros.markers import REPEAT
-from cable_twin.ros.node_parameters import splitting_of
-from cable_twin.ros.only_one import check_others, hold_name
+from cable_twin.ros.rviz import RvizTopics
 from cable_twin.ros.services import Services
-from cable_twin.ros.simulation_services import offer_simulation_services
-from cable_twin.ros.status import Status, live_hint
-from cable_twin.ros.world_loading import WorldLoading
+from cable_twin.ros.simulation_services import WorldLoading, offer_simulation_services
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.output import Output
 from cable_twin.runtime.run_clock import RunClock
@@ -60,31 +61,74 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.bars import compilation_shown
 
-READY_TIMEOUT = 2.0  # s that time waits for the logs to be ready
+READY_TIMEOUT = 2.0  # s that simulated time waits for the logs to be ready
+
+
+class SecondTwinError(RuntimeError):
+    """Second twin of one name in a ROS domain, where both would publish and take commands on identical topics."""
+
+    def __init__(self, node: Node) -> None:
+        name, domain = node.get_fully_qualified_name(), node.context.get_domain_id()
+        super().__init__(
+            f"a twin named {name} runs already in ROS domain {domain}: "
+            "give this one another name, as with --ros-args -r __ns:=/b, or allow both with --allow-second"
+        )
+
+
+def claim_single_instance(node: Node) -> socket.socket:
+    """Claim the name of a node on this machine until the returned socket is closed, or this process ends.
+
+    The claim holds at once, even before DDS has discovered the node; `check_single_instance` finds twins on other
+    machines.
+
+    Raises:
+        SecondTwinError: another process of this machine holds the name.
+    """
+    held = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        # an abstract name: no file is left behind, and it is visible as far as this machine's network is
+        name = f"{node.context.get_domain_id()}{node.get_fully_qualified_name()}"
+        held.bind(f"\0cable_twin/{sha256(name.encode()).hexdigest()}")
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            held.close()
+            raise SecondTwinError(node) from None
+    return held
+
+
+def check_single_instance(node: Node) -> None:
+    """Refuse the name of a twin on another machine; called before the node publishes its scenario.
+
+    Raises:
+        SecondTwinError: there is a twin of this name.
+    """
+    if node.count_publishers(node.resolve_topic_name(f"~/{SCENARIO}")):
+        raise SecondTwinError(node)
 
 
 class TwinNode(Node):
     """Node that publishes a simulation in real time and takes its commands.
 
-    Nothing is opened on the disk before `start`, so that an interrupt before it leaves nothing behind.
+    No file is opened before `start`, so that an interrupt before it leaves nothing behind.
 
     Args:
-        simulation: what to run, where it is built already: by a twin that ran before in this process.
-        overrides: parameters that go before those of the command line.
-        emergency: the service of that twin, which goes on.
-        arguments: of ROS, as the process has them.
+        simulation: simulation built by a previous node of this process; None to build that of the parameters.
+        overrides: parameters that take precedence over those of the command line.
+        emergency: service of a previous node, which continues.
+        arguments: ROS arguments of the process.
 
     Attributes:
-        simulation: what runs.
-        emergency: its service `emergency_stop`, which its owner closes in the end.
-        loading: of another scenario, with which the owner of this node begins anew.
+        simulation: running simulation.
+        emergency: service `emergency_stop`, which the owner of the node closes at the end.
+        loading: loads another scenario, with which the owner starts another node.
+        status: status line for the terminal.
 
     Raises:
-        ParameterError: a parameter is out of its range.
-        ScenarioError: the scenario does not load.
-        SnapshotError: the snapshot does not load.
-        EquilibriumError: the cable of the scenario finds no rest.
-        SecondTwinError: there is one of this name, and `allow_second` is false.
+        ParameterError: a parameter is out of range.
+        ScenarioError: the scenario is invalid.
+        SnapshotError: the snapshot is invalid.
+        EquilibriumError: the cable of the scenario has no equilibrium.
+        SecondTwinError: there is a twin of this name, and `allow_second` is false.
     """
 
     def __init__(
@@ -97,20 +141,20 @@ class TwinNode(Node):
         super().__init__("cable_twin", parameter_overrides=[*overrides], start_parameter_services=False)
         self._settings = declare_parameters(self)
         alone = not self._settings["allow_second"]
-        self._held_name = hold_name(self) if alone else None
+        self._held_name = claim_single_instance(self) if alone else None
         self.simulation = simulation or self._build_simulation()
-        if alone and simulation is None:  # else the one before may still be seen
-            check_others(self)
+        if alone and simulation is None:  # otherwise the previous node may still be visible
+            check_single_instance(self)
         self._frame_steps = count_frame_steps(self, self._settings["frame_rate"], self.simulation.step)
         layout, frame_rate = self.simulation.layout, 1.0 / (self._frame_steps * self.simulation.step)
         own = own_topics(self._settings, self.simulation.scenario)
         rates = topic_rates(self, self._settings, frame_rate)
         self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
-        self._rviz = ForRviz(self.simulation, self._frames)
+        self._rviz = RvizTopics(self.simulation, self._frames)
         table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
         table += sensor_topics(self.simulation.scenario)
         self._endpoints = Endpoints(self, table)
-        self._senders = self._rviz.watching(self._endpoints)
+        self._senders = self._rviz.counted_senders(self._endpoints)
         self._output = Output(
             self.simulation,
             table,
@@ -132,9 +176,9 @@ class TwinNode(Node):
             prepare=self._output.prepare,
             publish=self._output.publish,
             before_command=self._begin,
-            on_applied=self._tell_applied,
-            on_fault=self._tell_fault,
-            on_goal=self._tell_goal,
+            on_applied=self._report_applied,
+            on_fault=self._log_fault,
+            on_goal=self._log_goal,
             paused=self._settings["start_paused"],
         )
         self._stopped = self._loop.emergency_stopped  # before the last command
@@ -146,7 +190,7 @@ class TwinNode(Node):
         joints = len(layout.vehicles) + len(layout.drives) + 3 * len(layout.bodies)  # in space a body may have three
         settings = [self._settings[f"command_{name}"] for name in ("size", "rate", "max_age")]
         limits = CommandLimits(settings[0], settings[1], joints, settings[2])
-        incoming = Incoming(
+        subscriber = CommandSubscriber(
             self._loop,
             limits,
             counts,
@@ -154,39 +198,31 @@ class TwinNode(Node):
             names.full,
             self._stamp_ns,
             self._record_command,
-            self._tell_refused,
+            self._report_refused,
         )
-        self._endpoints.subscribe(incoming.take)
+        self._endpoints.subscribe(subscriber.take)
         self._endpoints.warn_of_unknown()
-        self.status = Status(self.simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
+        self.status = StatusLine(self.simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self.loading = WorldLoading(self, self._loop, self._check, self.get_parameter("scenario").value)
-        self._offer()
+        self._create_services()
         self.emergency = emergency or EmergencyStop(self, arguments)
         self.emergency.serve(self._loop)
 
-    def _offer(self) -> None:
+    def _create_services(self) -> None:
         """Create the services and timers of the node."""
-        self._offered = Services(
-            self._loop,
-            self._log_directory,
-            lambda: self.get_parameter("step_count").value,
-            self._settings["keep_size"],
-        )
-        self._offered.offer(self)
+        step_count = lambda: self.get_parameter("step_count").value  # noqa: E731
+        self._node_services = Services(self, self._loop, self._log_directory, step_count, self._settings["keep_size"])
         directories = [Path(self._settings["record_directory"])]
         directories += [Path(one) for one in self._settings["scenario_directories"].split(os.pathsep) if one]
         reader = ScenarioReader(directories, self._settings["scenario"])
         self._actions = offer_simulation_services(
-            self, self.simulation, self._loop, self._run_clock, self._offered, self.loading, reader, self._frames
+            self, self.simulation, self._loop, self._run_clock, self._node_services, self.loading, reader, self._frames
         )
-        # on a clock of its own: somebody who sets use_sim_time would stop the node's
-        self.create_timer(1.0, self._diagnostics.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        look = partial(self._rviz.look, self._loop, self._output)
-        self.create_timer(REPEAT, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.add_pre_set_parameters_callback(as_meant)
-        live = LiveParameters(self, self._loop, self.loading, reader)
-        self.add_on_set_parameters_callback(live.on_set)
-        self._parameter_service = LiveParameterService(self, live)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # as use_sim_time would stop the clock of the node
+        self.create_timer(1.0, self._diagnostics.publish, clock=steady)
+        self.create_timer(REPEAT, partial(self._rviz.check_listeners, self._loop, self._output), clock=steady)
+        self.add_pre_set_parameters_callback(with_doubles)
+        self._parameter_service = LiveParameterService(self, self._loop, self.loading, reader)
 
     @property
     def failed(self) -> bool:
@@ -194,17 +230,17 @@ class TwinNode(Node):
         return self._loop.failed
 
     def start(self) -> None:
-        """Open the logs and let simulated time run; a log that cannot be opened is reported, and the twin continues."""
+        """Open the logs and start simulated time; a log that cannot be opened is reported, and the twin continues."""
         if self._settings["record"]:
             self._start_recording()
         elif self._settings["rerun"] in ("live", "web"):
-            self.get_logger().warning("no live view: it is a part of the recording, and record is false")
+            self.get_logger().warning("no live view: it is part of the recording, and record is false")
         self._senders[SCENARIO](scenario_message(self.simulation.scenario.resolved()))
         self._output.send_once(self._rviz.once())
         self._await_recorder()
-        gc.collect()  # before time runs, not beside it
-        if not gc.get_freeze_count():  # by the first world: to look through all at the next ones held an answer up
-            gc.freeze()  # what stays to the end need not be looked through between two frames
+        gc.collect()  # before simulated time runs, not beside it
+        if not gc.get_freeze_count():  # at the first scenario only, as doing it for later ones delays answers
+            gc.freeze()  # permanent objects are not traversed between two frames
         start = f" from {self.simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
         factor = self._settings["real_time_factor"]
@@ -227,9 +263,9 @@ class TwinNode(Node):
         self._loop.stop()
         if self._actions is not None:
             self._actions.destroy()
-        self._offered.close()
+        self._node_services.close()
         if self._output.run is not None:
-            self._begin()  # a log of a twin that never ran has its scenario, and is one
+            self._begin()  # so that the log of a twin that never ran has its scenario
             self._output.finish()
             waiting = threading.Timer(2.0, self.get_logger().warning, ["recording: waiting for the disk"])
             waiting.start()
@@ -246,7 +282,7 @@ class TwinNode(Node):
         with compilation_shown(Console(stderr=True), self.get_logger().info):
             if not self._settings["snapshot"]:
                 scenario = load_scenario(given, changes)
-                own_topics(self._settings, scenario)  # refused before minutes of compiling
+                own_topics(self._settings, scenario)  # checked before minutes of compiling
                 return Simulation(scenario, meanwhile=compile_figures)
             simulation = Simulation.load(self._settings["snapshot"], meanwhile=compile_figures)
         own = simulation.scenario.name
@@ -256,7 +292,7 @@ class TwinNode(Node):
         return simulation
 
     def _check(self, simulation: Simulation) -> None:
-        """Raise ParameterError where the parameters of the node do not fit a simulation."""
+        """Raise ParameterError if the parameters of the node do not fit a simulation."""
         own = own_topics(self._settings, simulation.scenario)
         steps = count_frame_steps(self, self._settings["frame_rate"], simulation.step)
         topic_rates(self, self._settings, 1.0 / (steps * simulation.step))
@@ -293,7 +329,7 @@ class TwinNode(Node):
         return directory.expanduser().resolve()
 
     def _await_recorder(self) -> None:
-        """Wait until the logs are ready before time runs, as the layout of the view takes many frames' time."""
+        """Wait until the logs are ready, as the layout of the view takes the time of many frames."""
         deadline = time.monotonic() + READY_TIMEOUT
         run = self._output.run
         while run is not None and not run.recorder.idle and time.monotonic() < deadline:
@@ -306,26 +342,26 @@ class TwinNode(Node):
         self._diagnostics.pace.log_start(self.simulation.time)
 
     def _begin(self) -> None:
-        """Set the epoch and give the first frame, once, before time runs and before any change of the twin."""
+        """Set the epoch and publish the first frame, once, before time runs and before any change of the twin."""
         with self._begun:
             if self._run_clock.epoch_ns is None:
                 self._output.begin(self._run_clock)
 
-    def _tell_fault(self, line: str) -> None:
+    def _log_fault(self, line: str) -> None:
         self.get_logger().error(line)
 
-    def _tell_goal(self, line: str, given_up: bool) -> None:
-        if given_up:
+    def _log_goal(self, line: str, abandoned: bool) -> None:
+        if abandoned:
             self.get_logger().warning(line)
-        else:  # a call of its own: rclpy allows a place in the code one severity for good
+        else:  # a separate call, as rclpy allows each line of code one severity
             self.get_logger().info(line)
 
-    def _tell_applied(self, applied: AppliedCommand) -> None:
+    def _report_applied(self, applied: AppliedCommand) -> None:
         self._diagnostics.counts["commands_applied"] += 1
         self._output.apply(applied)
         stopped, self._stopped = self._stopped, self._loop.emergency_stopped
         done = KINDS[applied.command.kind].done
-        if done and (stopped or applied.command.kind != "release"):  # its caller has the answer, all others this line
+        if done and (stopped or applied.command.kind != "release"):  # for all but its caller, who has the answer
             self.get_logger().warning(f"{done} at {applied.time:.3f} s of simulated time")
         if applied.source == "command_timeout":
             names = ", ".join(applied.command.values)
@@ -341,15 +377,15 @@ class TwinNode(Node):
     def _record_command(self, topic: str, data: bytes) -> None:
         self._output.record([(topic, data)], self._stamp_ns())
 
-    def _tell_refused(self, topic: str, reason: str, count: int) -> None:
+    def _report_refused(self, topic: str, reason: str, count: int) -> None:
         refused, stamp_ns = RefusedCommand(self._loop.simulated_time, topic, reason, count), self._stamp_ns()
         self._output.send([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)
 
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set parameters as rclpy does, and count accepted and refused ones from all sources."""
         counts = self._diagnostics.counts
-        counts["parameters_refused"] += 1  # until it is taken: rclpy raises for a name that it does not know
-        if are_unchanged(self, parameter_list):  # also what is read-only
+        counts["parameters_refused"] += 1  # until it is accepted, as rclpy raises for an unknown name
+        if are_unchanged(self, parameter_list):  # accepted also for read-only parameters
             result = SetParametersResult(successful=True)
         else:
             result = super().set_parameters_atomically(parameter_list)

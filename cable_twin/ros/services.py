@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+import threading
+import time
+from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError  # another class than the builtin in Python 3.10
 from functools import partial
@@ -18,48 +21,74 @@ from std_srvs.srv import SetBool, Trigger
 from cable_twin.frame.commands import Kind, kinds_by_service
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.recording.splitting import MEGABYTE, STATES, STATES_SHARE, size_of_states
-from cable_twin.ros.emergency_stop import SERVICE as EMERGENCY_STOP
-from cable_twin.ros.executor import done
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.simulation.snapshot_file import SUFFIX, FullState
 
-SERVICE_TIMEOUT = 5.0  # s
-WRITING_TIMEOUT = 2.0  # s that an answer waits for the disk; commands are served meanwhile
+EMERGENCY_STOP = "emergency_stop"  # a service with a participant of its own, see `emergency_stop`
+TURN = 0.005  # s for which a waiting callback delays the others
+SERVICE_TIMEOUT = 5.0  # s that a request waits for a frame boundary
+WRITING_TIMEOUT = 2.0  # s that an answer waits for the disk
 NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
 
 
+async def done(future: Future[Any], *, turn: float = TURN, within: float = math.inf) -> None:
+    """Wait in a callback of a node for the future of another thread, while the executor runs other callbacks.
+
+    rclpy would resume a callback that awaits a future of its own as fast as it can, which takes as much of a core as
+    the solver does.
+
+    Args:
+        future: future of the other thread.
+        turn: time (s) for which other callbacks are delayed at a time.
+        within: time (s) after which to return in any case.
+    """
+    ended = threading.Event()
+    future.add_done_callback(lambda _: ended.set())
+    until = time.monotonic() + within
+    while not ended.wait(turn) and time.monotonic() < until:
+        await _Turn()
+
+
+class _Turn:
+    """Awaitable that lets other callbacks run once."""
+
+    def __await__(self) -> Generator[None, None, None]:
+        yield
+
+
 class _NothingSavedError(Exception):
-    """Failed snapshot: the reason, in one line."""
+    """Failure to save a snapshot: the reason, in one line."""
 
 
 class Services:
-    """Services of a frame loop: commands without numbers, pause, step and snapshots."""
+    """Services of a frame loop below the name of a node: commands without values, pause, step and snapshots.
+
+    Args:
+        node: node of the twin.
+        loop: frame loop.
+        directory: returns the directory for saved states.
+        step_count: returns the number of frames of a step.
+        keep_size: size (MB) that logs and saved states together may have there; 0 for no limit.
+    """
 
     def __init__(
-        self, loop: FrameLoop, directory: Callable[[], Path], step_count: Callable[[], int], keep_size: float = 0.0
+        self,
+        node: Node,
+        loop: FrameLoop,
+        directory: Callable[[], Path],
+        step_count: Callable[[], int],
+        keep_size: float,
     ) -> None:
-        """Prepare the services of a frame loop; `offer` creates them.
-
-        Args:
-            loop: whose they are.
-            directory: where states are saved, asked for each time.
-            step_count: frames of a step, asked for each time.
-            keep_size: MB that logs and saved states together may have there; 0 is no limit.
-        """
-        self._loop, self._keep_size = loop, keep_size
+        self._loop, self._keep_size, self._logger = loop, keep_size, node.get_logger()
         self._directory, self._step_count = directory, step_count
         self._writer = ThreadPoolExecutor(1, "snapshots")
-
-    def offer(self, node: Node) -> None:
-        """Create the services, below the name of the node."""
-        self._logger = node.get_logger()
         for service, kinds in kinds_by_service().items():
-            if service == EMERGENCY_STOP:  # waits for nothing that these wait for
+            if service == EMERGENCY_STOP:
                 continue
             service_type = Trigger if None in kinds else SetBool
             node.create_service(service_type, f"~/{service}", partial(self._on_command, kinds))
         node.create_service(SetBool, "~/pause", self._on_pause)
-        # of a group of its own: the others' callbacks do not wait until a step is done
+        # in a callback group of its own, so that others do not wait until a step is finished
         node.create_service(Trigger, "~/step", self._on_step, callback_group=ReentrantCallbackGroup())
         node.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
 
@@ -98,8 +127,8 @@ class Services:
     async def step(self, count: int, on_frame: Callable[[int], bool] | None = None) -> tuple[bool, str]:
         """Compute frames while paused, as fast as possible, while the node takes commands; returns success and message.
 
-        It waits without holding the executor, so that an emergency stop comes through. After each frame `on_frame` gets
-        how many there were, in the solver's thread, and says whether to go on.
+        After each frame `on_frame` takes the number of frames so far, in the solver's thread, and returns whether to
+        continue.
         """
         if not self._loop.paused:
             return False, "not paused: call ~/pause with true first"
@@ -121,10 +150,10 @@ class Services:
             return response
         writing = self._writer.submit(self._write, full)
         try:
-            await done(writing, within=WRITING_TIMEOUT)  # others are served meanwhile
+            await done(writing, within=WRITING_TIMEOUT)
             path = writing.result(0.0)
         except FutureTimeoutError:
-            writing.add_done_callback(self._tell_written)
+            writing.add_done_callback(self._log_written)
             response.success = False
             response.message = f"{_title(full)} is still being written: the log of the node says when it is saved"
         except _NothingSavedError as error:
@@ -143,7 +172,7 @@ class Services:
             for number in count(2):
                 if not path.exists():
                     break
-                path = path.with_name(f"{_title(full)}_{number}{SUFFIX}")  # that of a pause, or of another run
+                path = path.with_name(f"{_title(full)}_{number}{SUFFIX}")  # saved before in a pause, or in another run
             full.write(path)
         except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
             raise _NothingSavedError(f"nothing saved: {path}: {getattr(error, 'strerror', None) or error}") from error
@@ -162,7 +191,7 @@ class Services:
                 f"{stream.tell() / MEGABYTE:.3g} MB; allowed: half of keep_size, {allowed:g} MB; remove some"
             )
 
-    def _tell_written(self, writing: Future[Path]) -> None:
+    def _log_written(self, writing: Future[Path]) -> None:
         if writing.exception() is not None:
             self._logger.error(str(writing.exception()))
         else:

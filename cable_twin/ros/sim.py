@@ -10,9 +10,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cable_twin.basics.printable import printable, printable_lines
-from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
-from cable_twin.ros.node_parameters import PARAMETERS
-from cable_twin.terminal.command_line import faults_reported
+from cable_twin.ros.parameter_table import PARAMETERS
+from cable_twin.ros.startup import (
+    Ending,
+    new_executor,
+    prepare_middleware,
+    print_hint,
+    rcl_fault,
+    split_ros_arguments,
+)
+from cable_twin.terminal.command_line import OneLineParser, faults_reported
 
 if TYPE_CHECKING:
     from cable_twin.ros.node import TwinNode
@@ -32,8 +39,8 @@ examples:
   drive cabin --speed 5                  in another terminal: drive the cabin
 """
 
-LINGER = 0.5  # s in which whoever asked for another scenario gets the answer, before the node begins anew
-SWITCH_INTERVAL = 0.0005  # s a frame that is due may wait for another thread's Python; 5 ms where nobody says it
+LINGER = 0.5  # s in which the caller gets the answer to a loaded scenario, before the node is replaced
+SWITCH_INTERVAL = 0.0005  # s that a due frame may wait for another thread's Python; 5 ms by default
 
 
 def parser() -> OneLineParser:
@@ -90,10 +97,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         from rclpy.impl.implementation_singleton import rclpy_implementation  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-        from cable_twin.ros.declaration import ParameterError  # noqa: PLC0415
-        from cable_twin.ros.middleware import prepare_middleware  # noqa: PLC0415
-        from cable_twin.ros.node import TwinNode  # noqa: PLC0415
-        from cable_twin.ros.only_one import SecondTwinError  # noqa: PLC0415
+        from cable_twin.ros.node import SecondTwinError, TwinNode  # noqa: PLC0415
+        from cable_twin.ros.parameters import ParameterError  # noqa: PLC0415
     except ImportError as error:
         print_hint("sim", error)
         return 1
@@ -133,7 +138,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(node: TwinNode, ending: Ending) -> None:
     """Run a node until a signal, a fault of the program, or the loading of another scenario."""
-    from cable_twin.ros.executor import new_executor  # noqa: PLC0415
     from cable_twin.terminal.bars import StatusBar  # noqa: PLC0415 - as above
 
     executor = new_executor()
@@ -156,15 +160,15 @@ def _run(node: TwinNode, ending: Ending) -> None:
 
 def _next(node: TwinNode) -> TwinNode:
     """Node restarted with a loaded scenario, or with the previous one where the loaded one fails."""
-    from cable_twin.ros.live_parameters import inherited  # noqa: PLC0415 - as above
     from cable_twin.ros.node import TwinNode  # noqa: PLC0415
+    from cable_twin.ros.parameters import inherited  # noqa: PLC0415 - as above
 
     loading, fault = node.loading, ""
     try:
         return TwinNode(loading.loaded, inherited(node, loading.source, paused=loading.paused), node.emergency)
-    except Exception as error:  # nothing that is loaded ends the twin that runs
+    except Exception as error:  # no loaded scenario may end the running twin
         fault = printable_lines(error)
-    gc.collect()  # what was made of the node lets go of its names
+    gc.collect()  # so that the entities of the failed node give up their names
     print(
         f"sim: '{printable(loading.source)}' does not run: {fault}; the previous scenario keeps running",
         file=sys.stderr,
@@ -178,7 +182,7 @@ def _refuse_start(faults: str) -> int:
 
     for line in faults.splitlines():
         print(f"sim: {line}", file=sys.stderr)
-    gc.collect()  # what was made of the node goes before what it stands on, which crashes otherwise
+    gc.collect()  # entities of the node have to go before the context, or rclpy crashes
     rclpy.try_shutdown()
     return 1
 

@@ -42,7 +42,7 @@ from cable_twin.messages.cdr import STAMP, Template, marks
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.messages.templates import Point, Pose, Quaternion, Vector3, Wrench
 from cable_twin.messages.topics import JointState, Path, PoseArray, PoseStamped, WrenchStamped
-from cable_twin.ros.description import still_transforms
+from cable_twin.ros.rviz import static_transforms
 from cable_twin.scenario import load_scenario
 
 EPOCH = 1_700_000_000_123_456_789
@@ -266,7 +266,7 @@ def every_message() -> dict[str, bytes]:
             EPOCH, Status(1, "cable_twin", "late", {"lag (s)": "0.2", "missed frames": "3"})
         ),
         "/clock": clock_message(EPOCH),
-        "/tf_static": still_transforms(load_scenario("seed_example"), EPOCH),
+        "/tf_static": static_transforms(load_scenario("seed_example"), EPOCH),
     }
 
 

@@ -14,7 +14,7 @@ from ros_participant import Participant
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.ros.only_one import SecondTwinError, check_others
+from cable_twin.ros.node import SecondTwinError, check_single_instance
 
 TIME = r"\d+\.\d{3} s of simulated time"
 
@@ -214,4 +214,4 @@ def test_a_twin_of_another_machine_is_seen_by_what_it_publishes(participants):
     there.node.create_publisher(String, "/test_participant/scenario", 1)
     here.until(lambda: here.node.count_publishers("/test_participant/scenario"), what="discovery")
     with pytest.raises(SecondTwinError, match=rf"/test_participant runs already in ROS domain {domain}: .*second"):
-        check_others(here.node)
+        check_single_instance(here.node)

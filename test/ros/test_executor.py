@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
-from cable_twin.ros.executor import new_executor
+from cable_twin.ros.startup import new_executor
 
 
 @pytest.fixture

@@ -32,9 +32,8 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.topics import String
 from cable_twin.recording.log_writer import McapLog, run_metadata
-from cable_twin.ros.description import robot_description, still_transforms
-from cable_twin.ros.for_rviz import ForRviz
 from cable_twin.ros.markers import LIFETIME, REPEAT, Marker, Markers
+from cable_twin.ros.rviz import RvizTopics, robot_description, static_transforms
 from cable_twin.scenario import in_space, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -238,7 +237,7 @@ def test_rclpy_reads_the_same_markers(shown):
 
 def frames(simulation, messages, **names):
     """Transforms by child: parent, position, rotation; of `/tf` and `/tf_static` together, as a listener has them."""
-    still = still_transforms(simulation.scenario, STAMP, **names)
+    still = static_transforms(simulation.scenario, STAMP, **names)
     found = {}
     for data in (messages[TF], still):
         for one in decode(data, TYPES[TF]).transforms:
@@ -400,7 +399,7 @@ def test_frames_have_the_names_that_they_are_given(shown):
     links = [link.get("name") for link in robot.findall("link")]
     assert links[0] == FRAME_ID
     assert all(link.startswith(PREFIX) for link in links[1:])
-    for one in decode(still_transforms(simulation.scenario, STAMP, **names), TYPES[TF]).transforms:
+    for one in decode(static_transforms(simulation.scenario, STAMP, **names), TYPES[TF]).transforms:
         assert one.child_frame_id.startswith(PREFIX)
         assert one.header.frame_id == FRAME_ID or one.header.frame_id in links
     joints = {joint.get("name") for joint in robot.findall("joint")}
@@ -410,20 +409,20 @@ def test_frames_have_the_names_that_they_are_given(shown):
 def test_markers_are_made_while_somebody_shows_them_and_sent_again_where_none_come(shown):
     simulation, _, _, _ = shown
     sent, listening, again, subscribers = [], [], [], [0]
-    rviz = ForRviz(simulation, FrameNames())
+    rviz = RvizTopics(simulation, FrameNames())
     endpoints = SimpleNamespace(senders={MARKERS: sent.append, "cable": None}, listeners=lambda topic: subscribers[0])
-    senders = rviz.watching(endpoints)
+    senders = rviz.counted_senders(endpoints)
     assert senders.keys() == {MARKERS, "cable"}
     loop = SimpleNamespace(call=lambda function: function())
     output = SimpleNamespace(listen=lambda *given: listening.append(given), send_again=again.append)
     senders[MARKERS](b"1")
-    rviz.look(loop, output)
+    rviz.check_listeners(loop, output)
     assert (sent, listening, again) == ([b"1"], [(MARKERS, False)], [])
     subscribers[0] = 1
-    rviz.look(loop, output)  # none since the last look: a twin that is paused, say
+    rviz.check_listeners(loop, output)  # none since the last look: a twin that is paused, say
     assert (listening[-1], again) == ((MARKERS, True), [MARKERS])
     senders[MARKERS](b"2")
-    rviz.look(loop, output)  # one has come since
+    rviz.check_listeners(loop, output)  # one has come since
     assert again == [MARKERS]
 
 
@@ -469,7 +468,7 @@ def test_reruns_own_loader_shows_rope_and_vehicles_of_a_bag(shown, tmp_path):
     log = McapLog(tmp_path / "run", table, run_metadata(scenario="shown", frame_period=0.01, sample_count=200))
     log.begin(STAMP)
     log.write(ROBOT_DESCRIPTION, STAMP, serialize(String(robot_description(simulation.scenario))))
-    log.write(TF_STATIC, STAMP, still_transforms(simulation.scenario, STAMP))
+    log.write(TF_STATIC, STAMP, static_transforms(simulation.scenario, STAMP))
     encoder = MessageEncoder(simulation.layout, STAMP)
     for moment in (simulation.snapshot, snapshot):
         for topic, data in encoder.frame(moment, ["cable", TF]):

@@ -17,7 +17,7 @@ from twin_process import write_quick_scenario
 from cable_twin.messages import TYPESTORE, serialize
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
-from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.ros.parameter_table import PARAMETERS
 
 pytest.importorskip("rclpy")
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue

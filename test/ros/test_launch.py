@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 
 from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import topics
-from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.ros.parameter_table import PARAMETERS
 from cable_twin.scenario import load_scenario, scenario_names
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import pytest
 from twin_process import COMPILING, write_quick_scenario
 
-from cable_twin.ros.middleware import (
+from cable_twin.ros.startup import (
     ANNOUNCED_EVERY,
     ANNOUNCEMENTS,
     DISCOVERY,

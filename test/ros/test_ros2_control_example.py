@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.messages import JOINT_STATES
-from cable_twin.ros.node_parameters import PARAMETERS
+from cable_twin.ros.parameter_table import PARAMETERS
 from cable_twin.scenario import load_scenario
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "ros2_control"

@@ -27,7 +27,7 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 
-from cable_twin.ros.status import drive_hint
+from cable_twin.ros.diagnostics import drive_hint
 
 TWIN = "/south/cable_twin"
 REMAPS = ["__ns:=/south", "/clock:=/south/clock", "~/joint_states:=/js", "~/joint_commands:=/desk"]

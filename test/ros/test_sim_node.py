@@ -15,8 +15,8 @@ from topics_page import services_of_page, topics_of_page
 from twin_process import PATIENCE, TwinProcess, gaps, stamps, write_quick_scenario
 
 from cable_twin.frame.records import Command
-from cable_twin.ros.incoming import WARNING_PERIOD
-from cable_twin.ros.node_parameters import CHANGING, PARAMETERS
+from cable_twin.ros.command_subscriber import WARNING_PERIOD
+from cable_twin.ros.parameter_table import CHANGING, PARAMETERS
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from frame_loops import frame_loop
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import Nodetype
 from twin_process import PATIENCE, wait_until
@@ -21,14 +22,12 @@ from twin_process import PATIENCE, wait_until
 pytest.importorskip("rclpy")
 import rclpy
 
+from cable_twin.messages import FrameNames
 from cable_twin.ros.services import Services
-from cable_twin.ros.simulation_services import FEATURES, SimulationServices
-from cable_twin.ros.world_loading import WorldLoading
-from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.ros.simulation_services import FEATURES, SimulationServices, WorldLoading, service_name
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.runtime.scenario_reading import ScenarioReader
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
 
 DEFINITIONS = Path(__file__).with_name("simulation_interfaces.txt")
 PACKAGE = "simulation_interfaces"
@@ -97,32 +96,19 @@ def frozen(message):
 @pytest.fixture(scope="module")
 def twin():
     """The answers of a paused loop, and its parts."""
-    simulation = Simulation(load_scenario("single_span", {"cable.elements": 10}))
-    loop = FrameLoop(
-        simulation,
-        frame_steps=2,
-        real_time_factor=1.0,
-        command_timeout=0.5,
-        on_run=lambda first: None,
-        prepare=lambda snapshot: snapshot,
-        publish=lambda frame: None,
-        before_command=lambda: None,
-        on_applied=lambda applied: None,
-        on_fault=lambda line: None,
-        paused=True,
-    )
+    loop = frame_loop("single_span", paused=True)
+    simulation = loop._simulation
     clock = RunClock()
     clock.begin(0.0)
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node("services", context=context)
-    services = Services(loop, Path, lambda: 1)
-    services.offer(node)
+    services = Services(node, loop, Path, lambda: 1, 0.0)
     kinds = SimpleNamespace(**{name: lambda name=name: make(name) for name in ("EntityState", "WorldResource")})
     loop.start()
     loading = WorldLoading(node, loop, lambda simulation: None, "single_span")
     reader = ScenarioReader([], "single_span")
-    answers = SimulationServices(simulation, loop, clock, services, loading, reader, kinds)
+    answers = SimulationServices(simulation, loop, clock, services, loading, reader, kinds, FrameNames())
     yield SimpleNamespace(answers=answers, loop=loop, simulation=simulation, loading=loading)
     loop.stop()
     services.close()
@@ -197,7 +183,7 @@ def call(twin):
                 setattr(getattr(request, target), rest[0], value)
             else:
                 setattr(request, target, value)
-        answer = driven(twin.answers.handlers[service](request, response))
+        answer = driven(getattr(twin.answers, service_name(service))(request, response))
         assert STORE.serialize_cdr(frozen(answer), answer._type)
         return answer
 
@@ -338,7 +324,7 @@ def test_a_world_is_built_before_the_one_that_runs_ends(twin, call):
     assert "given 60.0, within 'cabin' at 60.0" in answer.error_message
     assert (twin.loop.paused, twin.loading.busy) == (False, False)  # it goes on as it was
     asked = []
-    coroutine = twin.answers.handlers["LoadWorld"](
+    coroutine = twin.answers.load_world(
         SimpleNamespace(world_resource=SimpleNamespace(uri="seed_example", resource_string="")),
         make("LoadWorld_Response"),
     )

@@ -27,7 +27,7 @@ from verification.ropes import clamped
 pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.ros.status import Status, live_hint
+from cable_twin.ros.diagnostics import StatusLine, live_hint
 from cable_twin.runtime.watches import FigureWatch
 
 ROWS, COLUMNS = 24, 150
@@ -180,7 +180,7 @@ def status_of(scenario, **counts):
     diagnostics = SimpleNamespace(
         counts={"commands_applied": 0, **counts}, recording=SimpleNamespace(problem=lambda: None)
     )
-    return Status(simulation, loop, SimpleNamespace(figures=figures, run=None), diagnostics, TopicNames())
+    return StatusLine(simulation, loop, SimpleNamespace(figures=figures, run=None), diagnostics, TopicNames())
 
 
 def test_on_eighty_columns_it_says_how_to_drive_and_then_the_tension():

@@ -11,7 +11,7 @@ from frame_loops import frame_loop
 from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.frame.records import Command, CommandError, Goal
-from cable_twin.ros.client.trip import points_of, tower_places
+from cable_twin.ros.client.driver import points_of, tower_places
 from cable_twin.runtime.point_to_point import SOURCE, Goals
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

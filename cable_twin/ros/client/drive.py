@@ -15,20 +15,18 @@ from rich.status import Status
 
 from cable_twin.basics.printable import printable_lines
 from cable_twin.frame.commands import KINDS, Kind
-from cable_twin.ros.client.twin_client import TwinClient, TwinError
-from cable_twin.ros.client.twin_list import list_twins
-from cable_twin.ros.command_line import Ending, OneLineParser, print_hint, rcl_fault, split_ros_arguments
-from cable_twin.ros.middleware import prepare_middleware
-from cable_twin.terminal.command_line import INTERRUPTED, faults_reported
+from cable_twin.ros.client.twin_client import TwinClient, TwinError, list_twins
+from cable_twin.ros.startup import Ending, prepare_middleware, print_hint, rcl_fault, split_ros_arguments
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, faults_reported
 
-DISCOVERY = 10.0  # s to find the twin, where --wait does not say it
-# what is no command: service, what it is called with, and what it does
+DISCOVERY = 10.0  # s to find the twin, unless --wait is given
+# requests that are no commands: service, its argument, and help
 ACTIONS: dict[str, tuple[str, bool | None, str]] = {
     "pause": ("pause", True, "pause the simulation"),
     "resume": ("pause", False, "resume the simulation"),
     "snapshot": ("save_snapshot", None, "write the full state to a file and print its path"),
 }
-TOLD = {name: kind for name, kind in KINDS.items() if kind.topic or kind.service}  # gusts come by scripts
+COMMANDS = {name: kind for name, kind in KINDS.items() if kind.topic or kind.service}  # all but gusts
 EPILOG = """\
 --speed and --force are sent again and again until Ctrl-C or the end of --duration; then the twin is told to stop. (If
 `drive` is killed, the twin stops by itself after `command_timeout`.) --to ends when the vehicle stands within 0.1 m of
@@ -67,7 +65,7 @@ def parser() -> OneLineParser:
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     result.usage = USAGE  # argparse breaks so long a choice within a word
     what = result.add_mutually_exclusive_group(required=True)
-    for kind in TOLD.values():
+    for kind in COMMANDS.values():
         option, unit = _option(kind), kind.unit.upper()
         if kind.axes:
             what.add_argument(option, type=_number, nargs="+", help=f"{kind.unit}: {kind.help}", metavar=unit)
@@ -114,8 +112,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     arguments = parser()
     options = arguments.parse_args(own)
-    given = {kind.name: getattr(options, kind.name) for kind in TOLD.values()}
-    kind = next((TOLD[name] for name, value in given.items() if value is not None and value is not False), None)
+    given = {kind.name: getattr(options, kind.name) for kind in COMMANDS.values()}
+    kind = next((COMMANDS[name] for name, value in given.items() if value is not None and value is not False), None)
     if fault := _fault(options, kind):
         arguments.error(fault)
     ending = Ending("drive")
@@ -140,7 +138,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if (kind is not None and kind.drives) or options.to is not None:
             fault = _drive(node, kind, options, ending)
         else:
-            fault = _tell(node, kind, options, ending)
+            fault = _request(node, kind, options, ending)
     except KeyboardInterrupt:
         return INTERRUPTED
     finally:
@@ -176,7 +174,7 @@ def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
 
 
 def _options(wanted: Callable[[Kind], object]) -> str:
-    return ", ".join(_option(kind) for kind in TOLD.values() if wanted(kind))
+    return ", ".join(_option(kind) for kind in COMMANDS.values() if wanted(kind))
 
 
 def _option(kind: Kind) -> str:
@@ -190,8 +188,7 @@ def _waiting(text: str) -> Status:
 
 def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
     """Repeat a drive command until the end; returns the error message, empty without an error."""
-    from cable_twin.ros.client.repeated_drive import Driver  # noqa: PLC0415 - an emergency stop does not wait for these
-    from cable_twin.ros.client.trip import Trip  # noqa: PLC0415
+    from cable_twin.ros.client.driver import Driver, Trip  # noqa: PLC0415 - an emergency stop does without
 
     driver = (
         Trip(node, options, ending)
@@ -205,7 +202,7 @@ def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: En
     return fault or driver.run() or ""
 
 
-def _tell(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
+def _request(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
     """Send one request and print its answer; returns the error message, empty without an error."""
     if options.list:
         with _waiting("looking for twins"):

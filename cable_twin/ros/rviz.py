@@ -1,26 +1,40 @@
-"""Messages sent to RViz once: the vehicles as a URDF, and the static frames.
+"""Topics for RViz beside the state topics: markers, static frames, and vehicles as a URDF.
 
-Links are named as the frames of `/tf`, joints as in `joint_states`. The frame of a body is at its centre of mass
-without payload and a joint of a URDF is at the frame of its child, so each body has one more frame, at the pin from
-which it hangs. The way of a vehicle along the rope is a straight joint from the start of the rope to its end in the
-URDF; the poses are those of `/tf`. Its limits are those beyond which commands are refused: places before the end stops,
-or the travel of a drive, speed and force; an effort of 0 is one that takes no force.
+Links of the URDF are named as the frames of `/tf`, joints as in `joint_states`. The frame of a body is at its centre of
+mass without payload and a joint of a URDF is at the frame of its child, so each body has one more frame, at the pin
+from which it hangs. A vehicle moves along the rope on a prismatic joint from the start of the rope to its end; the poses
+are those of `/tf`. Limits are those beyond which commands are refused: places before the end stops, or the travel of a
+drive, speed and force; an effort of 0 means that it takes no force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
 from math import dist, inf
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.geometry.bodies import THICK, body_bars, body_box
-from cable_twin.messages import header, serialize
-from cable_twin.messages.topics import TFMessage
-from cable_twin.ros.client.twin_list import UNLIMITED
+from cable_twin.frame.snapshot import Columns
+from cable_twin.geometry.bodies import body_box
+from cable_twin.geometry.bodies import THICK, body_bars
+from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, FrameNames, header, serialize
+from cable_twin.messages.frame import Filled
+from cable_twin.messages.topics import String, TFMessage
+from cable_twin.ros.client.twin_client import UNLIMITED
+from cable_twin.ros.markers import Markers
+from cable_twin.ros.startup import is_installed
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.output import Output
 from cable_twin.scenario import Scenario, command_limits, in_space, limits_of, places_of
 from cable_twin.scenario.sections.vehicles import Body, Carriage
+from cable_twin.simulation import Simulation
+
+if TYPE_CHECKING:
+    from cable_twin.ros.endpoints import Endpoints
 
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
@@ -33,12 +47,64 @@ Element = ElementTree.Element
 Place = tuple[float, ...]  # x, y, z
 
 
+class RvizTopics:
+    """Topics for RViz, as far as their message packages are installed.
+
+    Args:
+        simulation: running simulation.
+        frames: names of coordinate frames.
+
+    Attributes:
+        present: options of `topics`; `/tf` is logged also where its messages are not installed.
+        makers: makers of messages that are published with frames, by topic.
+    """
+
+    def __init__(self, simulation: Simulation, frames: FrameNames) -> None:
+        self._scenario = simulation.scenario
+        self._names = {"frame_id": frames.frame_id, "prefix": frames.frame_prefix}
+        markers = is_installed("visualization_msgs")
+        self.present = {"tf": True, "markers": markers, "robot": True}
+        make = partial(Markers, self._scenario, simulation.layout, frame_id=self._names["frame_id"])
+        self.makers: dict[str, Callable[[Columns], Filled]] = {MARKERS: make} if markers else {}
+        self._listeners: Callable[[], int] = int  # 0
+        self._sent = self._sent_before = 0  # messages of markers, in all and until the last check
+
+    def counted_senders(self, endpoints: Endpoints) -> dict[str, Callable[[bytes], None]]:
+        """Senders of topics by name; that of the markers counts its messages."""
+        if MARKERS not in self.makers:
+            return dict(endpoints.senders)
+        self._listeners, send = partial(endpoints.listeners, MARKERS), endpoints.senders[MARKERS]
+
+        def count_and_send(data: bytes) -> None:
+            self._sent += 1
+            send(data)
+
+        return {**endpoints.senders, MARKERS: count_and_send}
+
+    def check_listeners(self, loop: FrameLoop, output: Output) -> None:
+        """Build markers only while subscribed, and repeat the present ones if none were sent since the last call.
+
+        Markers are a fifth of the cost of a frame without logs; a paused or slow twin sends none by itself.
+        """
+        listening = self._listeners() > 0
+        output.listen(MARKERS, listening)
+        if listening and self._sent == self._sent_before:
+            loop.call(partial(output.send_again, MARKERS))
+        self._sent_before = self._sent
+
+    def once(self) -> list[tuple[str, bytes]]:
+        """Messages sent once, latched for late subscribers."""
+        described = serialize(String(robot_description(self._scenario, **self._names)))
+        static = static_transforms(self._scenario, time.time_ns(), **self._names)
+        return [(ROBOT_DESCRIPTION, described), (TF_STATIC, static)]
+
+
 def pivot_frame(vehicle: str, body: str) -> str:
     """Name of the frame at the pin from which a body hangs."""
     return f"{vehicle}/{body}/pivot"
 
 
-def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
+def static_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
     """Static frames: name, parent frame (None: the fixed frame), place x, y, z (m) in the parent."""
     for rope, cable in scenario.cables.items():
         for name, end in zip(scenario.end_names(rope), (cable.start, cable.end), strict=True):
@@ -50,22 +116,22 @@ def still_places(scenario: Scenario) -> Iterator[tuple[str, str | None, Place]]:
             yield pivot_frame(vehicle, name), f"{vehicle}/{name}", in_space(body.upper_pivot)
 
 
-def still_transforms(scenario: Scenario, stamp_ns: int, *, frame_id: str = "map", prefix: str = "") -> bytes:
+def static_transforms(scenario: Scenario, stamp_ns: int, *, frame_id: str = "map", prefix: str = "") -> bytes:
     """Encode the static frames as tf2_msgs/TFMessage.
 
     Args:
-        scenario: What runs.
-        stamp_ns: ns since 1970.
-        frame_id: Of the fixed frame.
-        prefix: In front of the names of all other frames.
+        scenario: running scenario.
+        stamp_ns: time stamp, ns since 1970.
+        frame_id: name of the fixed frame.
+        prefix: prefix of the names of all other frames.
     """
     transforms = [
         TransformStamped(
-            header(stamp_ns, frame_id if seen_from is None else f"{prefix}{seen_from}"),
+            header(stamp_ns, frame_id if parent is None else f"{prefix}{parent}"),
             f"{prefix}{name}",
             Transform(Vector3(*map(float, place)), Quaternion(0.0, 0.0, 0.0, 1.0)),
         )
-        for name, seen_from, place in still_places(scenario)
+        for name, parent, place in static_places(scenario)
     ]
     return serialize(TFMessage(transforms))
 
@@ -74,9 +140,9 @@ def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str 
     """URDF of all vehicles of a scenario, and of the drive of a moving cable.
 
     Args:
-        scenario: What runs.
-        frame_id: Name of the root link.
-        prefix: In front of the names of all other links.
+        scenario: running scenario.
+        frame_id: name of the root link.
+        prefix: prefix of the names of all other links.
     """
     robot = Element("robot", name=scenario.name)
     _add(robot, "link", name=frame_id)
@@ -92,7 +158,7 @@ def robot_description(scenario: Scenario, *, frame_id: str = "map", prefix: str 
 
 
 def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, child: str) -> None:
-    """Add a prismatic joint for motion along the rope, drawn straight but with place and speed along the rope."""
+    """Add a prismatic joint for motion along the rope, straight between its ends, with limits along the rope."""
     vehicle = scenario.vehicles.get(name)
     rope = None if vehicle is None else vehicle.rope
     cable = scenario.cable if rope is None else scenario.ropes[rope]
@@ -103,13 +169,13 @@ def _rope_joint(robot: Element, scenario: Scenario, name: str, parent: str, chil
     on_loop = name not in scenario.drives and name not in scenario.carriages
     lower, upper = (0.0, scenario.loop_length) if on_loop else places_of(scenario, name)
     limits = limits_of(scenario, name)
-    speed, effort = (_moved(scenario, vehicle), 0.0) if limits is None else limits
+    speed, effort = (_highest_speed(scenario, vehicle), 0.0) if limits is None else limits
     numbers = {"lower": lower, "upper": upper, "velocity": speed, "effort": effort}
     bounded = {key: min(max(value, -UNLIMITED), UNLIMITED) for key, value in numbers.items()}
     _add(joint, "limit", **{key: f"{value:.9g}" for key, value in bounded.items()})
 
 
-def _moved(scenario: Scenario, vehicle: Carriage | None) -> float:
+def _highest_speed(scenario: Scenario, vehicle: Carriage | None) -> float:
     """Speed limit (m/s) of a vehicle without commands: of the fastest drive, 0 of a fixed vehicle."""
     if vehicle is None or vehicle.joint == "fixed":
         return 0.0
@@ -117,7 +183,7 @@ def _moved(scenario: Scenario, vehicle: Carriage | None) -> float:
 
 
 def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> None:
-    """Add links and joints of the bodies of a vehicle, each below the one before."""
+    """Add links and joints of the bodies of a vehicle, each hung from the previous one."""
     above, hook = vehicle, in_space((0.0, 0.0))
     for name, body in carriage.bodies.items():
         pivot, centre = pivot_frame(vehicle, name), f"{vehicle}/{name}"
@@ -131,7 +197,7 @@ def _chain(robot: Element, vehicle: str, carriage: Carriage, prefix: str) -> Non
         link = _add(robot, "link", name=f"{prefix}{centre}")
         inertial = _add(link, "inertial")
         _add(inertial, "mass", value=f"{body.mass:.9g}")
-        # about y; in a plane the others stand for what it does not have
+        # in a plane the moment about y stands also for the others, which it does not have
         moments = (*(body.inertia_tensor or 3 * (body.inertia,)), 0.0, 0.0, 0.0)
         _add(inertial, "inertia", **{axes: f"{moment:.9g}" for axes, moment in zip(MOMENTS, moments, strict=False)})
         _shapes(link, body)
@@ -166,6 +232,3 @@ def _joint(robot: Element, name: str, kind: str, parent: str, child: str, place:
 
 def _add(parent: Element, tag: str, **attributes: str) -> Element:
     return ElementTree.SubElement(parent, tag, attributes)
-
-
-__all__ = ["pivot_frame", "robot_description", "still_places", "still_transforms"]

@@ -1,7 +1,8 @@
-"""Commands from topics: applied whole and recorded unchanged, or refused whole, counted and named."""
+"""Commands from topics: each applied and recorded as a whole, or refused as a whole, counted and reported."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,21 +16,21 @@ from cable_twin.messages import stamp_in
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.runtime.frame_loop import FrameLoop
 
-WARNING_PERIOD = 5.0  # s between two warnings of refused commands
-TELLING_PERIOD = 0.05  # s between two of them that are told on their topic
+WARNING_PERIOD = 5.0  # s between two log warnings about refused commands
+MESSAGE_PERIOD = 0.05  # s between two messages about refused commands on their topic
 LONGEST_REASON = 400  # characters
 SECOND = 1.0  # s over which commands are counted
 
 
 @dataclass(frozen=True, slots=True)
 class CommandLimits:
-    """Limits of accepted commands from topics.
+    """Limits beyond which commands from topics are refused.
 
     Attributes:
-        size: bytes of a message; what is larger is not decoded.
-        rate: commands in a second while time runs, all topics together; what comes beyond is refused.
-        names: in one message; there are no more joints.
-        age: s by which a stamp may differ from that of the newest frame; 0 where stamps do not count.
+        size: size (bytes) of a message, checked before it is decoded.
+        rate: commands per second of all topics together, while simulated time runs.
+        names: number of names in a message.
+        age: difference (s) of a stamp from that of the newest frame; 0 to ignore stamps.
     """
 
     size: int
@@ -38,19 +39,20 @@ class CommandLimits:
     age: float = 0.0
 
 
-class Incoming:
+class CommandSubscriber:
     """Subscriber to the command topics of a twin.
 
     Args:
-        loop: that carries commands out.
-        limits: beyond which commands are refused before the loop hears of them.
-        counts: of the diagnostics, which has `commands_refused`.
-        logger: of the node.
-        full_name: of a topic, as it is remapped.
-        now_ns: stamp (ns) of the newest frame.
-        record: is given each message that took effect, with its topic; nothing of what is refused, which may be large.
-        tell_refused: is given the topic, the reason in a line, and how many commands were refused so far; as often as
-            `TELLING_PERIOD` allows.
+        loop: frame loop, which applies commands.
+        limits: limits that are checked before a command is passed to the loop.
+        counts: counts of the diagnostics, of which `commands_refused` is updated.
+        logger: logger of the node.
+        full_name: returns the full, remapped name of a topic.
+        now_ns: returns the stamp (ns) of the newest frame.
+        record: called with the topic and the bytes of each applied command.
+        report_refused: called with the topic, the reason in a line, and the number of refused commands so far, at most
+            once in `MESSAGE_PERIOD`.
+        clock: returns the time (s) of a steady clock.
     """
 
     def __init__(
@@ -62,14 +64,14 @@ class Incoming:
         full_name: Callable[[str], str],
         now_ns: Callable[[], int],
         record: Callable[[str, bytes], None],
-        tell_refused: Callable[[str, str, int], None],
+        report_refused: Callable[[str, str, int], None],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._loop, self._limits, self._counts, self._logger = loop, limits, counts, logger
         self._full_name, self._now_ns = full_name, now_ns
-        self._record, self._tell_refused = record, tell_refused
-        self._warned = -WARNING_PERIOD  # s, when a refused command was last named
-        self._told = -TELLING_PERIOD  # s, when one was last told on the topic
-        self._second, self._taken = -SECOND, 0  # s, since when commands are counted, and how many there were
+        self._record, self._report_refused, self._clock = record, report_refused, clock
+        self._warned = self._reported = self._second = -math.inf  # s: last warning, last message, begin of the count
+        self._accepted = 0  # commands since then
 
     def take(self, topic: str, data: bytes) -> None:
         """Accept or refuse a message of a topic of `INPUTS`."""
@@ -82,7 +84,7 @@ class Incoming:
         except CommandError as error:
             self._refuse(topic, error)
             return
-        self._loop.submit(command, topic).add_done_callback(partial(self._on_obeyed, topic, data))
+        self._loop.submit(command, topic).add_done_callback(partial(self._on_applied, topic, data))
 
     def _check_age(self, stamp_ns: int) -> None:
         """Refuse a stamp (ns) too far from the newest frame; a stamp of 0 is accepted."""
@@ -97,15 +99,15 @@ class Incoming:
     def _count(self) -> None:
         """Refuse commands beyond the rate limit while time runs; commands refused by earlier checks do not count."""
         if self._loop.paused:
-            return  # in lockstep a controller goes as fast as the frames, and holds up nobody
-        now = time.monotonic()
+            return  # in lockstep the controller sets the pace
+        now = self._clock()
         if now - self._second >= SECOND:
-            self._second, self._taken = now, 0
-        self._taken += 1
-        if self._taken > self._limits.rate:
+            self._second, self._accepted = now, 0
+        self._accepted += 1
+        if self._accepted > self._limits.rate:
             raise CommandError(f"more commands than {self._limits.rate} a second")
 
-    def _on_obeyed(self, topic: str, data: bytes, future: Any) -> None:
+    def _on_applied(self, topic: str, data: bytes, future: Any) -> None:
         if future.cancelled():
             return
         if (error := future.exception()) is not None:
@@ -115,16 +117,13 @@ class Incoming:
 
     def _refuse(self, topic: str, error: BaseException) -> None:
         self._counts["commands_refused"] += 1
-        now, count, reason = time.monotonic(), self._counts["commands_refused"], printable(error, LONGEST_REASON)
-        if now - self._told >= TELLING_PERIOD:
-            self._told = now
-            self._tell_refused(topic, reason, count)
+        now, count, reason = self._clock(), self._counts["commands_refused"], printable(error, LONGEST_REASON)
+        if now - self._reported >= MESSAGE_PERIOD:
+            self._reported = now
+            self._report_refused(topic, reason, count)
         if now - self._warned >= WARNING_PERIOD:
             self._warned = now
             self._logger.warning(
                 f"{self._full_name(topic)}: command refused, the previous one stays in force: {reason} "
                 f"({count} refused so far)"
             )
-
-
-__all__ = ["CommandLimits", "Incoming"]

@@ -10,7 +10,7 @@ from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.messages import SECOND, JointState, header, serialize
 from cable_twin.messages.command_messages import command_from_joint_state
-from cable_twin.ros.incoming import LONGEST_REASON, WARNING_PERIOD, CommandLimits, Incoming
+from cable_twin.ros.command_subscriber import LONGEST_REASON, WARNING_PERIOD, CommandLimits, CommandSubscriber
 
 MANY = 20_000  # names
 NOW = 1_700_000_000 * SECOND  # ns, stamp of the newest frame
@@ -26,15 +26,17 @@ class Taken:
         limits = CommandLimits(**{"size": 65_536, "rate": 1000, "names": 9} | limits)
         record = lambda topic, data: self.recorded.append((topic, data))  # noqa: E731
         tell = lambda *refused: self.refused.append(refused)  # noqa: E731
-        self.incoming = Incoming(
-            self.loop, limits, self.counts, self, "/cable_twin/{}".format, lambda: NOW, record, tell
+        self.now = 0.0  # s
+        name, clock = "/cable_twin/{}".format, lambda: self.now
+        self.subscriber = CommandSubscriber(
+            self.loop, limits, self.counts, self, name, lambda: NOW, record, tell, clock
         )
 
     def warning(self, line):
         self.lines.append(line)
 
     def take(self, data):
-        self.incoming.take(JOINT_COMMANDS, data)
+        self.subscriber.take(JOINT_COMMANDS, data)
         self.loop._handle_requests()
 
 
@@ -117,7 +119,7 @@ def test_commands_beyond_the_rate_are_refused_and_refused_ones_crowd_nobody_out(
         taken.take(command("cabin"))
     assert len(taken.applied) == 30
     taken.loop.pause(False)
-    taken.incoming._second -= 1.0
+    taken.now += 1.0
     taken.take(command("cabin"))
     assert len(taken.applied) == 31
 
@@ -127,12 +129,10 @@ def test_a_stream_of_refused_commands_is_one_line_and_some_messages():
     taken = Taken()
     for _ in range(50):
         taken.take(command("nobody"))
-        taken.incoming._told -= 0.02  # so much time has gone by
+        taken.now += 0.02
     assert len(taken.lines) == 1
-    told = [count for *_, count in taken.refused]
-    assert told[0] == 1
-    assert len(told) < 30  # 17, and more where the machine stalls
-    taken.incoming._warned -= WARNING_PERIOD
+    assert [count for *_, count in taken.refused] == [*range(1, 51, 3)]
+    taken.now += WARNING_PERIOD
     taken.take(command("nobody"))
     assert "51 refused so far" in taken.lines[1]
 

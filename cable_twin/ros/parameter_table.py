@@ -11,8 +11,8 @@ from cable_twin.frame.rates import EVERY_FRAME, LOGGED, PUBLISHED
 from cable_twin.recording.splitting import Splitting
 
 RERUN_MODES = ("none", "file", "live", "web")
-FALSE = ("off", "false")  # what stands for none; YAML reads the former as the latter
-CHANGING = ("scenario", "command_timeout", "step_count")  # may be set while the twin runs
+FALSE = ("off", "false")  # accepted for "none"; YAML reads off as false
+CHANGING = ("scenario", "command_timeout", "step_count")  # parameters that may be set while the twin runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-    pattern: str = ""  # that a text has to match
+    pattern: str = ""  # of a valid text
 
     @property
     def placeholder(self) -> str:
@@ -45,7 +45,7 @@ class Parameter:
             text += f" ({', '.join(self.choices)})"
         return text
 
-    def meant(self, value: Any) -> Any:
+    def converted(self, value: Any) -> Any:
         """Value converted to the type of the parameter: an integer to a double, false to "none"."""
         if isinstance(self.default, float) and isinstance(value, int) and not isinstance(value, bool):
             return float(value)

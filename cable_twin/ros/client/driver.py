@@ -1,4 +1,4 @@
-"""Repeated drive commands from a terminal, until an end condition."""
+"""Drive commands from a terminal until an end condition: repeated speeds and forces, and trips to a place."""
 
 from __future__ import annotations
 
@@ -10,32 +10,34 @@ import sys
 import time
 from typing import Any
 
+import numpy as np
+
 from cable_twin.basics.printable import LONGEST_MESSAGE, printable
-from cable_twin.frame.commands import Kind
+from cable_twin.frame.commands import KINDS, Kind
 from cable_twin.messages import APPLIED_COMMANDS, REFUSED_COMMANDS
 from cable_twin.messages.command_messages import applied_command_from_message
-from cable_twin.ros.client.twin_client import ANSWER, nobody_listens
-from cable_twin.ros.client.twin_list import published_scenario
-from cable_twin.ros.command_line import Ending
+from cable_twin.ros.client.twin_client import ANSWER, nobody_listens, published_scenario
+from cable_twin.ros.startup import Ending
+from cable_twin.scenario import Scenario, load_scenario
 
 RATE = 20.0  # Hz, well inside the node's command time-out
-REFUSING = 0.5  # s without a command that is applied, from which on a refusal is one of ours
+REFUSING = 0.5  # s without an applied command, after which a refusal is that of our commands
 UNANSWERED = (
     f"the twin has applied no command for {ANSWER:g} s: it may have ended, or its emergency stop is in force; its "
     "terminal shows the reason of each refusal"
 )
-TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two lines for people and for a file
+TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two state lines on a terminal, and in a file
 
 
 class Driver:
-    """Repeated commands to one carriage or drive, with the answers of the twin.
+    """Repeated commands to one carriage or drive, with a line about its state and the answers of the twin.
 
     Args:
-        node: of rclpy.
-        kind: of the commands.
-        value: in its unit.
-        options: `name`, `ramp` (s), `duration` (s or None), `node` and `wait` (s), as the command has them.
-        ending: whether to end.
+        node: node of rclpy.
+        kind: kind of the commands.
+        value: commanded value, in the unit of the kind.
+        options: options of `drive`: `name`, `ramp` (s), `duration` (s or None), `node` and `wait` (s).
+        ending: flag of the signals that end the command.
     """
 
     def __init__(self, node: Any, kind: Kind, value: float, options: argparse.Namespace, ending: Ending) -> None:
@@ -47,11 +49,11 @@ class Driver:
         self._node, self._kind, self._value, self._options, self._ending = node, kind, value, options, ending
         self._message_type = JointState
         self._states: dict[str, tuple[float, float, float]] = {}  # arc length (m), speed (m/s), drive force (N)
-        self._heard = False  # any joint states
+        self._heard = False  # whether joint states were received
         self._scenario: dict[str, Any] | None = None
-        self._answered = math.inf  # s of the clock
-        self._applied = False  # any command
-        self._refusal = ""  # why the twin has refused the newest one
+        self._answered = math.inf  # clock (s) of the newest applied command
+        self._applied = False  # whether any command was applied
+        self._refusal = ""  # message about the newest refused command
         twin = options.node
         self._publisher = node.create_publisher(JointState, f"{twin}/{kind.topic}", 10)
         self._topic = self._publisher.topic_name  # as remapped
@@ -81,12 +83,12 @@ class Driver:
         """Send commands until the end, and stop the drive in every case; returns the error message."""
         try:
             fault = self._send_until_the_end()
-        except BrokenPipeError:  # nobody reads on: as Ctrl-C
+        except BrokenPipeError:  # the reader of a pipe has ended: as Ctrl-C
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return None
         finally:
             self._stop()
-        return fault or self._unheard()
+        return fault or self._unanswered()
 
     def _send_until_the_end(self) -> str | None:
         unit = self._kind.unit
@@ -116,7 +118,7 @@ class Driver:
         if terminal:
             print()
         if value is None:
-            self._tell_end(time.monotonic() - started)
+            self._report_end(time.monotonic() - started)
         return fault
 
     def _next(self, elapsed: float) -> float | None:
@@ -128,10 +130,10 @@ class Driver:
 
     def _fault(self) -> str | None:
         """Refusal message that ends the command, in a line; None otherwise."""
-        taken = time.monotonic() - self._answered < REFUSING  # then it was somebody else's that was refused
-        return None if taken else self._refusal or None
+        applied = time.monotonic() - self._answered < REFUSING  # then the refused command was of another sender
+        return None if applied else self._refusal or None
 
-    def _unheard(self) -> str | None:
+    def _unanswered(self) -> str | None:
         """Error message where no sent command, the final stop included, was applied; None otherwise."""
         deadline = time.monotonic() + ANSWER
         while not self._applied and not self._ending.is_set():
@@ -140,11 +142,11 @@ class Driver:
             self._spin(0.05)
         return None
 
-    def _note(self) -> str:
+    def _remark(self) -> str:
         """Additional text for the state line."""
         return ""
 
-    def _tell_end(self, elapsed: float) -> None:
+    def _report_end(self, elapsed: float) -> None:
         """Report the end of the command after an elapsed time (s)."""
 
     def _send(self, value: float) -> None:
@@ -165,10 +167,12 @@ class Driver:
     def _print_state(self, elapsed: float, commanded: str, terminal: bool) -> None:
         name = self._options.name
         arc_length, speed, force = self._states.get(name, (math.nan, math.nan, math.nan))
-        line = f"{elapsed:6.1f} s  commanded {commanded}  {name}: {speed:+.2f} m/s at {arc_length:.2f} m{self._note()}"
+        line = (
+            f"{elapsed:6.1f} s  commanded {commanded}  {name}: {speed:+.2f} m/s at {arc_length:.2f} m{self._remark()}"
+        )
         pull = f", drive {force / 1e3:+.2f} kN"
         if terminal:
-            width = shutil.get_terminal_size().columns - 3  # a line that wraps is not written over, nor one before ^C
+            width = shutil.get_terminal_size().columns - 3  # room for ^C; a wrapped line would not be overwritten
             line = f"\r{(line + pull if len(line + pull) <= width else line)[:width]:<{width}}"
         else:
             line += pull
@@ -193,7 +197,7 @@ class Driver:
         applied = applied_command_from_message(data)
         if self._options.name in applied.command.values and applied.source == self._kind.topic:
             self._refusal = ""
-            self._note_answer()
+            self._count_answer()
 
     def _on_refused(self, message: Any) -> None:
         """Record a refusal message of the twin."""
@@ -201,5 +205,121 @@ class Driver:
             if self._answered < math.inf and status.name == self._kind.topic:
                 self._refusal = printable(status.message, LONGEST_MESSAGE)
 
-    def _note_answer(self) -> None:
+    def _count_answer(self) -> None:
         self._answered, self._applied = time.monotonic(), True
+
+
+class Trip(Driver):
+    """Trip of a carriage, or the cable of a drive, to a place: one goal command, with progress until arrival.
+
+    Args:
+        node: node of rclpy.
+        options: options of `drive`: `name`, `to` (m, station or tower), `at_most` (m/s or None), `node` and `wait` (s).
+        ending: flag of the signals that end the command; the twin then ramps to a stop.
+    """
+
+    def __init__(self, node: Any, options: argparse.Namespace, ending: Ending) -> None:
+        from rcl_interfaces.msg import Log  # noqa: PLC0415
+        from sensor_msgs.msg import PointCloud2  # noqa: PLC0415
+
+        super().__init__(node, KINDS["speed"], options.at_most or 0.0, options, ending)
+        self._target = math.nan  # m
+        self._sent = self._arrived = False
+        self._speed = 0.0  # m/s, commanded by the twin
+        self._rope: Any = None  # newest message about the cable
+        node.create_subscription(Log, "/rosout", self._on_log, 50)
+        node.create_subscription(PointCloud2, f"{options.node}/cable", self._on_rope, 1)
+
+    def find_twin(self) -> str | None:
+        """Wait for the twin and resolve the target place in its scenario; returns the error message."""
+        from cable_twin.runtime.point_to_point import target_of  # noqa: PLC0415 - numpy and the mechanics, half a second
+
+        fault = super().find_twin()
+        if fault is not None or self._ending.is_set():
+            return fault
+        assert self._scenario is not None
+        scenario = load_scenario(self._scenario)
+        towers: dict[str, float] = {}
+        if self._options.to in scenario.towers:
+            deadline = time.monotonic() + self._options.wait
+            while self._rope is None and not self._ending.is_set():
+                if time.monotonic() > deadline:
+                    return f"tower '{self._options.to}' cannot be found: the twin does not publish `cable`"
+                self._spin(0.05)
+            towers = tower_places(scenario, points_of(self._rope))
+        try:
+            self._target = target_of(scenario, self._options.name, self._options.to, towers)
+        except ValueError as error:
+            return f"--to {error}"
+        return None
+
+    def _next(self, elapsed: float) -> float | None:
+        """Speed (m/s) commanded by the twin; None after arrival."""
+        return None if self._arrived else self._speed
+
+    def _send(self, value: float) -> None:
+        if not self._sent:
+            self._sent = True
+            fastest = {"velocity": [self._value]} if self._value else {}
+            self._publish(position=[self._target], **fastest)
+
+    def _stop(self) -> None:
+        if self._sent and not self._arrived and not self._refusal:
+            super()._stop()
+
+    def _fault(self) -> str | None:
+        return self._refusal or None
+
+    def _unanswered(self) -> str | None:
+        return None  # arrival or refusal is known
+
+    def _remark(self) -> str:
+        return f", {self._target - self._states[self._options.name][0]:+.2f} m to go"
+
+    def _report_end(self, elapsed: float) -> None:
+        place = self._states[self._options.name][0]
+        away = f"{abs(self._target - place):.2f} m from {self._target:.2f} m"
+        print(f"arrived: {self._options.name} at {place:.2f} m, {away}, after {elapsed:.1f} s", file=sys.stdout)
+
+    def _on_applied(self, data: bytes) -> None:
+        from cable_twin.runtime.point_to_point import ARRIVAL, SOURCE  # noqa: PLC0415 - imported by now
+
+        applied = applied_command_from_message(data)
+        if applied.source in (SOURCE, ARRIVAL) and self._options.name in applied.command.values:
+            self._count_answer()
+            self._arrived = self._sent and applied.source == ARRIVAL
+            self._speed = applied.command.values[self._options.name]
+
+    def _on_rope(self, message: Any) -> None:
+        self._rope = message
+
+    def _on_log(self, message: Any) -> None:
+        """Record an abandoned trip from the log of the twin."""
+        from cable_twin.runtime.point_to_point import ABANDONED  # noqa: PLC0415 - imported by now
+
+        own = message.name == self._options.node.strip("/").replace("/", ".")
+        if own and self._answered < math.inf and message.msg.startswith(f"{ABANDONED}{self._options.name}: "):
+            self._refusal = f"the twin has abandoned this trip: {message.msg.partition(': ')[2]}"
+
+
+def points_of(cloud: Any) -> Any:
+    """Points (n, 4) of a cable message: x, y, z, arc length, in m."""
+    columns = [
+        np.ndarray(cloud.width, "<f4", bytes(cloud.data), field.offset, cloud.point_step)
+        for field in cloud.fields
+        if field.name in ("x", "y", "z", "arc_length")
+    ]
+    return np.array(columns, dtype=np.float64).T
+
+
+def tower_places(scenario: Scenario, points: Any) -> dict[str, float]:
+    """Arc length (m) of the cable at each tower, from its points (n, 4): x, y, z, arc length, in m."""
+    places = {}
+    for name, place in scenario.tower_places.items():
+        where = np.array(place[:2])
+        start, along = points[:-1, :2], np.diff(points[:, :2], axis=0)
+        share = ((where - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+        share = share.clip(0.0, 1.0)
+        row = int(np.linalg.norm(start + share[:, None] * along - where, axis=1).argmin())
+        places[name] = float(points[row, 3] + share[row] * (points[row + 1, 3] - points[row, 3]))
+    return places
