@@ -11,7 +11,7 @@ from cable_twin.frame.sensors import Sensors
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.files import config_directory
 from cable_twin.simulation import Simulation
-from cable_twin.view.place_names import gathered
+from cable_twin.view.labels import shared_names
 
 YAML_1_2 = YAML(typ="safe", pure=True)
 COARSE = {"ropes.up.elements": 100, "ropes.down.elements": 100}
@@ -187,7 +187,7 @@ def test_what_is_in_one_place_has_one_name():
         "tower_1_down": (40.0, 9.0),
     }
     rim = np.array([(798.0, -2.0, 1.0), (802.0, 2.0, 1.0)])
-    called = gathered(places, {"drive": rim}, ["up", "down"])
+    called = shared_names(places, {"drive": rim}, ["up", "down"])
     assert called == {"drive": places["up/end"], "tower_1": places["tower_1_up"]}
 
 
@@ -204,8 +204,8 @@ def test_what_stands_closer_than_letters_has_one_name():
     }
     rims = {"return": np.array([(-16.0, -4.5, -5.0), (-14.0, 4.5, -5.0)])}
     ropes = ["track_1", "track_2", "haul_1"]
-    assert list(gathered(places, rims, ropes, near=20.0)) == ["return", "tower_1, rollers_1", "tower_2_track_1"]
-    assert len(gathered(places, rims, ropes)) == len(places)
+    assert list(shared_names(places, rims, ropes, near=20.0)) == ["return", "tower_1, rollers_1", "tower_2_track_1"]
+    assert len(shared_names(places, rims, ropes)) == len(places)
 
 
 def test_places_that_begin_alike_keep_names_of_their_own():
@@ -216,5 +216,5 @@ def test_places_that_begin_alike_keep_names_of_their_own():
         "haul_2/start": (9.0, 1.0),
     }
     rims = {"return": np.array([(-2.0, 0.0, 0.0), (2.0, 0.0, 0.0)])}
-    assert list(gathered(places, rims)) == ["return", "haul"]
-    assert list(gathered(places, {})) == ["haul", "haul_1/end, haul_2/start"]
+    assert list(shared_names(places, rims)) == ["return", "haul"]
+    assert list(shared_names(places, {})) == ["haul", "haul_1/end, haul_2/start"]

@@ -21,6 +21,8 @@ from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 
+ENDS_OF_CABLE = 2  # samples of the cable: the fewest
+
 
 class Quantity(NamedTuple):
     """Observable number: unit, column in a row of a frame, and bounds."""
@@ -145,7 +147,6 @@ def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapsh
 
 
 Reward = Callable[[Observed, FloatArray, Observed], float]
-ENDS_OF_CABLE = 2  # samples of the cable: the fewest
 
 
 class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):

@@ -15,11 +15,10 @@ from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.offline.figure_table import LABELS
 from cable_twin.recording.log_formats import open_view
 from cable_twin.scenario import Scenario
-from cable_twin.view.layout import frame, plot_titles
+from cable_twin.view.picture import blueprint, plot_titles
 from cable_twin.view.plots import PLOT_COLORS
-from cable_twin.view.rerun_view import RerunView
+from cable_twin.view.rerun_view import RerunView, flush_stream, open_stream
 from cable_twin.view.space import SPACE
-from cable_twin.view.stream import flush_stream, open_stream
 
 
 class _RootedStream:
@@ -117,7 +116,7 @@ def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprin
         )
         for root in roots
     ]
-    return frame(
+    return blueprint(
         rrb.Horizontal(
             rrb.Vertical(
                 rrb.Horizontal(*tracks, *(spaces if layout.space else ())),

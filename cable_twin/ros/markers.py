@@ -21,8 +21,7 @@ from cable_twin.geometry.ground import default_ground
 from cable_twin.messages.cdr import STAMP, Header, Template, marks
 from cable_twin.messages.topics import MarkerArray
 from cable_twin.scenario import Scenario
-from cable_twin.view.labels import apart
-from cable_twin.view.place_names import NEAR, gathered
+from cable_twin.view.labels import NEAR, apart, shared_names
 from cable_twin.view.tension_colors import RopeColors
 
 Marker = ros2_jazzy.visualization_msgs__msg__Marker
@@ -189,7 +188,7 @@ class Markers:
             box = (wide, 2.0 * wide, top - foot)
             markers.append(self._marker("supports", row, Marker.CUBE, box, STATIC, place=(x, y, 0.5 * (top + foot))))
             places[names[row]] = (x, y, top + 6.0 * mast)
-        together = gathered(places, wheel_rims(scenario), self._layout.ropes, NEAR * self._span)
+        together = shared_names(places, wheel_rims(scenario), self._layout.ropes, NEAR * self._span)
         high = 4.0 * mast
         tops = np.array(list(together.values())).reshape(-1, 3)
         sizes = np.array([(LETTER * high * len(text), 1.2 * high) for text in together]).reshape(-1, 2)

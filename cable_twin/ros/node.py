@@ -50,7 +50,7 @@ from cable_twin.ros.parameters import (
     with_doubles,
 )
 from cable_twin.ros.rviz import RvizTopics
-from cable_twin.ros.services import Services
+from cable_twin.ros.services import Services, SnapshotWriter
 from cable_twin.ros.simulation_services import WorldLoading, offer_simulation_services
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.output import Output
@@ -210,8 +210,8 @@ class TwinNode(Node):
 
     def _create_services(self) -> None:
         """Create the services and timers of the node."""
-        step_count = lambda: self.get_parameter("step_count").value  # noqa: E731
-        self._node_services = Services(self, self._loop, self._log_directory, step_count, self._settings["keep_size"])
+        writer = SnapshotWriter(self._log_directory, self._settings["keep_size"])
+        self._node_services = Services(self, self._loop, writer, lambda: self.get_parameter("step_count").value)
         directories = [Path(self._settings["record_directory"])]
         directories += [Path(one) for one in self._settings["scenario_directories"].split(os.pathsep) if one]
         reader = ScenarioReader(directories, self._settings["scenario"])

@@ -2,9 +2,9 @@
 
 Links of the URDF are named as the frames of `/tf`, joints as in `joint_states`. The frame of a body is at its centre of
 mass without payload and a joint of a URDF is at the frame of its child, so each body has one more frame, at the pin
-from which it hangs. A vehicle moves along the rope on a prismatic joint from the start of the rope to its end; the poses
-are those of `/tf`. Limits are those beyond which commands are refused: places before the end stops, or the travel of a
-drive, speed and force; an effort of 0 means that it takes no force.
+from which it hangs. A vehicle moves along the rope on a prismatic joint from the start of the rope to its end; the
+poses are those of `/tf`. Limits are those beyond which commands are refused: places before the end stops, or the travel
+of a drive, speed and force; an effort of 0 means that it takes no force.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from xml.etree import ElementTree
 from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.frame.snapshot import Columns
-from cable_twin.geometry.bodies import body_box
-from cable_twin.geometry.bodies import THICK, body_bars
+from cable_twin.geometry.bodies import THICK, body_bars, body_box
 from cable_twin.messages import MARKERS, ROBOT_DESCRIPTION, TF_STATIC, FrameNames, header, serialize
 from cable_twin.messages.frame import Filled
 from cable_twin.messages.topics import String, TFMessage

@@ -56,8 +56,53 @@ class _Turn:
         yield
 
 
-class _NothingSavedError(Exception):
+class NothingSavedError(Exception):
     """Failure to save a snapshot: the reason, in one line."""
+
+
+class SnapshotWriter:
+    """Writer of snapshots to files beside the log.
+
+    Args:
+        directory: returns the directory for saved states.
+        keep_size: size (MB) that logs and saved states together may have there; 0 for no limit.
+    """
+
+    def __init__(self, directory: Callable[[], Path], keep_size: float) -> None:
+        self._directory, self._keep_size = directory, keep_size
+
+    def write(self, full: FullState) -> Path:
+        """Write a snapshot to a new file; returns its path.
+
+        Raises:
+            NothingSavedError: the directory cannot be written, or the room for saved states is used up.
+        """
+        path = Path(_title(full) + SUFFIX)
+        try:
+            path = self._directory() / path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._check_room(full, path.parent)
+            for number in count(2):
+                if not path.exists():
+                    break
+                path = path.with_name(f"{_title(full)}_{number}{SUFFIX}")  # saved before in a pause, or in another run
+            full.write(path)
+        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+            raise NothingSavedError(f"nothing saved: {path}: {getattr(error, 'strerror', None) or error}") from error
+        return path
+
+    def _check_room(self, full: FullState, directory: Path) -> None:
+        """Refuse a snapshot where all saved ones would exceed half of `keep_size`; none is removed."""
+        if not self._keep_size:
+            return
+        saved, allowed = size_of_states(directory), STATES_SHARE * self._keep_size
+        stream = BytesIO()
+        full.write(stream)
+        if saved + stream.tell() > allowed * MEGABYTE:
+            raise NothingSavedError(
+                f"nothing saved: {directory} has {saved / MEGABYTE:.3g} MB of saved states, and this one has "
+                f"{stream.tell() / MEGABYTE:.3g} MB; allowed: half of keep_size, {allowed:g} MB; remove some"
+            )
 
 
 class Services:
@@ -66,21 +111,12 @@ class Services:
     Args:
         node: node of the twin.
         loop: frame loop.
-        directory: returns the directory for saved states.
+        writer: writer of snapshots.
         step_count: returns the number of frames of a step.
-        keep_size: size (MB) that logs and saved states together may have there; 0 for no limit.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        loop: FrameLoop,
-        directory: Callable[[], Path],
-        step_count: Callable[[], int],
-        keep_size: float,
-    ) -> None:
-        self._loop, self._keep_size, self._logger = loop, keep_size, node.get_logger()
-        self._directory, self._step_count = directory, step_count
+    def __init__(self, node: Node, loop: FrameLoop, writer: SnapshotWriter, step_count: Callable[[], int]) -> None:
+        self._loop, self._logger, self._snapshots, self._step_count = loop, node.get_logger(), writer, step_count
         self._writer = ThreadPoolExecutor(1, "snapshots")
         for service, kinds in kinds_by_service().items():
             if service == EMERGENCY_STOP:
@@ -148,7 +184,7 @@ class Services:
         except (FutureTimeoutError, CancelledError):
             response.success, response.message = False, f"no frame boundary within {SERVICE_TIMEOUT:g} s; nothing saved"
             return response
-        writing = self._writer.submit(self._write, full)
+        writing = self._writer.submit(self._snapshots.write, full)
         try:
             await done(writing, within=WRITING_TIMEOUT)
             path = writing.result(0.0)
@@ -156,40 +192,11 @@ class Services:
             writing.add_done_callback(self._log_written)
             response.success = False
             response.message = f"{_title(full)} is still being written: the log of the node says when it is saved"
-        except _NothingSavedError as error:
+        except NothingSavedError as error:
             response.success, response.message = False, str(error)
         else:
             response.success, response.message = True, f"saved at {full.time:.3f} s of simulated time: {path}"
         return response
-
-    def _write(self, full: FullState) -> Path:
-        """Write a snapshot to a new file beside the log; returns its path."""
-        path = Path(_title(full) + SUFFIX)
-        try:
-            path = self._directory() / path
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._check_room(full, path.parent)
-            for number in count(2):
-                if not path.exists():
-                    break
-                path = path.with_name(f"{_title(full)}_{number}{SUFFIX}")  # saved before in a pause, or in another run
-            full.write(path)
-        except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
-            raise _NothingSavedError(f"nothing saved: {path}: {getattr(error, 'strerror', None) or error}") from error
-        return path
-
-    def _check_room(self, full: FullState, directory: Path) -> None:
-        """Refuse a snapshot where all saved ones would exceed half of `keep_size`; none is removed."""
-        if not self._keep_size:
-            return
-        saved, allowed = size_of_states(directory), STATES_SHARE * self._keep_size
-        stream = BytesIO()
-        full.write(stream)
-        if saved + stream.tell() > allowed * MEGABYTE:
-            raise _NothingSavedError(
-                f"nothing saved: {directory} has {saved / MEGABYTE:.3g} MB of saved states, and this one has "
-                f"{stream.tell() / MEGABYTE:.3g} MB; allowed: half of keep_size, {allowed:g} MB; remove some"
-            )
 
     def _log_written(self, writing: Future[Path]) -> None:
         if writing.exception() is not None:

@@ -29,6 +29,8 @@ STRETCHING, STIFF = 3.0, 1.0  # s, time constant of the filter with an elastic h
 STALLED = 60.0  # s of simulated time without progress, after which a goal is abandoned
 PERIOD = 0.05  # s of simulated time between two speeds
 STATIONS = ("start", "end", "lower_station", "upper_station")
+SOURCE, ARRIVAL = "goal", "arrival"  # logged source of speeds on the way, and of the speed 0 on arrival
+ABANDONED = "goal abandoned: "  # begin of the message
 
 
 class PointToPoint:
@@ -156,10 +158,6 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
             f"{', '.join((*STATIONS, *scenario.towers))}"
         )
     return target
-
-
-SOURCE, ARRIVAL = "goal", "arrival"  # logged source of speeds on the way, and of the speed 0 on arrival
-ABANDONED = "goal abandoned: "  # begin of the message
 
 
 class Goals:

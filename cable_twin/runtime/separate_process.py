@@ -23,6 +23,9 @@ from cable_twin.basics.printable import printable
 NICE = 10  # priority below the twin's
 MEMORY = 4 * 2**30  # bytes of address space
 PACKAGE_PARENT = Path(__file__).resolve().parents[2]
+LONGEST_FILTER = 1000  # characters
+MATCHING_TIME = 2.0  # s for all names
+ALLOWED = f"allowed: a regular expression of names, of up to {LONGEST_FILTER} characters and {MATCHING_TIME:g} s"
 
 
 class SeparateProcessError(RuntimeError):
@@ -69,11 +72,6 @@ def answer(work: Callable[[Any], Any]) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     json.dump(work(json.load(sys.stdin)), sys.stdout)
-
-
-LONGEST_FILTER = 1000  # characters
-MATCHING_TIME = 2.0  # s for all names
-ALLOWED = f"allowed: a regular expression of names, of up to {LONGEST_FILTER} characters and {MATCHING_TIME:g} s"
 
 
 class FilterError(ValueError):

@@ -14,6 +14,10 @@ from cable_twin.recording.recorder import CAPACITY, Recorder
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.run_clock import RunClock
 
+LATE, ON_TIME = 1.0, 0.1  # s of lateness from which the twin has fallen behind, and below which it has caught up
+LAG = 0.02  # s by which stamps are behind the clock after a pause, from which on it is logged
+BEHIND = 2.0  # s of frames waiting for the disk, from which on it counts as slow
+
 
 class FigureWatch:
     """Watch of the limits of key figures; updated by the solver's thread, read by another.
@@ -70,10 +74,6 @@ class FigureWatch:
         return (WARNING, f"limits exceeded: {', '.join(values)}", values) if values else (OK, "all limits kept", {})
 
 
-LATE, ON_TIME = 1.0, 0.1  # s of lateness from which the twin has fallen behind, and below which it has caught up
-LAG = 0.02  # s by which stamps are behind the clock after a pause, from which on it is logged
-
-
 class PaceWatch:
     """Watch of the pace: logs once when frames fall behind the clock or catch up, and when stamps depart from it.
 
@@ -116,9 +116,6 @@ class PaceWatch:
         if self._clock.epoch_ns is None:
             return {}
         return {"stamps_behind_clock_s": f"{behind:.3f}"}
-
-
-BEHIND = 2.0  # s of frames waiting for the disk, from which on it counts as slow
 
 
 class RecordingWatch:

@@ -25,6 +25,10 @@ BEGIN = "compiling the solver's kernels, once on this machine"
 LARGE = 5000  # elements, from which on a line reports the settling of the rope where there is no bar
 SETTLING_TIME = 1.0  # s, before which it does not
 REPORTED = (0.1, 0.4, 0.7)  # shares of compilation at which a line reports the remaining time where there is no bar
+PERIOD = 0.25  # s
+FEWEST_ROWS, FEWEST_COLUMNS = 4, 20  # of a terminal that has room for it
+SAVE, RESTORE = "\x1b7", "\x1b8"  # the place of the cursor
+SCROLL_ALL, ERASE_ROW, ERASE_BELOW = "\x1b[r", "\x1b[2K", "\x1b[J"
 
 
 @contextmanager
@@ -73,12 +77,6 @@ def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterat
             yield
     if reported >= 0:
         line(f"kernels compiled in {time.monotonic() - began:.1f} s and kept for next time")
-
-
-PERIOD = 0.25  # s
-FEWEST_ROWS, FEWEST_COLUMNS = 4, 20  # of a terminal that has room for it
-SAVE, RESTORE = "\x1b7", "\x1b8"  # the place of the cursor
-SCROLL_ALL, ERASE_ROW, ERASE_BELOW = "\x1b[r", "\x1b[2K", "\x1b[J"
 
 
 class StatusBar:

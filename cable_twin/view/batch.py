@@ -1,14 +1,24 @@
-"""Buffer of the numbers of many frames, drawn together."""
+"""Batches of frames for rerun: buffer, gaps, thinning, and conversion of places and times.
+
+rerun's plane has its second axis downwards: (x, z) of `cable_twin.frame.records` is drawn at (x, -z), where a
+right-handed pitch about the lateral axis is an ordinary rotation from the first axis to the second.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout, Snapshot
 
-DRAWN = (  # columns that may have gaps, and are drawn
+TIMELINE = "sim_time"
+QUIET = 0x747D8FFF  # colour readable on a dark and on a light background
+DOWNWARDS = np.array([1.0, -1.0])
+DRAWN = (  # drawn columns that may have gaps
     "arc_length",
     "speed",
     "drive_force",
@@ -31,14 +41,46 @@ DRAWN = (  # columns that may have gaps, and are drawn
 )
 
 
+def planar(vector: FloatArray) -> FloatArray:
+    """Return a view (…, 2), x and z, of vectors (…, 3)."""
+    return vector[..., ::2]
+
+
+def plane(points: FloatArray) -> FloatArray:
+    """Convert (…, 2) x and z into rerun's plane, or back."""
+    return points * DOWNWARDS
+
+
+def pixels(radius: float) -> list[float]:
+    """Return a radius in screen points independent of the zoom, in rerun a negative number."""
+    return [-radius]
+
+
+def entity_path(parent: str, name: str) -> str:
+    """Return the entity path of a child with any name."""
+    return f"{parent}/{rr.escape_entity_path_part(name)}"
+
+
+def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
+    """Return times in seconds as an index, rounded to the nanosecond."""
+    nanoseconds = np.rint(np.asarray(times, dtype=np.float64) * 1e9).astype("timedelta64[ns]")
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds)
+
+
+def rows_without_gaps(*arrays: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Return a mask (frames,) of frames with all numbers of arrays (frames, ...) known."""
+    complete = [~np.isnan(array.reshape(len(array), -1)).any(axis=1) for array in arrays]
+    return np.logical_and.reduce(complete)
+
+
 class Batch:
-    """Buffer for a number of frames; a snapshot costs one copy of its numbers."""
+    """Buffer for a number of frames, filled by one copy of the numbers of each snapshot."""
 
     def __init__(self, frames: int) -> None:
         self._frames = frames
         self._count = 0
         self._numbers: FloatArray = np.empty((0, 0))
-        self._last: dict[str, FloatArray] = {}  # row of each column in the batch before
+        self._last: dict[str, FloatArray] = {}  # last row of each column in the previous batch
 
     def add(self, snapshot: Snapshot) -> bool:
         """Add the numbers of a snapshot, always of one layout; returns whether the batch is full."""
@@ -49,9 +91,9 @@ class Batch:
         return self._count == self._frames
 
     def take(self, layout: Layout) -> Columns:
-        """Return the columns of the buffered frames, to be drawn before the next frame is added.
+        """Return the columns of the buffered frames, valid until the next frame is added.
 
-        Where a number is missing (NaN) it is the last one known; it stays missing until there is one.
+        Missing numbers (NaN) are replaced by the last known ones, if there are any.
         """
         c, self._count = layout.columns(self._numbers[: self._count]), 0
         if len(c.time):
@@ -62,7 +104,7 @@ class Batch:
         return c
 
 
-def frame(c: Columns, row: int) -> Columns:
+def frame_of(c: Columns, row: int) -> Columns:
     """Return the columns of one frame of a batch."""
     return Columns(*(column[row] for column in c))
 
@@ -92,7 +134,7 @@ def _hold(column: FloatArray, before: FloatArray | None) -> None:
     if before is not None:
         part[0] = np.where(np.isnan(part[0]), before[gaps], part[0])
     missing = np.isnan(part)
-    if missing.all():  # what something never has
+    if missing.all():  # columns that never have values
         return
     rows = np.where(missing, 0, np.arange(len(part))[:, None])
     column[:, gaps] = np.take_along_axis(part, np.maximum.accumulate(rows, axis=0), axis=0)

@@ -1,15 +1,18 @@
-"""Placement of labels without overlap, and their size on a screen."""
+"""Labels: size on a screen, placement without overlap, and one name for several objects at one place."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from os.path import commonprefix
+from typing import TypeVar
 
 import numpy as np
 
 from cable_twin.frame.records import FloatArray
 
-LETTER, LINE = 6.4, 16.0  # pixels of rerun, across and along a text; measured on its pictures, rounded up
-MARGIN = (8.0, 6.0)  # pixels of its ground around a text, both sides together
+LETTER, LINE = 6.4, 16.0  # pixels, width of a letter and height of a line in rerun; measured, rounded up
+MARGIN = (8.0, 6.0)  # pixels of background left and right of a text, and above and below it
+NEAR = 0.025  # distance over the length of the track within which supports share one name, as two do not fit
 
 
 def label_sizes(texts: Sequence[str]) -> FloatArray:
@@ -20,15 +23,15 @@ def label_sizes(texts: Sequence[str]) -> FloatArray:
 
 
 def apart(anchors: FloatArray, sizes: FloatArray, taken: FloatArray | None = None) -> FloatArray:
-    """Return label positions after moves along the second axis, only forwards, until no label covers another.
+    """Return label positions, moved forwards along the second axis until no label covers another.
 
-    Those that are further on keep their places before others, so that along a slope two rows are enough where only
-    neighbours meet. Numbers that are missing (NaN) stay so.
+    Labels further forwards are placed first, so that along a slope two rows are enough where only neighbours overlap.
+    Missing numbers (NaN) stay missing.
 
     Args:
-        anchors: (..., n, 2), of each label the middle of the side with the lesser second coordinate.
-        sizes: (n, 2), along both axes.
-        taken: (m, 4), anchors and sizes of others, which stay where they are.
+        anchors: (..., n, 2), middle of the side of each label with the smaller second coordinate.
+        sizes: (n, 2), sizes along both axes.
+        taken: (m, 4), anchors and sizes of fixed labels.
     """
     fixed = np.empty((0, 4)) if taken is None else taken
     order = np.argsort(-anchors[..., 1], axis=-1, kind="stable")
@@ -50,4 +53,51 @@ def apart(anchors: FloatArray, sizes: FloatArray, taken: FloatArray | None = Non
     return placed
 
 
-__all__ = ["apart", "label_sizes"]
+Place = TypeVar("Place", Sequence[float], tuple[float, float, float], FloatArray)
+
+
+def shared_names(
+    places: Mapping[str, Place],
+    wheels: Mapping[str, FloatArray],
+    ropes: Collection[str] = (),
+    near: float = 1e-3,
+) -> dict[str, Place]:
+    """Places with one name each: for several objects the bullwheel there, their common prefix, or all names.
+
+    Args:
+        places: name -> place (m), x first.
+        wheels: name -> (n, 3) m, rim of each bullwheel.
+        ropes: names of ropes, each the end of the name of a support of several ropes.
+        near: distance (m) along each axis within which objects share a name.
+    """
+    groups: list[list[str]] = []
+    for name, place in places.items():
+        group = next((group for group in groups if _distance(places[group[0]], place) <= near), None)
+        if group is None:
+            groups.append([name])
+        else:
+            group.append(name)
+    names: list[str] = []
+    for group in groups:
+        wheel = next((name for name, rim in wheels.items() if any(_spans(rim, places[one][0]) for one in group)), None)
+        own = list(dict.fromkeys(_without_rope(name, ropes) for name in group)) if len(group) > 1 else group
+        ends = all("/" in name for name in own)
+        common = commonprefix(own).rstrip("_/") if ends or len(own) == 1 else ""  # noqa: RUF071 - of letters
+        name = wheel if wheel and len(group) > 1 else common or ", ".join(own)
+        if name in names:
+            name = ", ".join(own if ", ".join(own) not in names else group)
+        names.append(name)
+    return {name: places[group[0]] for name, group in zip(names, groups, strict=True)}
+
+
+def _distance(one: Sequence[float] | FloatArray, other: Sequence[float] | FloatArray) -> float:
+    return float(np.abs(np.subtract(one, other)).max())
+
+
+def _spans(rim: FloatArray, x: float) -> bool:
+    return bool(np.min(rim[:, 0]) <= x <= np.max(rim[:, 0]))
+
+
+def _without_rope(name: str, ropes: Collection[str]) -> str:
+    """Return the name of a tower without the name of its strand."""
+    return next((name[: -len(rope) - 1] for rope in ropes if rope and name.endswith(f"_{rope}")), name)

@@ -1,27 +1,296 @@
-"""Picture of a run in rerun, drawn from batches of frames."""
+"""Picture of a run in rerun: division into views, readout, and drawing from batches of frames."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from cable_twin.frame.records import FloatArray
+from cable_twin.basics.units import rounded
+from cable_twin.frame.commands import KINDS
+from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
+from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.view.batch import Thinning, first_known, frame
-from cable_twin.view.geometry import planar, time_column
-from cable_twin.view.layout import lay_out, plot_cells
-from cable_twin.view.plots import Plots
-from cable_twin.view.readout import describe_moment, table_columns
+from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, time_column
+from cable_twin.view.plots import LEGEND_ROW, LEGENDS, Plots, shown_unit
 from cable_twin.view.rope import Rope
-from cable_twin.view.scene import Framed, draw_scene, framed, scene_of
-from cable_twin.view.sizes import Sizes, divided
-from cable_twin.view.space import InSpace, Space
-from cable_twin.view.vehicles import Vehicles
+from cable_twin.view.space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye, InSpace, Space
+from cable_twin.view.track import CLOSE_UPS, NAMES, Framed, Vehicles, draw_scene, framed, scene_of
 
+# sizes on the smallest supported screen, in pixels of rerun's browser view
+WIDTH, HEIGHT = 1280, 800
+MENU, TIME_PANEL, TITLE = 37, 30, 29  # at the top, at the bottom, and above each view
+IN_A_ROW, IN_SPACE_IN_A_ROW = 3, 4  # plots and close-ups in a row, without and with 3D views
+READOUT_LETTER, READOUT_MARGINS = 6.5, 32  # width of a letter of the readout, and of its margins
+LONGEST_VALUE = len("-1000.00 m")  # letters
+SLIPPED = 1e-3  # m of slip from which on it is shown
+AHEAD = 0.04  # time shown after the cursor over that shown before it: room for the newest number
 READOUT_RATE = 5.0  # Hz
+
+
+class Sizes(NamedTuple):
+    """Division of the picture into views.
+
+    Attributes:
+        side: width of the column with readout and commands.
+        rows: number of cells, plots and close-ups, in each row below the track.
+        space: whether there is a 3D view beside that of the plane.
+    """
+
+    side: float
+    rows: tuple[int, ...]
+    space: bool
+
+    @property
+    def main(self) -> float:
+        """Width of the picture without the side column."""
+        return WIDTH - self.side
+
+    @property
+    def row(self) -> float:
+        """Height of a row, title included."""
+        return (HEIGHT - MENU - TIME_PANEL) / (1 + len(self.rows))
+
+    @property
+    def track(self) -> tuple[float, float]:
+        """Width and height of a view of the whole track."""
+        return self.main / (2 if self.space else 1), self.row - TITLE
+
+    def cell(self, number: int) -> tuple[float, float]:
+        """Width and height of a plot with legend, or of a close-up, by its number from the first row on."""
+        for count in self.rows:
+            if number < count:
+                return self.main / count, self.row - TITLE
+            number -= count
+        raise IndexError(number)
+
+
+def divided(cells: int, *, space: bool, table: tuple[int, int]) -> Sizes:
+    """Return the division of the picture for a number of cells and a readout with column widths in letters."""
+    count = max(1, -(-cells // (IN_SPACE_IN_A_ROW if space else IN_A_ROW)))
+    ends = [cells * row // count for row in range(count + 1)]
+    rows = tuple(last - first for first, last in pairwise(ends))
+    wanted = READOUT_MARGINS + READOUT_LETTER * sum(table)
+    return Sizes(min(max(wanted, WIDTH / 6.0), WIDTH / 3.0), rows, space)
+
+
+def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
+    """Return the known numbers of a frame as Markdown, forces times `scale` in `unit`."""
+    lines: list[tuple[str, float, str]] = []
+    movers = driven(layout, c)
+    at = "by" if layout.drives else "at"
+    for name, place, speed, force in zip(driven_names(layout), *(row.tolist() for row in movers), strict=True):
+        lines += (
+            (f"{name} {at}", place, f"{place:.2f} m"),
+            ("speed", speed, f"{speed:.2f} m/s"),
+            ("drive force", force, f"{rounded(force * scale, 3)} {unit}"),
+        )
+    if layout.drives:
+        on_line = c.attached == 1.0
+        bodies = np.repeat(on_line, np.diff(layout.first_body))
+        swing = float(np.abs(c.body_angles[bodies, 1]).max(initial=0.0))
+        lines += (
+            ("on the line", 0.0, f"{on_line.sum()} of {len(layout.vehicles)}"),
+            ("largest swing", swing, f"{np.rad2deg(swing):.1f} deg"),
+        )
+    if layout.space:
+        roll = float(np.degrees(np.abs(c.body_angles[:, 0]).max(initial=0.0)))
+        lines += (
+            ("swing across", roll, f"{roll:.1f} deg"),
+            ("wind along", float(c.wind[0]), f"{c.wind[0]:.1f} m/s"),
+            ("wind across", float(c.wind[1]), f"{c.wind[1]:.1f} m/s"),
+        )
+    low, high = float(c.lowest_tension[:, 0].min()) * scale, float(c.highest_tension[:, 0].max()) * scale
+    lines += [
+        (f"{which} tension", value, f"{rounded(value)} {unit}") for which, value in (("lowest", low), ("highest", high))
+    ]
+    for name, load in zip(layout.towers, c.tower_load[layout.tower_rows].tolist(), strict=True):
+        lines.append((name, load, "lifted off" if load == 0.0 else f"{rounded(load * scale)} {unit}"))
+    lines += [("counterweight", travel, f"{travel:+.3f} m") for travel in c.support_travel.tolist()]
+    for name, (on, off), slip, travel in zip(
+        layout.sheaves, c.sheave_tension.tolist(), c.sheave_slip.tolist(), c.sheave_travel.tolist(), strict=True
+    ):
+        lines += [
+            (f"{name} {side}", pull, f"{rounded(pull * scale)} {unit}") for side, pull in (("on", on), ("off", off))
+        ]
+        lines += [(f"{name} slip", slip, f"{slip:.3f} m")] if abs(slip) > SLIPPED else []
+        lines += [(f"{name} travel", travel, f"{travel:+.3f} m")]
+    shown = [f"| {name} | **{text}** |" for name, value, text in lines if not isnan(value)]
+    return "\n".join([f"## {title}", f"| time | {c.time[0]:.2f} s |", "| :-- | --: |", *shown])
+
+
+def table_columns(text: str) -> tuple[int, int]:
+    """Return the widths in letters of both columns of a `describe_moment` text, with room for larger numbers."""
+    rows = [[cell.strip(" *") for cell in line.split("|")[1:3]] for line in text.splitlines()[1:]]
+    names, values = (max(len(row[column]) for row in rows) for column in (0, 1))
+    return names, max(values, LONGEST_VALUE)
+
+
+def describe_command(applied: AppliedCommand) -> str:
+    """Return a command in one line: kind, names and values with unit, source."""
+    command = applied.command
+    unit_of = KINDS[command.kind].unit_of
+    values = ", ".join(f"{name} {value:g} {unit_of(name)}" for name, value in command.values.items())
+    kind = command.kind.replace("_", " ")
+    return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"
+
+
+def lay_out(
+    framed: Framed,
+    sizes: Sizes,
+    followed: Mapping[str, float],
+    boxes: Iterable[str],
+    plots: Plots,
+    unit: str,
+    window: float | None,
+    eyes: tuple[Eye, Mapping[str, Eye]] | None = None,
+) -> rrb.Blueprint:
+    """Return the blueprint of the whole picture.
+
+    Args:
+        framed: range of the view of the whole track.
+        sizes: division of the picture into views.
+        followed: entity of each close-up -> reach (m) of its vehicle.
+        boxes: entities that stand for vehicles in the view of the whole track only.
+        plots: all plots.
+        unit: unit of forces.
+        window: time (s) that the plots show before the cursor; None for the whole run.
+        eyes: eye of the 3D view, and of the 3D close-up of each entity; None in a plane.
+    """
+    (left, low), (right, high) = framed.low, framed.high
+    track: rrb.View | rrb.Container = rrb.Spatial2DView(
+        name="Track, rope coloured by tension",
+        origin="track",
+        visual_bounds=rrb.VisualBounds2D(x_range=[left, right], y_range=[-high, -low]),
+    )
+    cells: list[rrb.View | rrb.Container] = []
+    if followed:
+        cells.append(_close_ups(followed, boxes))
+    if eyes is not None:
+        overview, near = eyes
+        track = rrb.Horizontal(track, _in_space(overview), column_shares=[1, 1])
+        if near:
+            cells.append(_together([_in_space(eye, entity) for entity, eye in near.items()]))
+    titles = plot_titles(unit)
+    axes = plots.axes(plot_cells(plots, sizes)) if window is None else {}
+    cells += [
+        _plot_view(f"plots/{name}", titles[name], len(plots.legend_rows(name, cell)), cell, window, axes.get(name))
+        for name, cell in zip(plots.signals, plot_cells(plots, sizes), strict=True)
+    ]
+    ends = np.cumsum([0, *sizes.rows])
+    lower = [rrb.Horizontal(*cells[first:last]) for first, last in pairwise(ends)]
+    return blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(track, *lower, row_shares=[1] * (len(lower) + 1)),
+            rrb.Vertical(
+                rrb.TextDocumentView(name="Readout", origin="readout"),
+                rrb.TextLogView(
+                    name="Commands", origin="commands", columns=rrb.TextLogColumns(text_log_columns=["Body"])
+                ),
+                row_shares=[3, 1],
+            ),
+            column_shares=[sizes.main, sizes.side],
+        )
+    )
+
+
+def plot_cells(plots: Plots, sizes: Sizes) -> list[tuple[float, float]]:
+    """Return width and height in pixels of the plot of each signal, legend included."""
+    first = sum(sizes.rows) - len(plots.signals)
+    return [sizes.cell(first + number) for number in range(len(plots.signals))]
+
+
+def _close_ups(followed: Mapping[str, float], boxes: Iterable[str]) -> rrb.View | rrb.Container:
+    """Return the close-up views that move with vehicles, as tabs."""
+    hidden = ("track/tension_colors", "track/names", NAMES, *boxes)
+    views = [
+        rrb.Spatial2DView(
+            name=f"Close-up of {name}" if len(followed) == 1 else name,
+            origin=path,
+            contents=["+ /track/**", *(f"- /{entity}" for entity in hidden)],
+            visual_bounds=rrb.VisualBounds2D(x_range=[-0.7 * reach, 0.7 * reach], y_range=[-0.3 * reach, 1.1 * reach]),
+        )
+        for path, reach in list(followed.items())[:CLOSE_UPS]
+        for name in [path.rpartition("/")[2]]
+    ]
+    return _together(views)
+
+
+def _together(views: Sequence[rrb.View]) -> rrb.View | rrb.Container:
+    """Return views as tabs of one container."""
+    return views[0] if len(views) == 1 else rrb.Tabs(*views)
+
+
+def _in_space(eye: Eye, followed: str | None = None) -> rrb.View:
+    """Return a 3D view from an eye, which moves with the `followed` entity if given."""
+    hidden = NEAR_WIND if followed is None else OVERVIEW_WIND
+    name = "In space" if followed is None else f"{followed.rpartition('/')[2]} in space"
+    return rrb.Spatial3DView(
+        name=name,
+        origin=SPACE,
+        contents=["+ $origin/**", f"- /{hidden}", *([] if followed is None else [f"- /{SPACE}/names"])],
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            position=eye.position, look_target=eye.target, eye_up=(0.0, 0.0, 1.0), tracking_entity=followed
+        ),
+    )
+
+
+def plot_titles(unit: str) -> dict[str, str]:
+    """Return plot titles by signal name, forces in `unit`."""
+    return {name: f"{signal.view} [{shown_unit(signal, unit)}]" for name, signal in SIGNALS.items() if signal.view}
+
+
+def blueprint(contents: rrb.Container) -> rrb.Blueprint:
+    """Return a blueprint of contents and time panel, without other panels of rerun."""
+    return rrb.Blueprint(
+        contents,
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _plot_view(
+    path: str,
+    title: str,
+    rows: int,
+    cell: tuple[float, float],
+    window: float | None,
+    axis: tuple[float, float] | None,
+) -> rrb.View | rrb.Container:
+    """Return one plot with its legend rows below, linked to the common time axis."""
+    shown, time_axis = None, rrb.TimeAxis(link="LinkToGlobal")
+    if window is not None:
+        boundary = rr.TimeRangeBoundary.cursor_relative
+        first, last = boundary(seconds=-window), boundary(seconds=AHEAD * window)
+        shown = rr.VisibleTimeRange(TIMELINE, start=first, end=last)
+        time_axis = rrb.TimeAxis(view_range=rr.TimeRange(first, last))
+    width, height = cell[0], LEGEND_ROW * rows
+    plot = rrb.TimeSeriesView(
+        name=title,
+        origin=path,
+        axis_x=time_axis,
+        axis_y=None if axis is None else rrb.ScalarAxis(range=axis),
+        plot_legend=rrb.PlotLegend(visible=False),
+        time_ranges=shown,
+    )
+    if not rows:
+        return plot
+    legend = rrb.Spatial2DView(
+        origin=path.replace("plots", LEGENDS, 1),
+        visual_bounds=rrb.VisualBounds2D(x_range=[0.0, width], y_range=[0.0, height]),
+        titlebar=False,
+    )
+    return rrb.Vertical(plot, legend, row_shares=[cell[1] - height, height])
 
 
 @dataclass(frozen=True)
@@ -33,21 +302,21 @@ class Look:
     support_positions: Mapping[str, FloatArray]  # (2,) m
     ground: FloatArray | None  # (n, 2) m
     force_unit: str | None
-    plot_window: float | None  # s
+    plot_window: float | None  # s before the cursor, None for the whole run
     carriers: Collection[str]
     geometry_rate: float  # Hz
     rope_rate: float  # Hz
     wheels: Mapping[str, FloatArray]  # (n, 3) m, rims of bullwheels
-    space: InSpace | None  # what is drawn in space, where it is drawn there as well
+    space: InSpace | None  # scene of the 3D view, None without one
 
 
 class Picture:
     """Picture of one run, drawn into one file after the other.
 
     Args:
-        look: How it is drawn.
-        layout: Of its frames.
-        c: The first batch.
+        look: appearance.
+        layout: layout of the frames.
+        c: columns of the first batch.
     """
 
     def __init__(self, look: Look, layout: Layout, c: Columns) -> None:
@@ -118,7 +387,7 @@ class Picture:
             if self._space:
                 self._space.send(stream, c, rows)
         if (rows := self._readout_times.rows(times)).size:
-            moments = [frame(c, row) for row in rows]
+            moments = [frame_of(c, row) for row in rows]
             texts = [describe_moment(self._layout, one, self._look.title, self._scale, self._unit) for one in moments]
             columns = rr.TextDocument.columns(text=texts)
             stream.send_columns("readout", [time_column(times[rows])], columns, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle, islice, pairwise
@@ -14,18 +15,98 @@ import rerun as rr
 from cable_twin.frame.plotted_signals import SIGNALS, Signal
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.view.axes import LiveAxis, with_ticks
-from cable_twin.view.geometry import entity_path, time_column
+from cable_twin.view.batch import entity_path, time_column
 from cable_twin.view.labels import label_sizes
-from cable_twin.view.sizes import LEGEND_ROW, TIME_LABELS
 
+TICKS = 3  # smallest number of tick labels of a plot
+TICK_HEIGHT = 24.0  # pixels between two tick labels, below which rerun draws them pale, and below 20 not at all
+EDGE = 0.12  # room for the outermost tick label over the distance between two ticks
+FITTED = 1.1  # range of an axis that rerun fits to its data over the range of the data; measured
+SMALLEST_SPAN = {"m/s": 0.1, "deg": 0.1, "m": 0.01, "N": 1.0, "kN": 0.1}  # a smaller one is drawn as a straight line
+LEGEND_ROW = 22  # pixels, height of a row of a legend
+TIME_LABELS = 17  # pixels, height of the time axis below a plot
 # readable on a dark ground and on a light one: a contrast of 3 or more with both
 PLOT_COLORS = (0x2F8FE3FF, 0xC77C00FF, 0xE0525AFF, 0x2FA06AFF, 0x9A6EE0FF, 0xD05AA0FF)
-LEGENDS = "legends"  # entities of the names of lines
-LEGEND_GAP = 1.0  # pixels between two of them
-LEGEND_SHARE = 0.45  # of the height of a plot, up to which it has a legend
-UNSEEN = 0x00000001  # a colour that is not seen; one without any opacity would be drawn in another
-AXIS = "(axis)"  # entity in a plot that makes it reach as far as numbers are wanted beside it
+LEGENDS = "legends"  # root of the entities of legends
+LEGEND_GAP = 1.0  # pixels between two names
+LEGEND_SHARE = 0.45  # largest height of a legend over that of its plot
+INVISIBLE = 0x00000001  # colour; rerun replaces one without any opacity
+AXIS = "(axis)"  # entity of an invisible line that sets the range of a live plot
+
+
+def with_ticks(low: float, high: float, unit: str, height: float) -> tuple[float, float]:
+    """Return an axis range around `low` to `high` with at least `TICKS` tick labels in rerun.
+
+    rerun labels the multiples of one power of ten, the smallest for which the axis has room.
+
+    Args:
+        low: lowest value.
+        high: highest value.
+        unit: unit of the values, which has a smallest span.
+        height: height of the axis in pixels.
+    """
+    span = max(high - low, 1e-3 * max(abs(low), abs(high)), SMALLEST_SPAN.get(unit, 1e-3))
+    middle, half = (low + high) / 2.0, 0.52 * span
+    step = 10.0 ** np.ceil(np.log10(2.0 * half / _most(height)))
+    while True:
+        first, last = np.ceil((middle - half) / step), np.floor((middle + half) / step)
+        while last - first + 1 < TICKS:  # add the nearer tick
+            below = middle - half - (first - 1) * step < (last + 1) * step - middle - half
+            edge = EDGE * step  # an axis of values of one sign, or hardly two, ends at 0
+            below = (below or (last >= 0.0 and low < high <= edge)) and not (first <= 0.0 and high > low >= -edge)
+            if below:
+                first -= 1
+            else:
+                last += 1
+        axis = min(middle - half, (first - EDGE) * step), max(middle + half, (last + EDGE) * step)
+        if _ticks(*axis, height) >= TICKS:
+            return float(axis[0]), float(axis[1])
+        step *= 10.0
+
+
+def _most(height: float) -> float:
+    """Return the maximum number of tick distances on an axis of a height in pixels."""
+    return max(height / TICK_HEIGHT, TICKS)
+
+
+def _ticks(low: float, high: float, height: float) -> int:
+    """Return the number of tick labels of an axis."""
+    step = 10.0 ** np.ceil(np.log10((high - low) / _most(height)) - 1e-9)
+    return int(np.floor(high / step) - np.ceil(low / step)) + 1
+
+
+class LiveAxis:
+    """Axis of a live plot of the last seconds before the cursor, fitted by rerun to all data in the plot.
+
+    Args:
+        unit: unit of the values.
+        height: height of the axis in pixels.
+        window: shown time (s).
+    """
+
+    def __init__(self, unit: str, height: float, window: float) -> None:
+        self._unit, self._height, self._window = unit, height / FITTED, window
+        self._values: deque[tuple[float, float, float]] = deque()  # time (s), lowest and highest value
+        self._axes: deque[tuple[float, float, float]] = deque()  # time (s) and range of axes in the plot
+
+    def fitted(self, time: float, low: float, high: float) -> tuple[float, float]:
+        """Return the axis from a time (s) on, after adding values from `low` to `high`."""
+        self._values.append((time, low, high))
+        axis = with_ticks(*self._span(self._values, time), self._unit, self._height)
+        self._axes.append((time, *axis))
+        both = self._span(self._axes, time)
+        if _ticks(*both, self._height) < TICKS:  # an earlier axis that is still in sight is far from the new one
+            axis = with_ticks(*both, self._unit, self._height)
+            self._axes[-1] = (time, *axis)
+        return axis
+
+    def _span(self, kept: deque[tuple[float, float, float]], time: float) -> tuple[float, float]:
+        """Return the lowest and the highest number of the last seconds, after dropping older ones."""
+        while not time - self._window <= kept[0][0] <= time:
+            kept.popleft()
+        return min(low for _, low, _ in kept), max(high for _, _, high in kept)
+
+
 Values = Callable[[Columns], FloatArray]
 
 
@@ -33,10 +114,10 @@ class Plot:
     """Lines of one entity in a plot.
 
     Args:
-        path: Of the entity.
-        names: Of the lines.
-        values: Takes the columns of so many frames and returns (frames, lines).
-        color: Number of the first line's colour.
+        path: path of the entity.
+        names: names of the lines.
+        values: takes the columns of a batch, returns values (frames, lines).
+        color: number of the first line's colour.
     """
 
     def __init__(self, path: str, names: Sequence[str], values: Values, color: int = 0) -> None:
@@ -45,7 +126,7 @@ class Plot:
         self.names = list(names)
         self.values = values
         self.colors = list(islice(cycle(PLOT_COLORS), color, color + len(self.names)))
-        # Wider below narrower: a few lines that coincide stay visible.
+        # wider lines below narrower ones, so that coinciding lines stay visible
         self.widths = np.linspace(3.0, 1.5, len(names)) if 1 < len(names) <= 3 else np.full(len(names), 1.5)
 
 
@@ -53,14 +134,14 @@ class Plots:
     """All plots of a run.
 
     Args:
-        layout: What is plotted.
-        carriers: Names of vehicles that are plotted together.
-        scale: That forces are drawn with.
-        unit: Of forces.
+        layout: layout of the frames.
+        carriers: names of vehicles that are plotted together.
+        scale: factor from N to the unit of forces.
+        unit: unit of forces.
 
     Attributes:
-        signals: Those that are plotted, by name, in the order of their plots.
-        spans: Signal -> lowest and highest value in its plot so far.
+        signals: names of the plotted signals, in the order of their plots.
+        spans: signal -> lowest and highest value in its plot so far.
     """
 
     def __init__(self, layout: Layout, carriers: Collection[str], scale: float, unit: str) -> None:
@@ -82,9 +163,9 @@ class Plots:
         """Log names and colours of the lines.
 
         Args:
-            stream: Takes it.
-            cells: Width and height in pixels of each signal's plot, its legend included.
-            window: s, how much time up to the cursor is shown; None shows the whole run.
+            stream: stream of the recording.
+            cells: width and height in pixels of each signal's plot, legend included.
+            window: time (s) shown before the cursor; None for the whole run.
         """
         for plot in self._plots:
             colors = np.array(plot.colors, dtype=np.uint32)
@@ -95,8 +176,8 @@ class Plots:
             units = self._heights(cells)
             self._live = {name: LiveAxis(*units[name], window) for name in self.signals}
             for name in self.signals:
-                unseen = rr.SeriesLines(names=[AXIS] * 2, colors=[UNSEEN] * 2, widths=[0.01] * 2)
-                stream.log(entity_path(f"plots/{name}", AXIS), unseen, static=True)
+                invisible = rr.SeriesLines(names=[AXIS] * 2, colors=[INVISIBLE] * 2, widths=[0.01] * 2)
+                stream.log(entity_path(f"plots/{name}", AXIS), invisible, static=True)
 
     def axes(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]]:
         """Return the axis range of each signal for all values so far, with `cells` as in `begin`."""
@@ -150,7 +231,7 @@ class Plots:
             scalars = np.ascontiguousarray(plot.values(c))
             stream.send_columns(plot.path, [times], rr.Scalars.columns(scalars=scalars), strict=True)
             _widen(spans, plot.signal, scalars)
-            time.sleep(0)  # the frame loop may be waiting for the interpreter
+            time.sleep(0)  # lets the frame loop have the interpreter
 
         last = c.time[-1:, 0]
         for name, span in spans.items():
@@ -234,7 +315,7 @@ def _of_name(signals: Sequence[Signal], layout: Layout, name: str, c: Columns) -
 def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float) -> Iterator[Plot]:
     """Yield the swing plot of each vehicle; for carriers least and most on the rope, and the first carrier.
 
-    What else bodies have is drawn alike.
+    Roll and lateral swing of bodies are plotted in this way too.
     """
     if not signal.names(layout):
         return
@@ -290,7 +371,7 @@ def _spread(signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Colu
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
 
 
-# signals that are drawn otherwise than all together
+# makers of the plots of signals that are not drawn all together
 MAKERS: Mapping[str, Maker] = {
     "speed": _speeds,
     "swing": _swings,

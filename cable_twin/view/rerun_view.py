@@ -1,44 +1,205 @@
 """View of the twin in rerun: a recording file (.rrd) with its blueprint embedded, a live view, or both.
 
-Layout: the whole track with the rope coloured by tension, close-ups that move with carriages, plots (speed, tension,
-swing, drive force, tower load), a readout and the commands. A scenario in space is drawn there as well, with plots of
-what goes across the track. Everything lies on the one timeline `sim_time`.
+The whole track with the rope coloured by tension, close-ups that move with carriages, plots (speed, tension, swing,
+drive force, tower load), a readout and the commands; for a scenario in space also 3D views and plots of lateral motion.
+Everything is on the one timeline `sim_time`. Snapshots are collected as rows of numbers and drawn in batches, a column
+an entity; `flush` draws those that wait. Plots take every snapshot, the rest is thinned out, see `RerunView`.
 
-Snapshots are collected as rows of numbers and drawn in batches, a column an entity; `flush` draws those that wait.
-Plots take every snapshot, the rest is thinned out, see `RerunView`.
+A new file needs a new set of sinks, and rerun ends a server that is a sink when the set changes. So the server belongs
+to a stream of its own, into which nothing is drawn, and the drawing reaches it over the network.
 """
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun_bindings as bindings
 from numpy.typing import ArrayLike
 
+from cable_twin.basics.files import sync
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import AppliedCommand, Command, FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.view.batch import Batch
-from cable_twin.view.geometry import plane, time_column
-from cable_twin.view.picture import Look, Picture
-from cable_twin.view.readout import describe_command
+from cable_twin.view.batch import Batch, plane, time_column
+from cable_twin.view.picture import Look, Picture, describe_command
 from cable_twin.view.space import InSpace
-from cable_twin.view.stream import end_threads, flush_stream, open_stream, split_stream
-from cable_twin.view.web_view import LIVE_PORT, live_url
+from cable_twin.view.web_view import LIVE_ADDRESS, LIVE_PORT, live_url
 
+APPLICATION = "cable_twin"
+FLUSH_TIMEOUT = 5.0  # s
+# data sent first to a late viewer: a quarter to one minute. A viewer takes in data for 10 ms between two pictures only,
+# and without a GPU it stays minutes behind.
+LIVE_MEMORY = "4MiB"
+_ABANDONED: list[rr.RecordingStream] = []
 BATCH = 500  # frames
 LIVE_WINDOW = 30.0  # s
-WIND_CHANGE = 1.0  # m/s, from which on another wind is listed among the commands
+WIND_CHANGE = 1.0  # m/s of change from which on another wind is listed among the commands
+
+
+class _Stream(rr.RecordingStream):
+    """Rerun stream that ends on disconnect, and whose deletion does not wait for its writer."""
+
+    server: _Stream | None = None  # serves the live viewers
+    url = ""  # of the server
+    _layouts: rr.RecordingStream | None = None
+    _layout_count = 0
+
+    def __del__(self) -> None:
+        """Do nothing, as deletion must not wait for the writer."""
+
+    def switch_to(self, title: str, path: Path | None) -> None:
+        """Close the file with its index, and continue in another one, and to the server.
+
+        Raises:
+            OSError: the new file cannot be created.
+        """
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
+        if path is not None:
+            sinks.append(rr.FileSink(path, write_footer=True))
+        if self.server is not None:
+            sinks.append(rr.GrpcSink(self.url))
+        try:
+            self.set_sinks(*sinks)
+        except RuntimeError as error:
+            raise OSError(str(error)) from error
+        self.send_recording_name(title)
+
+    def send_blueprint(
+        self, blueprint: rr.BlueprintLike, *, make_active: bool = True, make_default: bool = True
+    ) -> None:
+        """Send a blueprint, one for each file.
+
+        rerun would make a stream for each that never ends, with two threads and 1.5 MB; here one is reused.
+        """
+        if self._layouts is None:
+            self._layouts = rr.RecordingStream._from_native(
+                bindings.new_blueprint(APPLICATION, make_default=False, make_thread_default=False)
+            )
+        self._layout_count += 1
+        self._layouts.set_time("blueprint", sequence=self._layout_count)
+        blueprint.to_blueprint()._log_to_stream(self._layouts)
+        layout = self._layouts.memory_recording().storage
+        bindings.send_blueprint(layout, make_active, make_default, recording=self.to_native())
+
+    def disconnect(self) -> None:
+        """Close the file, then the server."""
+        super().disconnect()
+        if self._layouts is not None:
+            self._layouts.memory_recording().drain_as_bytes()  # otherwise rerun warns of dropped data
+            self._layouts.disconnect()  # stream and memory refer to each other
+            self._layouts = None
+        if self.server is not None:
+            self.server.disconnect()
+            self.server = None
+
+
+def open_stream(title: str, path: Path | None, live: bool = False, live_port: int = LIVE_PORT) -> rr.RecordingStream:
+    """Return a separate stream into a file, to a server on the local interface, or both.
+
+    Raises:
+        OSError: The file cannot be created, or the port is in use.
+    """
+    stream = _Stream(APPLICATION)
+    # one timeline only: wall-clock times would be those of the batches
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    if live:
+        stream.server, stream.url = _serve(stream, live_port), live_url(live_port)
+    try:
+        stream.switch_to(title, path)
+    except OSError:
+        if stream.server is not None:
+            stream.server.disconnect()
+        raise
+    return stream
+
+
+def _serve(stream: rr.RecordingStream, port: int) -> _Stream:
+    """Serve a recording; raises OSError where the port is in use."""
+    # rerun would find out later, in a thread, that a port is in use, and then every flush fails
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LIVE_ADDRESS, port))
+        except OSError as error:
+            raise OSError(f"the live view cannot use port {port} of {LIVE_ADDRESS}: {error}") from error
+    server = _Stream(APPLICATION, recording_id=stream.get_recording_id(), send_properties=False)
+    server.set_sinks(rr.GrpcServerSink(LIVE_ADDRESS, port, server_memory_limit=LIVE_MEMORY))
+    return server
+
+
+def split_stream(stream: rr.RecordingStream, title: str, old: Path | None, new: Path) -> None:
+    """Close the file of a stream of `open_stream` and continue in another one; viewers stay connected.
+
+    Args:
+        stream: flushed stream.
+        title: name of the recording.
+        old: present file, or None.
+        new: next file.
+
+    Raises:
+        OSError: the new file cannot be created, or the old one cannot be finished.
+    """
+    assert isinstance(stream, _Stream)
+    stream.switch_to(title, new)
+    with suppress(FileNotFoundError):
+        if old is not None:
+            sync(old)
+
+
+def flush_stream(stream: rr.RecordingStream, path: Path | None) -> None:
+    """Flush sent data to disk, in the file `path` if given; waits for a disk that stalls.
+
+    Raises:
+        OSError: the file cannot be written any more, as on a full disk; the stream is abandoned then. A deleted file
+            is no error.
+    """
+    try:
+        try:
+            # without a time-out rerun waits forever if its writer fails meanwhile
+            stream.flush(timeout_sec=FLUSH_TIMEOUT)
+        except RuntimeError as error:
+            if "timed out" not in str(error):  # rerun has one class for all errors
+                raise
+            if path is not None and path.exists():
+                os.utime(path)  # returns when the disk accepts writes again
+            stream.flush(timeout_sec=FLUSH_TIMEOUT)
+        with suppress(FileNotFoundError):  # deleted, which the recorder reports
+            if path is not None:
+                sync(path)
+    except (RuntimeError, OSError) as error:
+        _abandon(stream)
+        raise OSError(f"the rerun recording cannot be written: {error}") from error
+
+
+def end_threads() -> None:
+    """End the threads of closed and unreferenced streams, which hold two threads and a megabyte each.
+
+    rerun itself does so only when another global recording begins. It flushes all streams before, and so would wait
+    forever for an abandoned one.
+    """
+    if not _ABANDONED:
+        bindings.flush_and_cleanup_orphaned_recordings()
+
+
+def _abandon(stream: rr.RecordingStream) -> None:
+    """Leave a stream open, as rerun would wait forever for a writer that is gone, also at exit."""
+    _ABANDONED.append(stream)
+    rr.unregister_shutdown()
 
 
 class RerunView:
     """View of one run of one scenario; used from one thread.
 
     Attributes:
-        url: Where a viewer finds the live view (`rerun --connect URL`), or None when it is not served.
-        flush_period: s, how often `flush` should be called.
+        url: address of the live view for viewers (`rerun --connect URL`), None without one.
+        flush_period: time (s) between two calls of `flush`.
     """
 
     def __init__(
@@ -52,7 +213,6 @@ class RerunView:
         support_positions: Mapping[str, ArrayLike] | None = None,
         ground: ArrayLike | None = None,
         force_unit: str | None = None,
-        plot_window: float | None = LIVE_WINDOW,
         carriers: Collection[str] = (),
         geometry_rate: float = 20.0,
         rope_rate: float = 10.0,
@@ -64,30 +224,29 @@ class RerunView:
         """Open the file and the server; the picture is laid out with the first snapshot.
 
         Args:
-            scenario_name: Title of the recording.
-            body_outlines: Carriage -> body -> (n, 2) m, one line in the body's axes from its centre of mass (see
+            scenario_name: title of the recording.
+            body_outlines: carriage -> body -> outline (n, 2) m in the body's axes from its centre of mass (see
                 `cable_twin.geometry.bodies`). A body without one is drawn as a dot.
-            path: The .rrd to write, or None.
-            live: Serve the picture at `127.0.0.1:live_port` for any number of viewers.
+            path: recording file (.rrd), or None.
+            live: whether to serve the picture at `127.0.0.1:live_port` for any number of viewers. Its plots show the
+                last 30 s, those of a finished file the whole run.
             live_port: TCP port of the live view.
-            support_positions: Name -> (2,) m, for supports between the ends; the ends are taken from the cable.
-            ground: (n, 2) m, the profile of the ground; by default a line that follows the chord of the track.
+            support_positions: name -> place (2,) m of supports between the ends of the ropes.
+            ground: profile of the ground (n, 2) m; by default a line along the chord of the track.
             force_unit: "kN" or "N"; by default kN unless every force of the first snapshot is below 1 kN.
-            plot_window: s, how much time up to the cursor the plots show while the run goes on; None shows the whole
-                run. By default 30 s where the picture is served. A file that is finished shows the whole run.
-            carriers: Carriages that are drawn and plotted together, so that their number costs little.
-            geometry_rate: Hz, at which carriages are drawn.
-            rope_rate: Hz, at which the rope is drawn. At 20 Hz files have a quarter more bytes than at 10 Hz, where
-                the joints of the shipped ropeways are some centimetres off the rope that is shown.
-            batch_frames: Snapshots that are collected before they are sent; by default 20 where somebody may watch
-                live, else 500, for a small file and a small index; a flush sends what there is.
-            stream: Drawn into where neither a file nor a live view is asked for; closing the view closes it.
-            space: What is drawn in space as well, beside the plane of the track.
-            wheels: Name -> (n, 3) m, the rim of each bullwheel.
+            carriers: carriages that are drawn and plotted together, so that their number costs little.
+            geometry_rate: rate (Hz) at which carriages are drawn.
+            rope_rate: rate (Hz) at which the rope is drawn. Files at 20 Hz are a quarter larger than at 10 Hz, where
+                joints of the shipped ropeways are drawn some centimetres off the rope.
+            batch_frames: number of snapshots that are sent together; by default 20 for a live view, otherwise 500, for
+                a small file with a small index; a flush sends those that wait.
+            stream: stream to draw into without a file and a live view; closing the view closes it.
+            space: scene of the 3D view, None for none.
+            wheels: name -> (n, 3) m, rim of each bullwheel.
 
         Raises:
-            ValueError: When neither a file, a live view nor a stream is given, or the unit is unknown.
-            OSError: When the file cannot be created or the port is in use.
+            ValueError: neither a file, a live view nor a stream is given, or the unit is unknown.
+            OSError: the file cannot be created, or the port is in use.
         """
         if path is None and not live and stream is None:
             raise ValueError("a view without a file and without a live server shows nothing")
@@ -106,7 +265,7 @@ class RerunView:
             },
             ground=None if ground is None else np.asarray(ground, dtype=np.float64),
             force_unit=force_unit,
-            plot_window=plot_window if live else None,
+            plot_window=LIVE_WINDOW if live else None,
             carriers=tuple(carriers),
             geometry_rate=geometry_rate,
             rope_rate=rope_rate,
@@ -122,15 +281,15 @@ class RerunView:
         self._batch = Batch(batch_frames or (20 if live else BATCH))
         self._layout: Layout | None = None  # until the first snapshot
         self._picture: Picture | None = None  # until the first batch
-        self._laid_out = False  # in this file
-        self._last_commands: dict[tuple[str, ...], Command] = {}  # that were listed, by kind and names
-        self._commands: list[tuple[float, str, str]] = []  # s, text and level of those not sent yet
+        self._laid_out = False  # whether the present file has its blueprint
+        self._last_commands: dict[tuple[str, ...], Command] = {}  # newest listed command, by topic and names
+        self._commands: list[tuple[float, str, str]] = []  # time (s), text and level of commands not sent yet
 
     def lay_out(self, snapshot: Snapshot) -> None:
         """Lay the picture out around a snapshot now instead of with the first batch, as it takes many frames' time.
 
         Raises:
-            RuntimeError: When the view is closed.
+            RuntimeError: the view is closed.
         """
         stream = self._open()
         self._layout = snapshot.layout
@@ -143,7 +302,7 @@ class RerunView:
         """Draw one snapshot.
 
         Raises:
-            RuntimeError: When the view is closed.
+            RuntimeError: the view is closed.
         """
         self._open()
         self._layout = snapshot.layout
@@ -154,20 +313,20 @@ class RerunView:
         """Log a command as a text line where it is a new one.
 
         Raises:
-            RuntimeError: When the view is closed.
+            RuntimeError: the view is closed.
         """
         self._open()
         kind = KINDS[applied.command.kind]
         key = (kind.topic, *applied.command.values)
         last = self._last_commands.get(key)
         if applied.command == last:
-            return  # a command that only goes on, as the time-out wants it
+            return  # repeated because of the time-out of commands
         if kind.name == "wind" and last is not None:
             change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
             if max(change) < WIND_CHANGE:
                 return
         if not applied.command.values:
-            self._last_commands.clear()  # after a stop or a reset the same command is a new one
+            self._last_commands.clear()  # after a stop or a reset a repeated command is listed again
         self._last_commands[key] = applied.command
         self._commands.append((applied.time, describe_command(applied), kind.level))
 
@@ -175,8 +334,8 @@ class RerunView:
         """Send waiting data to disk; waits for a disk that stalls.
 
         Raises:
-            RuntimeError: When the view is closed.
-            OSError: When the file cannot be written any more, a full disk for instance; the view is closed then.
+            RuntimeError: the view is closed.
+            OSError: the file cannot be written any more, as on a full disk; the view is closed then.
         """
         stream = self._open()
         self._send()
@@ -190,20 +349,20 @@ class RerunView:
         """Finish the present file and continue in another one, laid out anew; viewers stay connected.
 
         Raises:
-            RuntimeError: When the view is closed.
-            OSError: When a file cannot be written.
+            RuntimeError: the view is closed.
+            OSError: a file cannot be written.
         """
         self._end_file()
         split_stream(self._open(), self._look.title, self._path, path)
         self._path = path
         self._laid_out = False
-        self._last_commands.clear()  # so that the new file names those that go on
+        self._last_commands.clear()  # so that the new file lists repeated commands
 
     def close(self) -> None:
         """Send waiting data and close file and server; a second call does nothing.
 
         Raises:
-            OSError: When the last part cannot be written; the view is closed all the same.
+            OSError: the last part cannot be written; the view is closed anyway.
         """
         if self._stream is None:
             return

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.view.geometry import (
+from cable_twin.view.batch import (
     QUIET,
     TIMELINE,
     pixels,
@@ -26,18 +26,18 @@ from cable_twin.view.geometry import (
 from cable_twin.view.labels import label_sizes
 from cable_twin.view.tension_colors import COLOR_COUNT, COLOR_TABLE, RopeColors
 
-LEGEND_PERIOD = 5.0  # s, after which the legend is sent again, for viewers who come late
-NO_ROPE = -1  # colour of the way from one rope to the next, which is no line
+LEGEND_PERIOD = 5.0  # s after which the legend is sent again, for viewers who connect late
+NO_ROPE = -1  # colour of the stretch from one rope to the next, which is not drawn
 
 
 class Rope:
     """Drawing of the ropes of one run.
 
     Args:
-        layout: of the frames.
-        scale: That forces are drawn with.
-        unit: Of forces.
-        space: Draw it in space as well.
+        layout: layout of the frames.
+        scale: factor from N to the unit of forces.
+        unit: unit of forces.
+        space: whether to draw the rope in the 3D view too.
     """
 
     def __init__(self, layout: Layout, scale: float, unit: str, *, space: bool = False) -> None:
@@ -48,9 +48,9 @@ class Rope:
         self._unit = unit
         self._drawn = (IN_PLANE, IN_SPACE) if space else (IN_PLANE,)
         self._colors = RopeColors(layout.ropes)
-        self._known = False  # any tension so far
+        self._known = False  # whether any tension was known so far
         self._legend_place = (0.0, 0.0, 1.0)
-        self._legend_time = -np.inf  # s, when it was sent last
+        self._legend_time = -np.inf  # s, of the newest legend
 
     def begin(self, stream: rr.RecordingStream, time: float, legend_place: tuple[float, float, float]) -> None:
         """Log static data and the legend: its place (x, z, width) in m, valid from `time` (s) on."""
@@ -90,11 +90,11 @@ class Rope:
         else:
             sorted_places = np.sort(self._placed(places), axis=1)
             bins = self._colors.bins(tensions, np.searchsorted(self._starts, sorted_places[:, :-1], side="right"))
-            for frame, ways in enumerate(sorted_places):
-                bins[frame, np.searchsorted(ways, self._starts) - 1] = NO_ROPE
+            for frame, row in enumerate(sorted_places):
+                bins[frame, np.searchsorted(row, self._starts) - 1] = NO_ROPE
         for form in self._drawn:
             stream.send_columns(form.path, [time_column(times)], rope_columns(points, bins, form), strict=True)
-            time.sleep(0)  # the frame loop may be waiting for the interpreter
+            time.sleep(0)  # lets the frame loop have the interpreter
 
     def _placed(self, places: FloatArray) -> FloatArray:
         """Arc lengths (frames, n) of samples and joints, in the order of `with_joints`."""
@@ -110,7 +110,7 @@ class Rope:
             (only,) = self._colors.scales.values()
             labels = [f"{value:g} {self._unit}" for value in (only.low, only.high)]
             places, colors = [(edges[0], -z), (edges[-1], -z)], [COLOR_TABLE[0], COLOR_TABLE[-1]]
-        else:  # one label with a line for each rope, whose distance is that of letters at any zoom
+        else:  # one label with a line for each rope, so that lines keep their distance at any zoom
             labels = ["\n".join(self._colors.captions(self._unit))]
             places, colors = [((edges[0] + edges[-1]) / 2.0, -z)], [QUIET]
         stream.set_time(TIMELINE, duration=time)
@@ -124,14 +124,14 @@ class Rope:
 def with_joints(
     arc_lengths: FloatArray, points: FloatArray, tensions: FloatArray, places: FloatArray, joints: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Insert joints into the samples of a rope, as they are its kinks and seldom samples already.
+    """Insert joints into the samples of a rope, as the rope is bent there between two samples.
 
     Args:
-        arc_lengths: (n,) m, of the samples.
-        points: (frames, n, 3) m.
-        tensions: (frames, n).
-        places: (frames, joints) m, arc lengths; NaN where one is not on the rope, which puts it on the last sample.
-        joints: (frames, joints, 3) m.
+        arc_lengths: arc lengths of the samples (n,) m.
+        points: samples (frames, n, 3) m.
+        tensions: tensions at the samples (frames, n).
+        places: arc lengths of the joints (frames, joints) m; NaN moves a joint off the rope to the last sample.
+        joints: joints (frames, joints, 3) m.
 
     Returns:
         Points (frames, n + joints, 3) and tensions (frames, n + joints) in the order along the rope.
@@ -151,7 +151,7 @@ class Form(NamedTuple):
     """Drawing form of the rope: in the plane of the track, or in space."""
 
     path: str
-    seen: Callable[[FloatArray], FloatArray]  # points (..., 3) in m as they are drawn
+    seen: Callable[[FloatArray], FloatArray]  # converts points (..., 3) in m to drawn ones
     points: Any
     lines: Any
     type: pa.DataType
@@ -178,13 +178,13 @@ def rope_columns(points: FloatArray, bins: NDArray[np.intp], form: Form) -> list
 
     Args:
         points: (frames, n, 3) m.
-        bins: (frames, n - 1) colour of each stretch.
-        form: How it is drawn.
+        bins: colour of each stretch (frames, n - 1).
+        form: drawing form.
     """
     frames, count = bins.shape
     starts = np.ones((frames, count), dtype=bool)
     starts[:, 1:] = bins[:, 1:] != bins[:, :-1]
-    # A sample between two colours ends one line and starts the next.
+    # a sample between two colours ends one line and starts the next
     copies = np.ones((frames, count + 1), dtype=np.intp)
     copies[:, 1:-1] += starts[:, 1:]
     seen = form.seen(points).astype(np.float32)

@@ -15,25 +15,32 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.geometry.bodies import Solid
-from cable_twin.view.geometry import QUIET, entity_path, pixels, rows_without_gaps, time_column
-from cable_twin.view.labels import apart, label_sizes
-from cable_twin.view.place_names import NEAR, gathered
-from cable_twin.view.scene import GROUND, NAME_GAP, WHEEL
-from cable_twin.view.vehicles import BODY_COLORS, CARRIAGE_COLORS
+from cable_twin.view.batch import QUIET, entity_path, pixels, rows_without_gaps, time_column
+from cable_twin.view.labels import NEAR, apart, label_sizes, shared_names
+from cable_twin.view.track import BODY_COLORS, CARRIAGE_COLORS, GROUND, NAME_GAP, WHEEL
 
 SPACE = "space"
 CLOSE_UPS = f"{SPACE}/close_ups"
 OVERVIEW_WIND, NEAR_WIND = f"{SPACE}/wind", f"{SPACE}/wind_at_vehicles"
-STRIP = 0.04  # of the track, how far the ground reaches to either side of what is above it; assumed
-ARM = 1.2  # of the width of the widest vehicle, from the rope to the middle of the mast; assumed
-NARROW = 0.004  # of the track, an arm at least
+STRIP = 0.04  # width of the ground to either side over the span of the track; assumed
+ARM = 1.2  # distance of the rope from the middle of the mast over the width of the widest vehicle; assumed
+NARROW = 0.004  # smallest length of an arm over the span of the track
 WIND, RIBS = 0x2FA0C8FF, 0xA8977EFF
-BELOW = 0.03  # of the track, below its middle: what is looked at, as there is ground below it
-FROM = (-0.2, -0.55, 0.2)  # of the track, from its middle, where it is seen from
-BEHIND = (-4.0, -1.2, 0.6)  # of the height of a vehicle, from its bodies, the same
-NEARER = (0.7, 0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 2.0)  # of that distance: the first one at which all is seen
-FIELD = np.radians(55.0)  # of view, rerun's own, from the lower to the upper edge
-FASTEST = 40.0  # m/s, of a wind whose arrow is as long as there is room for
+BELOW = 0.03  # depth of the target below the middle of the track over its span, as there is ground below it
+EYE = (-0.2, -0.55, 0.2)  # position of the eye from the middle of the track over its span
+CLOSE_UP_EYE = (-4.0, -1.2, 0.6)  # position of the eye from a vehicle over the height of the vehicle
+DISTANCES = (
+    0.7,
+    0.8,
+    0.9,
+    1.0,
+    1.15,
+    1.3,
+    1.5,
+    2.0,
+)  # factors of `EYE`, of which the first that shows all is taken
+FIELD = np.radians(55.0)  # field of view of rerun, from the lower to the upper edge
+FASTEST = 40.0  # m/s, wind with the longest arrow
 
 
 @dataclass(frozen=True)
@@ -41,9 +48,9 @@ class InSpace:
     """Additional scene data for the 3D view: solids of bodies, and towers.
 
     Attributes:
-        solids: Vehicle -> body -> its triangles.
-        towers: Name -> (3,) m.
-        between: Whether their masts are in the middle, between strands to the left and to the right.
+        solids: vehicle -> body -> its triangles.
+        towers: name -> place (3,) m.
+        between: whether masts are in the middle, between ropes to the left and to the right.
     """
 
     solids: Mapping[str, Mapping[str, Solid]]
@@ -87,7 +94,7 @@ class _Alike(NamedTuple):
     """Bodies with equal solids, drawn as one entity."""
 
     path: str
-    rows: list[int]  # of the bodies
+    rows: list[int]  # numbers of the bodies
     solid: Solid
     color: int
 
@@ -96,14 +103,14 @@ class Space:
     """Drawing of one layout in the 3D view.
 
     Args:
-        layout: What is drawn.
-        look: How.
-        carriers: Names of the vehicles that are drawn together.
-        followed: Names of those that close-ups follow.
+        layout: layout of the frames.
+        look: additional scene data.
+        carriers: names of the vehicles that are drawn together.
+        followed: names of the vehicles with a close-up.
 
     Attributes:
-        overview: from where the whole is seen.
-        close_ups: entity that a close-up follows -> from where it is seen.
+        overview: eye of the view of the whole.
+        close_ups: entity of each close-up -> its eye.
     """
 
     def __init__(self, layout: Layout, look: InSpace, carriers: Collection[str], followed: Collection[str]) -> None:
@@ -114,9 +121,9 @@ class Space:
         }
         self._end_samples = layout.end_samples
         self._ropes = list(layout.ropes)
-        self._reach = 1.0  # m, of an arrow of the wind beside a vehicle
+        self._reach = 1.0  # m, height of the tallest body
         self._span = 1.0  # m, of the track
-        self._sky = np.zeros(3)  # m, where the arrow of the wind is
+        self._sky = np.zeros(3)  # m, place of the arrow of the wind above the track
         self.overview = Eye(np.zeros(3), np.zeros(3))
         self.close_ups: dict[str, Eye] = {}
 
@@ -131,11 +138,11 @@ class Space:
         """Log static entities of the 3D view.
 
         Args:
-            stream: Takes it.
-            c: A first frame.
-            ground: (n, 2) m, x and z.
-            wheels: Name -> (n, 3) m, rims of bullwheels.
-            size: Pixels of the view of the whole, width and height.
+            stream: stream of the recording.
+            c: columns of a first frame.
+            ground: profile of the ground, (n, 2) m, x and z.
+            wheels: name -> (n, 3) m, rim of each bullwheel.
+            size: width and height in pixels of the view of the whole.
         """
         stream.log(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         rope = c.rope_position[~np.isnan(c.rope_position).any(axis=1)]
@@ -149,7 +156,7 @@ class Space:
         ends = {name: c.rope_position[sample] for name, sample in self._end_samples.items()}
         known = {name: top for name, top in ends.items() if not np.isnan(top).any()}
         places = self._draw_supports(stream, known, ground)
-        names = gathered(places, wheels, self._ropes, NEAR * self._span)
+        names = shared_names(places, wheels, self._ropes, NEAR * self._span)
         self.overview, tops = _seen_whole(middle, self._span, points, names, size)
         labels = rr.Points3D(tops, colors=[QUIET], radii=[0.0], labels=list(names), show_labels=True)
         stream.log(f"{SPACE}/names", labels, static=True)
@@ -175,7 +182,7 @@ class Space:
             place = c.joint_position[row]
             if not np.isnan(place).any():
                 target = place - [0.0, 0.0, self._reach]
-                self.close_ups[path] = Eye(target + np.array(BEHIND) * self._reach, target)
+                self.close_ups[path] = Eye(target + np.array(CLOSE_UP_EYE) * self._reach, target)
 
     def _draw_supports(
         self,
@@ -186,12 +193,12 @@ class Space:
         """Log stations as masts, and towers as masts beside the rope with an arm above.
 
         Args:
-            stream: Takes it.
-            ends: Name -> (3,) m, ends of ropes.
-            ground: (n, 2) m, x and z.
+            stream: stream of the recording.
+            ends: name -> place (3,) m of each end of a rope.
+            ground: profile of the ground, (n, 2) m, x and z.
 
         Returns:
-            Name -> (3,) m, below the foot of each mast.
+            Name -> foot (3,) m of each mast.
         """
         arm = max(
             ARM * max((float(np.ptp(g.solid.vertices[:, 1])) for g in self._alike), default=0.0), NARROW * self._span
@@ -221,7 +228,7 @@ class Space:
             )
             columns = [column.partition([len(group.rows)] * int(known.sum())) for column in poses]
             stream.send_columns(group.path, [time_column(times[known])], columns, strict=True)
-            time.sleep(0)  # the frame loop may be waiting for the interpreter
+            time.sleep(0)  # lets the frame loop have the interpreter
         for path, row in self._followed.items():
             joints = c.joint_position[rows, row]
             known = rows_without_gaps(joints)
@@ -256,18 +263,18 @@ def _seen_whole(
     """Return the nearest eye that sees everything, and name positions (n, 3) m, stacked where they would overlap.
 
     Args:
-        middle: (3,) m, what is looked at.
-        span: m, of the track.
-        points: (n, 3) m, what is seen.
-        names: Name -> (3,) m, below which it stands.
-        size: Pixels of the view, width and height.
+        middle: target of the eye (3,) m.
+        span: span of the track (m).
+        points: points to be visible (n, 3) m.
+        names: name -> point (3,) m below which it stands.
+        size: width and height of the view in pixels.
     """
     label = label_sizes(list(names))
     feet = np.array(list(names.values())).reshape(-1, 3)
     room = np.array(size) - 2.0 * NAME_GAP
-    for nearer in NEARER:
-        eye = Eye(middle + np.array(FROM) * (span * nearer), middle)
-        for _ in range(4):  # moved across until all is in the middle
+    for nearer in DISTANCES:
+        eye = Eye(middle + np.array(EYE) * (span * nearer), middle)
+        for _ in range(4):  # moved sideways until all is in the middle
             lens = Lens.of(eye, size[1])
             seen, depth = lens.seen(feet)
             moved = apart(np.add(seen, (0.0, NAME_GAP)), label + NAME_GAP)
@@ -310,6 +317,3 @@ def _draw_ground(stream: rr.RecordingStream, ground: FloatArray, right: float, l
     stream.log(f"{SPACE}/ground", mesh, static=True)
     ribs = rr.LineStrips3D([*edges, *np.stack(edges, axis=1)], colors=[RIBS], radii=pixels(0.7))
     stream.log(f"{SPACE}/ground/ribs", ribs, static=True)
-
-
-__all__ = ["InSpace", "Space"]

@@ -1,4 +1,4 @@
-"""Colour scales of rope tension, shared by all pictures."""
+"""Colour scales of rope tension, common to rerun and RViz."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import FloatArray
 
 COLOR_COUNT = 24  # colours between low and high tension; neighbours of one colour share one line
-# seen on dark ground and on light one
+# visible on a dark and on a light background
 COLOR_STOPS = (0x3B8BFFFF, 0x1FAFC8FF, 0x45BB66FF, 0xCCA40AFF, 0xF08324FF, 0xF03E34FF)
+_PLACES = np.linspace(0.0, 1.0, len(COLOR_STOPS))
+_CHANNELS = np.array([[stop >> shift & 0xFF for stop in COLOR_STOPS] for shift in (24, 16, 8, 0)]) / 255.0
 
 
 class TensionColors:
@@ -20,7 +22,7 @@ class TensionColors:
     def __init__(self) -> None:
         self.low = 0.0
         self.high = 1.0
-        self.lowest = 0.0  # of the tensions so far, outliers aside
+        self.lowest = 0.0  # lowest tension so far, without outliers
 
     def start(self, tensions: FloatArray) -> None:
         """Set the range from the tensions of the first snapshot, with margin for a moving carriage."""
@@ -43,7 +45,7 @@ class TensionColors:
 
     def _span(self, low: float, high: float) -> None:
         """Set the range, rounded outwards to round numbers."""
-        slack = low < 0.0 and self.lowest >= 0.0  # a colour for tensions that do not occur
+        slack = low < 0.0 and self.lowest >= 0.0  # no range for tensions that do not occur
         low = 0.0 if slack else low
         width = max(high - low, 0.1)
         step = 10.0 ** np.floor(np.log10(width / 4.0))
@@ -56,10 +58,10 @@ class RopeColors:
     """Colour scales of the tensions of several ropes, each with its own range.
 
     Args:
-        ropes: Name -> its samples among those of all ropes.
+        ropes: name -> samples of the rope among those of all ropes.
 
     Attributes:
-        scales: name -> range of the colours of this rope.
+        scales: name -> colour scale of the rope.
     """
 
     def __init__(self, ropes: Mapping[str, slice]) -> None:
@@ -92,7 +94,7 @@ class RopeColors:
         low, width = (part[ropes] for part in self._ranges())
         middle = (tensions[:, 1:] + tensions[:, :-1]) / 2.0
         scaled = (middle - low) * (COLOR_COUNT / width)
-        # fmax takes the lowest colour for a tension that is not known
+        # fmax gives an unknown tension the lowest colour
         return np.fmin(np.fmax(scaled, 0.0), COLOR_COUNT - 1.0).astype(np.intp)
 
     def rgba(self, tensions: FloatArray, ropes: NDArray[np.intp]) -> FloatArray:
@@ -109,10 +111,6 @@ class RopeColors:
         """Lowest tension and width of the range of each rope (ropes,)."""
         low, high = np.array([(one.low, one.high) for one in self.scales.values()]).T
         return low, high - low
-
-
-_PLACES = np.linspace(0.0, 1.0, len(COLOR_STOPS))
-_CHANNELS = np.array([[stop >> shift & 0xFF for stop in COLOR_STOPS] for shift in (24, 16, 8, 0)]) / 255.0
 
 
 def color_table() -> NDArray[np.uint32]:

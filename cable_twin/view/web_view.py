@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 LIVE_ADDRESS = "127.0.0.1"  # never another: rerun has no access control
 LIVE_PORT = 9876  # rerun's own
-READY = 20.0  # s within which it answers, be the machine busy
+READY = 20.0  # s within which the server has to answer, also on a busy machine
 
 
 def live_url(port: int) -> str:
@@ -26,17 +26,17 @@ class WebView:
     """Server of a live view or of recordings for browsers of this machine, until closed.
 
     Attributes:
-        link: What to open.
+        link: address for a browser.
     """
 
     def __init__(self, *sources: str) -> None:
         """Start the server and wait until it answers.
 
         Args:
-            sources: The address of a live view, or files.
+            sources: address of a live view, or recording files.
 
         Raises:
-            OSError: It does not start.
+            OSError: the server does not start.
         """
         port, own_port = free_port(), free_port()
         live = sources[0].startswith("rerun")
@@ -85,12 +85,12 @@ def free_port(wanted: int = 0) -> int:
 
 
 def _program() -> list[str]:
-    """Command of the rerun program itself, as its Python front would leave it behind at the end."""
+    """Command of the rerun program itself, as its Python wrapper would not end it."""
     import rerun_cli  # noqa: PLC0415 - comes with rerun-sdk
 
     program = Path(str(rerun_cli.__file__)).with_name("rerun")
     command = [str(program)] if os.access(program, os.X_OK) else [sys.executable, "-m", "rerun_cli"]
-    setpriv = shutil.which("setpriv")  # so that it ends with us, be we killed
+    setpriv = shutil.which("setpriv")  # so that it ends with this process, even a killed one
     return [setpriv, "--pdeathsig", "TERM", *command] if setpriv else command
 
 
@@ -105,6 +105,3 @@ def _answers(port: int) -> bool:
     with socket.socket() as probe:
         probe.settimeout(0.5)
         return probe.connect_ex((LIVE_ADDRESS, port)) == 0
-
-
-__all__ = ["LIVE_ADDRESS", "LIVE_PORT", "WebView", "free_port", "live_url", "why_not"]

@@ -20,7 +20,7 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.ros.services import Services
+from cable_twin.ros.services import NothingSavedError, SnapshotWriter
 
 RERUN = str(Path(sys.executable).with_name("rerun"))
 
@@ -172,18 +172,15 @@ def test_wrong_snapshot_is_one_line(tmp_path):
 
 def test_saved_states_have_half_of_the_room_that_logs_and_they_share(tmp_path):
     full = Simulation(load_scenario(write_quick_scenario(tmp_path))).capture()
-    services = Services(None, lambda: tmp_path / "run", lambda: 1, keep_size=0.4)
-    try:
-        first = services._write(full)
-        allowed = int(0.2e6 / first.stat().st_size)
-        for _ in range(allowed - 1):
-            services._write(full)
-        with pytest.raises(
-            Exception, match=r"nothing saved: .* MB of saved states, .* half of keep_size, 0\.2 MB; remove some"
-        ):
-            services._write(full)
-        assert len(list((tmp_path / "run").iterdir())) == allowed
-        first.unlink()
-        services._write(full)
-    finally:
-        services.close()
+    writer = SnapshotWriter(lambda: tmp_path / "run", keep_size=0.4)
+    first = writer.write(full)
+    allowed = int(0.2e6 / first.stat().st_size)
+    for _ in range(allowed - 1):
+        writer.write(full)
+    with pytest.raises(
+        NothingSavedError, match=r"nothing saved: .* MB of saved states, .* half of keep_size, 0\.2 MB; remove some"
+    ):
+        writer.write(full)
+    assert len(list((tmp_path / "run").iterdir())) == allowed
+    first.unlink()
+    writer.write(full)

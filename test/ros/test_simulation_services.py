@@ -23,7 +23,7 @@ pytest.importorskip("rclpy")
 import rclpy
 
 from cable_twin.messages import FrameNames
-from cable_twin.ros.services import Services
+from cable_twin.ros.services import Services, SnapshotWriter
 from cable_twin.ros.simulation_services import FEATURES, SimulationServices, WorldLoading, service_name
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.runtime.scenario_reading import ScenarioReader
@@ -103,7 +103,7 @@ def twin():
     context = rclpy.Context()
     rclpy.init(context=context)
     node = rclpy.create_node("services", context=context)
-    services = Services(node, loop, Path, lambda: 1, 0.0)
+    services = Services(node, loop, SnapshotWriter(Path, 0.0), lambda: 1)
     kinds = SimpleNamespace(**{name: lambda name=name: make(name) for name in ("EntityState", "WorldResource")})
     loop.start()
     loading = WorldLoading(node, loop, lambda simulation: None, "single_span")

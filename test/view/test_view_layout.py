@@ -12,11 +12,9 @@ from drawn_run import OUTLINES, RERUN, column, draw, rerun_command, snapshot_at
 from rerun.chunk import RrdReader
 from twin_process import wait_until
 
-from cable_twin.view.axes import TICKS, LiveAxis, with_ticks
-from cable_twin.view.layout import _plot_view
-from cable_twin.view.readout import table_columns
+from cable_twin.view.picture import HEIGHT, WIDTH, _plot_view, divided, table_columns
+from cable_twin.view.plots import TICKS, LiveAxis, with_ticks
 from cable_twin.view.rerun_view import RerunView
-from cable_twin.view.sizes import HEIGHT, WIDTH, divided
 from cable_twin.view.web_view import free_port
 
 HEIGHTS = (60.0, 110.0, 175.0, 400.0)  # pixels

@@ -35,7 +35,7 @@ from cable_twin.frame.records import (  # noqa: E402
     TowerState,
 )
 from cable_twin.geometry.bodies import outline_from_pivots  # noqa: E402
-from cable_twin.view.readout import describe_command  # noqa: E402
+from cable_twin.view.picture import describe_command  # noqa: E402
 from cable_twin.view.rerun_view import RerunView  # noqa: E402
 
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"

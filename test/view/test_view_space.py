@@ -20,12 +20,11 @@ from cable_twin.geometry.bodies import body_solid
 from cable_twin.recording.log_formats import open_view
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from cable_twin.view.geometry import QUIET
+from cable_twin.view.batch import QUIET
 from cable_twin.view.plots import PLOT_COLORS
-from cable_twin.view.scene import GROUND
 from cable_twin.view.space import WIND
 from cable_twin.view.tension_colors import COLOR_STOPS
-from cable_twin.view.vehicles import BODY_COLORS, CARRIAGE_COLORS
+from cable_twin.view.track import BODY_COLORS, CARRIAGE_COLORS, GROUND
 
 LIGHT, DARK = 1.0, 0.004  # luminance of what rerun draws on
 READABLE = 2.0  # of a line; 3 of letters

@@ -1,39 +1,182 @@
-"""Vehicles in the view: carriages with entities of their own, and carriers of one kind in one entity."""
+"""View of the track in its plane: ground, supports and masts, and vehicles."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.view.geometry import entity_path, pixels, planar, plane, rows_without_gaps, time_column
-from cable_twin.view.labels import apart, label_sizes
+from cable_twin.geometry.ground import default_ground
+from cable_twin.view.batch import QUIET, entity_path, pixels, planar, plane, rows_without_gaps, time_column
+from cable_twin.view.labels import NEAR, apart, label_sizes, shared_names
 
-LABELS = 8  # vehicles up to which each has its name beside it
-CLOSE_UPS = 6  # of vehicles, where there are more than that
+WHEEL = 0x9A6EE0FF
+GROUND = 0x84735DFF
+NAME_GAP = 3.0  # pixels between names, and from the ground
+MARGIN = 6.0  # pixels around the scene
+SMALLEST = 10.0  # largest factor by which a scene shrinks to leave room for labels
+LEGENDS_BESIDE = (0.0, 0.5, 1.0)  # tried shares of the legend to the left of the scene; the best is taken
+BAR, BAR_INDENT, BAR_HEIGHT = 210.0, 40.0, 10.0  # pixels of the bar of tension colours, with half a number at its ends
+LABELS = 8  # largest number of vehicles with their names beside them
+CLOSE_UPS = 6  # largest number of vehicles with a close-up
 CARRIAGE_COLORS = (0xD05AA0FF, 0x2F8FE3FF, 0x2FA06AFF, 0xD9730DFF, 0x9A6EE0FF, 0xE0525AFF)
 BODY_COLORS = (0xC77C00FF, 0x2F8FE3FF, 0x2FA06AFF, 0xE0525AFF, 0x9A6EE0FF)
 CARRIERS = "track/carriers"
 NAMES = "track/vehicle_names"
 LIFT = 8.0  # pixels from a joint to the label with the name
+LINES_TYPE = rr.components.LineStrip2DBatch([]).as_arrow_array().type
+
+
+class Scene(NamedTuple):
+    """Initial scene: cable, vehicles, supports, ground."""
+
+    cable: FloatArray  # (n, 2) m, x and z
+    vehicles: list[FloatArray]  # of each (m, 2) m, its joint and then its bodies
+    supports: Mapping[str, FloatArray]  # (2,) m
+    ground: FloatArray  # (k, 2) m
+
+
+def scene_of(
+    cable: FloatArray,
+    vehicles: list[FloatArray],
+    end_samples: Mapping[str, int],
+    support_positions: Mapping[str, FloatArray],
+    ground: FloatArray | None,
+) -> Scene:
+    """Return the scene around a cable (n, 2) m, gaps (NaN) allowed, with its end samples by name."""
+    cable = cable[~np.isnan(cable).any(axis=1)]
+    if len(cable) < 2:  # unknown
+        cable = np.vstack([(0.0, 0.0), (1.0, 0.0), *support_positions.values()])
+    ends = {name: cable[min(index, len(cable) - 1)] for name, index in end_samples.items()}
+    known = [points for points in vehicles if len(points)]
+    ground = default_ground(cable, known) if ground is None else ground
+    return Scene(cable, known, {**ends, **support_positions}, ground)
+
+
+def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Return the lower left and the upper right corner (2,) m of a scene."""
+    points = np.vstack([scene.cable, *scene.vehicles, scene.ground])
+    return points.min(axis=0), points.max(axis=0)
+
+
+class Framed(NamedTuple):
+    """Scene with its labels, framed for the view of the whole track."""
+
+    pixel: float  # m, size of a pixel of the smallest screen
+    names: Mapping[str, FloatArray]  # (2,) m, middle of the upper side of each label of supports
+    legend: tuple[float, float, float]  # m: x and z of the begin of the bar of colours, and its width
+    taken: FloatArray  # (n, 4) pixels of these labels: middle and lower side, upwards; width and height
+    low: FloatArray  # (2,) m, lower left corner of the view
+    high: FloatArray  # (2,) m, upper right corner
+
+
+def framed(
+    scene: Scene,
+    size: tuple[float, float],
+    wheels: Mapping[str, FloatArray],
+    ropes: Collection[str],
+    legend: tuple[float, float],
+    above: float,
+) -> Framed:
+    """Return label positions and view range, with room for everything and no label covering another.
+
+    Args:
+        scene: shown scene.
+        size: width and height of the view in pixels.
+        wheels: name -> (n, 3) m, rim of each bullwheel.
+        ropes: names of the ropes.
+        legend: width and height in pixels of the labels of the colours, at the upper left below their bar.
+        above: pixels kept free above the rope for names of vehicles.
+    """
+    low, high = extent(scene)
+    feet = {name: np.array([x, np.interp(x, *scene.ground.T)]) for name, (x, _) in scene.supports.items()}
+    together = shared_names(feet, wheels, ropes, NEAR * float(max(high - low)))
+    label = label_sizes(list(together))
+    places = plane(np.array(list(together.values())).reshape(-1, 2))
+    corners, rope = plane(np.array([low, high])), plane(np.vstack([scene.cable, *scene.vehicles]))
+    left, top = corners.min(axis=0)
+    wide, deep = max(legend[0], BAR), legend[1] + BAR_HEIGHT
+    tried = []
+    for beside in LEGENDS_BESIDE:
+        pixel = least = float(max(np.ptp(corners, axis=0) / size)) or 1.0
+        for _ in range(50):  # the scene shrinks until the labels have room around it
+            names = apart(places / pixel + (0.0, NAME_GAP), label + NAME_GAP)
+            edge = left / pixel - beside * (wide + 2.0 * MARGIN)
+            below = rope[rope[:, 0] < (edge + wide + 2.0 * MARGIN) * pixel, 1]
+            bar = min(below.min(initial=np.inf) / pixel - above - deep, top / pixel)
+            half = label * (0.5, 0.0)
+            feet_of_names = names + (0.0, 1.0) * label
+            boxes: list[ArrayLike] = [
+                corners / pixel,
+                names - half,
+                feet_of_names + half,
+                [(edge, bar), (edge + wide, bar + deep)],
+            ]
+            points: FloatArray = np.vstack(boxes)
+            first, last = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+            first[1] = min(first[1], rope[:, 1].min() / pixel - above)
+            share = float(max((last - first) / size))
+            if share < 1.001 or pixel > SMALLEST * least:
+                break
+            pixel *= share
+        shown = np.sort(plane(np.array([first, last])) * pixel, axis=0)
+        start = edge + (wide - BAR) / 2.0 + BAR_INDENT
+        tried.append(
+            Framed(
+                pixel,
+                dict(zip(together, plane(names) * pixel, strict=True)),
+                (start * pixel, -bar * pixel, (BAR - 2.0 * BAR_INDENT) * pixel),
+                np.vstack(
+                    [
+                        np.hstack([names[:, :1], -feet_of_names[:, 1:], label]),
+                        (edge + 0.5 * wide, -(bar + deep), wide, deep),
+                    ]
+                ),
+                shown[0],
+                shown[1],
+            )
+        )
+    return min(tried, key=lambda one: one.pixel)
+
+
+def draw_scene(
+    stream: rr.RecordingStream, scene: Scene, names: Mapping[str, FloatArray], wheels: Mapping[str, FloatArray]
+) -> None:
+    """Log ground, supports and their masts, rims (n, 3) m of bullwheels, and names at places (2,) m."""
+    ground, supports = scene.ground, scene.supports
+    stream.log("track/ground", rr.LineStrips2D([plane(ground)], colors=[GROUND], radii=pixels(1.5)), static=True)
+    masts = [[(x, z), (x, float(np.interp(x, ground[:, 0], ground[:, 1])))] for x, z in supports.values()]
+    stream.log(
+        "track/supports",
+        rr.LineStrips2D([plane(np.array(mast)) for mast in masts], colors=[QUIET], radii=pixels(2.0)),
+        rr.Points2D([plane(where) for where in supports.values()], colors=[QUIET], radii=pixels(5.0)),
+        static=True,
+    )
+    if wheels:
+        rims = rr.LineStrips2D([plane(planar(rim)) for rim in wheels.values()], colors=[WHEEL], radii=pixels(2.5))
+        stream.log("track/wheels", rims, static=True)
+    places = [plane(place) for place in names.values()]
+    labels = rr.Points2D(places, colors=[QUIET], radii=[0.0], labels=list(names), show_labels=True)
+    stream.log("track/names", labels, static=True)
 
 
 class Outlines:
-    """Outlines of bodies, one each, all placed at once; bodies with equal outlines are grouped.
+    """Outlines of bodies, all placed at once; bodies with equal outlines are grouped.
 
     Args:
-        lines: (n, 2) m of each body, in its axes, in rerun's plane.
+        lines: (n, 2) m, outline of each body in its axes, in rerun's plane.
 
     Attributes:
-        bodies: number of the body of each line, in the order in which they are placed.
-        lengths: points of each line.
+        bodies: number of the body of each placed line.
+        lengths: number of points of each placed line.
     """
 
     def __init__(self, lines: Sequence[FloatArray]) -> None:
@@ -65,17 +208,17 @@ class Outlines:
 
 
 class Vehicles:
-    """Drawing of all vehicles of a layout.
-
-    Attributes:
-        close_ups: entity -> m, what close-ups follow, and how far the vehicle reaches from its joint.
-        boxes: entities that stand for vehicles where the whole track is shown.
-        followed: names of the vehicles that close-ups follow, one behind the other.
+    """Drawing of all vehicles of a layout: carriages as entities of their own, carriers of one kind in one entity.
 
     Args:
-        layout: What is drawn.
-        outlines: Vehicle -> body -> (n, 2) m in rerun's plane, in the body's axes; a body without one is a dot.
-        carriers: Names of the vehicles that are drawn together.
+        layout: layout of the frames.
+        outlines: vehicle -> body -> outline (n, 2) m in the body's axes, in rerun's plane; a body without one is a dot.
+        carriers: names of the vehicles that are drawn together.
+
+    Attributes:
+        close_ups: entity of each close-up -> reach (m) of the vehicle from its joint.
+        boxes: entities that stand for vehicles in the view of the whole track only.
+        followed: names of the vehicles with a close-up.
     """
 
     def __init__(
@@ -123,10 +266,10 @@ class Vehicles:
         """Log static data of the vehicles in a first frame.
 
         Args:
-            stream: Takes it.
-            c: That frame.
-            pixel: m, of the smallest screen.
-            taken: (n, 4) pixels where other labels stand, see `apart`.
+            stream: stream of the recording.
+            c: columns of that frame.
+            pixel: size (m) of a pixel of the smallest screen.
+            taken: (n, 4) pixels of other labels, see `apart`.
         """
         self._pixel, self._taken = pixel, taken
         if self._labelled:
@@ -140,7 +283,7 @@ class Vehicles:
             path = entity_path("track/carriages", self._names[index])
             dot = rr.Points2D([(0.0, 0.0)], colors=[color], radii=pixels(4.5), draw_order=40.0)
             stream.log(path, dot, static=True)
-            if (box := entity_path(path, "(box)")) in self.boxes:  # it hangs from a short line, as large as can be seen
+            if (box := entity_path(path, "(box)")) in self.boxes:  # hung from a short line; large enough to be seen
                 sides = np.array([(0, 0), (0, 1), (1, 1), (1, 3), (-1, 3), (-1, 1), (0, 1)]) * (4.0 * pixel)
                 stream.log(box, rr.LineStrips2D([sides], colors=[color], radii=pixels(1.5)), static=True)
             for number, row in enumerate(self._spans[index]):
@@ -257,7 +400,4 @@ def _send_pose(
         quaternions = np.stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)], axis=1)
         columns = rr.Transform3D.columns(translation=translations, quaternion=quaternions)
     stream.send_columns(path, [time_column(times[known])], columns, strict=True)
-    time.sleep(0)  # the frame loop may be waiting for the interpreter
-
-
-LINES_TYPE = rr.components.LineStrip2DBatch([]).as_arrow_array().type
+    time.sleep(0)  # lets the frame loop have the interpreter
