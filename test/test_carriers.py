@@ -110,12 +110,12 @@ def test_kinds_come_in_their_order_and_are_logged(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("carriers", "said"),
     [
-        ({}, "carriers.bodies: none is given, bodies and kinds; allowed: bodies where all are of one kind"),
-        ({**MIXED, "bodies": CHAIR}, "carriers.bodies: both are given"),
-        ({**MIXED, "payload": FULL_UP}, "carriers.payload: given beside kinds; allowed: a payload of each kind"),
+        ({}, "carriers.bodies: given neither bodies nor kinds; allowed: bodies where all are of one kind"),
+        ({**MIXED, "bodies": CHAIR}, "carriers.bodies: given both bodies and kinds"),
+        ({**MIXED, "payload": FULL_UP}, "carriers.payload: given a mapping: beside kinds; allowed: null; the payload"),
         ({**MIXED, "order": ["bus"]}, "carriers.order: given 'bus'; allowed: chair, gondola"),
         ({**MIXED, "order": 3}, "carriers.order: given 3; allowed: a list of some of names"),
-        ({**LOADED, "payload": {**FULL_UP, "from_start": 400.0}}, "payload.from_start: given 400.0; allowed: 0 to the"),
+        ({**LOADED, "payload": {**FULL_UP, "from_start": 400.0}}, "payload.from_start: given 400.0 kg; allowed: 0 to"),
         ({**LOADED, "payload": {**FULL_UP, "body": "roof"}}, "carriers.payload.body: given 'roof'; allowed: one of"),
         ({**LOADED, "count": 14, "spacing": 58.47}, "of the loop are not on the cable; allowed: at least 0.25 m"),
     ],

@@ -141,12 +141,12 @@ def changed(**changes):
     ("changes", "said"),
     [
         ({"clamped_to": {"rail": 1.0}}, "clamped_to.rail: given the rope 'rail'; allowed: track, haul"),
-        ({"clamped_to": {"track": 1.0}}, "carriages.cabin_1.clamped_to.track: given 'track', on which it slides"),
-        ({"clamped_to": {"haul": -1.0}}, "carriages.cabin_1.clamped_to: given -1 m, between the ends of no ropes"),
+        ({"clamped_to": {"track": 1.0}}, "carriages.cabin_1.clamped_to.track: given 'track': the rope on which it sli"),
+        ({"clamped_to": {"haul": -1.0}}, "carriages.cabin_1.clamped_to: given -1 m: between the ends of no ropes"),
         ({"clamped_to": {"haul": "x"}}, "carriages.cabin_1.clamped_to.haul: given 'x'"),
-        ({"joint": "fixed"}, "carriages.cabin_1.clamped_to: given beside a joint or drive that holds it"),
-        ({"drive": {"mode": "speed"}}, "carriages.cabin_1.clamped_to: given beside a joint or drive that holds it"),
-        ({"clamped_to": {}, "clamp_offset": [0.0, 0.3]}, "carriages.cabin_1.clamp_offset: given without a clamp"),
+        ({"joint": "fixed"}, "carriages.cabin_1.clamped_to: given a mapping: beside a joint or drive that holds it"),
+        ({"drive": {"mode": "speed"}}, "carriages.cabin_1.clamped_to: given a mapping: beside a joint or drive that h"),
+        ({"clamped_to": {}, "clamp_offset": [0.0, 0.3]}, "carriages.cabin_1.clamp_offset: given [0.0, 0.3] m: without"),
     ],
 )
 def test_clamps_are_checked(changes, said):
@@ -166,7 +166,10 @@ def test_two_clamps_at_one_place_are_a_fault():
 def test_clamp_beside_one_cable_is_a_fault():
     data = clamped()
     data["cable"] = data.pop("ropes")["track"]
-    assert any("clamped_to: given with one cable; allowed: with several `ropes`" in fault for fault in faults_of(data))
+    assert any(
+        "clamped_to: given a mapping: with one cable; allowed: only with several `ropes`" in fault
+        for fault in faults_of(data)
+    )
 
 
 def test_clamp_far_from_its_carriage_is_told_with_the_distance():

@@ -25,13 +25,17 @@ from cable_twin.simulation import Simulation
 
 SCRIPT = "- {time: 0.5, wind: 0, wind_y: -40}\n- {time: 2.5, event: reset}\n"
 FAULTS = [
-    ("position", [100.0, 70.0, 2.0], "where the line turns by 70 degrees in plan, .* allowed: less than 60 degrees"),
-    ("groove_direction", [0.0, 0.2, -1.0], r"given \[0.0, 0.2, -1.0\], which points away from the rope; .* z above 0"),
-    ("groove_direction", [1.0, 0.0, 0.2], "which points along the rope; allowed: a direction across it"),
+    (
+        "position",
+        [100.0, 70.0, 2.0],
+        "there the line turns by 70 degrees in plan, .* allowed: a turn of less than 60 degrees",
+    ),
+    ("groove_direction", [0.0, 0.2, -1.0], r"given \[0.0, 0.2, -1.0\]: it points away from the rope; .* z above 0"),
+    ("groove_direction", [1.0, 0.0, 0.2], "it points along the rope; allowed: a direction across the rope"),
     ("groove_direction", [0.0, 0.0, 0.0], "allowed: a direction, not all numbers zero"),
     ("derailment_ratio", 0.0, "given 0.0; allowed: a finite number above 0"),
-    ("groove_height", -0.1, "given -0.1; allowed: a finite number above 0, in m"),
-    ("mast_offset", 4.0, "not given, but a mast has an offset and a width; allowed: both or none, in m"),
+    ("groove_height", -0.1, "given -0.1 m; allowed: a finite number above 0, in m"),
+    ("mast_offset", 4.0, "given nothing: a mast has an offset and a width; allowed: both or none, in m"),
 ]
 
 
@@ -59,14 +63,14 @@ def test_a_plane_has_neither_grooves_nor_masts():
     }
     for key, value in (("mast_offset", 3.0), ("groove_direction", [0.0, 1.0])):
         (fault,) = faults_of(BENT, flat | {f"towers.tower.{key}": value})
-        assert re.search(rf"towers\.tower\.{key}: given .* in a plane; allowed: null", fault)
+        assert re.search(rf"towers\.tower\.{key}: given .*: in a plane; allowed: null", fault)
     assert load_scenario(BENT, flat).dim == 2
 
 
 def test_towers_that_the_rope_does_not_reach_in_plan_are_refused():
     (fault,) = faults_of(BENT, {"towers.tower.position": [100.0, 8.0, 2.0], "cable.unstrained_length": 200.8})
     assert re.search(
-        r"towers\.tower\.position: given \[100\.0, 8\.0, 2\.0\], .* sideways with [\d.]+ kN, 0\.\d+ of its normal "
+        r"towers\.tower\.position: given \[100\.0, 8\.0, 2\.0\] m: .* sideways with [\d.]+ kN, 0\.\d+ of its normal "
         r"force; allowed: at most 0\.5 of it \(derailment_ratio\): move the tower towards y = 0 m",
         fault,
     ), fault

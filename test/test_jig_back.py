@@ -175,7 +175,7 @@ def test_a_place_beyond_the_travel_of_the_drive_is_refused(place):
 def test_a_way_of_the_drive_has_the_start_in_it(travel):
     data = load_scenario("jig_back").resolved()
     data["drives"]["haul_rope"]["travel"] = travel
-    with pytest.raises(ScenarioError, match=r"drives.haul_rope.travel: given .*; allowed: least, then most, in m"):
+    with pytest.raises(ScenarioError, match=r"drives.haul_rope.travel: given .*; allowed: the least travel, then the"):
         load_scenario(data)
 
 
@@ -184,7 +184,7 @@ def test_a_way_of_the_drive_has_the_start_in_it(travel):
 )
 def test_a_way_of_the_drive_ends_before_the_end_stops(travel, cabin):
     (fault,) = faults_of("jig_back", {"sheaves.drive.drive.travel": travel})
-    said = f"given {travel} m, with which '{cabin}' would run into an end stop of its track; allowed: -11.00 to 1025."
+    said = f"given {travel} m: '{cabin}' would run into an end stop of its track; allowed: -11.00 to 1025."
     assert f"sheaves.drive.drive.travel: {said}" in fault
 
 

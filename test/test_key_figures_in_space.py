@@ -163,18 +163,18 @@ def test_a_plane_has_no_rows_of_what_it_has_not():
     [
         (
             {"terrain_sides": LEANING},
-            "terrain_sides: given without terrain; allowed: only beside terrain, the profile under the track",
+            "terrain_sides: given a mapping: without terrain; allowed: null; only beside terrain, the profile",
         ),
         (
             {
                 "terrain": [[0.0, -60.0], [1000.0, -60.0]],
                 "terrain_sides": {**LEANING, "left": [[5.0, 1.0], [5.0, 2.0]]},
             },
-            r"terrain_sides\.left\.1: given x = 5\.0 after 5\.0; allowed: rising x, in m",
+            r"terrain_sides\.left\.1: given x = 5\.0 m after 5\.0 m; allowed: rising x, in m",
         ),
         (
             {"space": 2, "terrain": [[0.0, -60.0], [1000.0, -60.0]], "terrain_sides": LEANING, "towers": {}},
-            "terrain_sides: given in a plane; allowed: null, as only scenarios in space have it",
+            "terrain_sides: given a mapping: in a plane; allowed: null, as only scenarios in space have it",
         ),
     ],
 )

@@ -30,7 +30,7 @@ SHARP = {"cable.kinks": "sharp"}
 def test_where_no_joint_can_yield_they_are_refused(name, changes, beside):
     rope = "ropes.track_up" if name == "bicable" else "cable"
     faults = faults_of(name, changes | ({} if name == "bicable" else SHARP))
-    assert any(f"{rope}.kinks: given 'sharp' beside {beside}; allowed: rounded" in fault for fault in faults)
+    assert any(f"{rope}.kinks: given 'sharp': beside {beside}; allowed: rounded" in fault for fault in faults)
 
 
 @pytest.mark.parametrize("name", ["aerial_tramway", "chairlift", "windy_tramway"])

@@ -65,7 +65,7 @@ def test_a_whole_tower_is_put_before_what_is_below_it():
         ({"towers.tower_1.ropes": None}, "towers.tower_1.ropes: given null; allowed: a mapping of ropes"),
         ({"towers.tower_1": 5}, "towers.tower_1: given 5; allowed: a mapping"),
         ({"towers.nope": 5}, "towers.nope: this key does not exist; allowed: tower_1_up"),
-        ({"towers.tower": {"ropes": {"1": {}}}}, "towers.tower.ropes.1: no such rope; allowed: up, down"),
+        ({"towers.tower": {"ropes": {"1": {}}}}, "towers.tower.ropes.1: given '1': no such rope; allowed: up, down"),
     ],
 )
 def test_what_a_tower_or_a_drive_may_not_be_is_one_line(overrides, said):
@@ -77,9 +77,7 @@ def test_what_a_tower_or_a_drive_may_not_be_is_one_line(overrides, said):
 def test_two_drives_of_one_name_are_refused():
     content = YAML_1_2.load(config_directory() / "chairlift.yaml")
     content["sheaves"]["return"]["drive"] = content["sheaves"]["drive"]["drive"]
-    with pytest.raises(
-        ScenarioError, match=r"drive\.name: given 'haul_rope', as another drive is called; allowed: anot"
-    ):
+    with pytest.raises(ScenarioError, match=r"drive\.name: given 'haul_rope': that of another drive; allowed: anot"):
         load_scenario(content)
 
 
@@ -87,7 +85,8 @@ def test_two_towers_of_one_name_are_refused():
     towers = YAML_1_2.load(config_directory() / "chairlift.yaml")["towers"]
     alone = {key: value for key, value in towers["tower_1"].items() if key != "ropes"}
     with pytest.raises(
-        ScenarioError, match=r"towers\.tower_1\.ropes\.up: it is called 'tower_1_up', as another tower is"
+        ScenarioError,
+        match=r"towers\.tower_1\.ropes\.up: given a tower with the name 'tower_1_up': that of another tower",
     ):
         load_scenario("chairlift", {"towers": {**towers, "tower_1_up": {**alone, "rope": "up"}}})
 
@@ -100,15 +99,15 @@ def test_a_fault_is_where_the_file_or_the_override_has_it():
 
     for key in ("sheaves.drive.drive.speed", "drives.haul_rope.speed"):
         assert faults((key, 3.0)) == [
-            f" (override): {key}: given 3.0; allowed: -2.5 to 2.5 m/s, the limit of the drive"
+            f" (override): {key}: given 3.0 m/s; allowed: -2.5 to 2.5 m/s, the limit of the drive"
         ]
     for key in ("towers.tower_1.stiffness", "towers.tower_1.ropes.up.stiffness", "towers.tower_1_up.stiffness"):
-        said = f" (override): {key}: given -1.0; allowed: a finite number above 0, in N/m"
+        said = f" (override): {key}: given -1.0 N/m; allowed: a finite number above 0, in N/m"
         assert faults((key, -1.0)) == [said]  # once, though it is a tower of each rope
     (fault,) = faults(("sheaves.drive.drive.limits.sped", 1.0))
     assert fault == " (override): sheaves.drive.drive.limits.sped: this key does not exist; did you mean 'speed'?"
     (fault,) = faults(("towers.tower_1.ropes.dwn.stiffness", 1.0))
-    assert fault == ": towers.tower_1.ropes.dwn: no such rope; allowed: up, down"
+    assert fault == ": towers.tower_1.ropes.dwn: given 'dwn': no such rope; allowed: up, down"
 
 
 def test_a_tower_of_several_ropes_is_changed_for_all_or_for_one():
@@ -126,19 +125,23 @@ def test_a_tower_of_several_ropes_is_changed_for_all_or_for_one():
         (
             "chairlift",
             {"cable.elements": 60},
-            "cable.elements: given with several ropes; allowed: ropes.up, ropes.down",
+            "cable.elements: given 60: with several ropes; allowed: ropes.up, ropes.down",
         ),
         (
             "chairlift",
             {"sheaves.drive.drive.limits.sped": 1.0},
             "limits.sped: this key does not exist; did you mean 'speed'",
         ),
-        ("chairlift", {"drives.haul_rope.speed": 3.0}, "drives.haul_rope.speed: given 3.0; allowed: -2.5 to 2.5 m/s"),
-        ("single_span", {"cable.lateral": 2.0}, "cable.lateral: given 2.0; allowed: 0, or several `ropes`"),
+        (
+            "chairlift",
+            {"drives.haul_rope.speed": 3.0},
+            "drives.haul_rope.speed: given 3.0 m/s; allowed: -2.5 to 2.5 m/s",
+        ),
+        ("single_span", {"cable.lateral": 2.0}, "cable.lateral: given 2.0 m; allowed: 0, or several `ropes`"),
         (
             "chairlift",
             {"sensors": {"cell": {"kind": "load_cell", "of": "start"}}},
-            "sensors.cell.of: given 'start'; allowed for load_cell: up/start, up/end, down/start, down/end, tower_1_up",
+            "sensors.cell.of: given 'start'; allowed: up/start, up/end, down/start, down/end, tower_1_up",
         ),
     ],
 )

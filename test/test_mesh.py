@@ -83,11 +83,11 @@ def test_every_place_is_found_on_its_element(nodes):
         ("many", "cable.elements: given 'many'; allowed: a whole number"),
         (
             {"target": 8.0},
-            "cable.elements.at_towers: nothing given, but it is needed; allowed: a finite number above 0",
+            "cable.elements.at_towers: given nothing: it is needed; allowed: a finite number above 0",
         ),
         ({**GRADING, "growth": 1.0}, "cable.elements.growth: given 1.0; allowed: a finite number above 1"),
-        ({**GRADING, "target": 1.0}, "cable.elements.at_towers: given 1.4; allowed: at most target, 1.0 m"),
-        ({**GRADING, "at_towers": 1e-6}, "cable.elements.at_towers: given 1e-06; allowed: at least"),
+        ({**GRADING, "target": 1.0}, "cable.elements.at_towers: given 1.4 m; allowed: at most target, 1.0 m"),
+        ({**GRADING, "at_towers": 1e-6}, "cable.elements.at_towers: given 1e-06 m; allowed: at least"),
         ({**GRADING, "at_tower": 1.0}, "cable.elements.at_tower: this key does not exist"),
     ],
 )

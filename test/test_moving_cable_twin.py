@@ -50,29 +50,29 @@ SHORT = short_scenario().resolved()  # nothing is compiled to collect the tests
 
 
 FAULTS = [
-    ("carriers.spacing", 61.0, "given 61.0; allowed: at most 60 m, the length of the cable"),
-    ("carriers.count", 2, "given 2 every 20 m, a loop of 40 m; allowed: at least 3, for the cable of 60 m to fit in"),
+    ("carriers.spacing", 61.0, "given 61.0 m; allowed: at most 60 m, the length of the cable"),
+    ("carriers.count", 2, "given 2: every 20 m, a loop of 40 m; allowed: at least 3, for the cable of 60 m to fit in"),
     ("carriers.count", 0, "given 0; allowed: a whole number at least 1 and at most 10000"),
-    ("carriers.spacing", -20.0, "given -20.0; allowed: a finite number above 0, in m"),
-    ("carriers.first", 121.0, "given 121.0; allowed: 0 to 120 m, on the loop"),
+    ("carriers.spacing", -20.0, "given -20.0 m; allowed: a finite number above 0, in m"),
+    ("carriers.first", 121.0, "given 121.0 m; allowed: 0 to 120 m, on the loop"),
     ("carriers.name", "chair lift", "given the name 'chair lift'; allowed: a letter, then letters, digits"),
-    ("carriers.bodies", {}, "none is given, bodies and kinds; allowed: bodies where all are of one kind"),
+    ("carriers.bodies", {}, "given neither bodies nor kinds; allowed: bodies where all are of one kind"),
     ("carriers.coutn", 3, "this key does not exist; did you mean 'count'?"),
-    ("drives", {}, "given for a cable that stands still; allowed: with a drive in drives"),
+    ("drives", {}, "given a mapping: for a cable that stands still; allowed: with a drive in drives"),
     ("drives", {"haul_rope": {"kind": "haul"}}, "given 'haul'; allowed: one of moving_cable"),
-    ("drives.haul_rope.limits.force", 1e5, "given 100000.0; allowed: null, a moving cable keeps its speed"),
-    ("drives.haul_rope.limits.power", 1e5, "given 100000.0; allowed: null, a moving cable keeps its speed"),
-    ("drives.haul_rope.limits.deceleration", 0.4, "given 0.4; allowed: null, a moving cable stops as it starts"),
-    ("drives.haul_rope.limits.speed", 0.0, "given 0.0; allowed: a finite number above 0, in m/s, or null"),
+    ("drives.haul_rope.limits.force", 1e5, "null; only the drive of a carriage has it"),
+    ("drives.haul_rope.limits.power", 1e5, "null; only the drive of a carriage has it"),
+    ("drives.haul_rope.limits.deceleration", 0.4, "given 0.4 m/s^2; allowed: null; only the drive of a carriage has i"),
+    ("drives.haul_rope.limits.speed", 0.0, "given 0.0 m/s; allowed: a finite number above 0, in m/s, or null"),
     ("drives", {"haul_rope": MOVES, "other": MOVES}, "given a second drive of the cable; allowed: one"),
-    ("drives", {"chair_2": MOVES}, "given 'chair', which would name 'chair_2' twice"),
-    ("cable.end.support", "free", "given 'free' for a cable that moves; allowed: pinned or clamped, at a station"),
-    ("solver.integrator", "runge_kutta", "given 'runge_kutta' for a cable that moves; allowed: generalized_alpha"),
-    ("carriages", {"car": {**CLAMPED, "joint": "sliding"}}, "'sliding' on a cable that moves; allowed: clamped"),
-    ("carriages", {"car": {**CLAMPED, "arc_length": 121.0}}, "given 121.0; allowed: 0 to 120 m, on the loop"),
+    ("drives", {"chair_2": MOVES}, "given 'chair': a carrier would have the name 'chair_2' as well"),
+    ("cable.end.support", "free", "given 'free': an end of a cable that moves; allowed: pinned or clamped, at a stati"),
+    ("solver.integrator", "runge_kutta", "given 'runge_kutta': for a cable that moves; allowed: generalized_alpha"),
+    ("carriages", {"car": {**CLAMPED, "joint": "sliding"}}, "'sliding': on a cable that moves; allowed: clamped"),
+    ("carriages", {"car": {**CLAMPED, "arc_length": 121.0}}, "given 121.0 m; allowed: 0 to 120 m, on the loop"),
     ("carriages", {"car": {**CLAMPED, "drive": {"mode": "speed"}}}, "given 'speed'; allowed: free, as a clamped"),
     ("carriages", {"car": {**CLAMPED, "friction": {"rolling": 0.1}}}, "given 0.1; allowed: 0, as a clamped vehicle"),
-    ("carriages", {"haul_rope": CLAMPED}, "given the name of a carriage; allowed: another one, as commands address"),
+    ("carriages", {"haul_rope": CLAMPED}, "that of a carriage; allowed: another one, as commands address"),
 ]
 
 
@@ -84,7 +84,7 @@ def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
 
 def test_clamped_needs_a_cable_that_moves():
     carriage = {"car": {**CLAMPED, "arc_length": 1.0}}
-    with pytest.raises(ScenarioError, match="given 'clamped' on a cable that stands still; allowed: sliding, fixed"):
+    with pytest.raises(ScenarioError, match="given 'clamped': on a cable that stands still; allowed: sliding, fixed"):
         load_scenario("seed_example", {"carriages": carriage})
 
 

@@ -60,7 +60,7 @@ def test_the_whole_goes_before_what_is_in_it_and_files_and_shared_lists_stay():
     [
         ("wind.q", 1.0, "air.q: this key does not exist; allowed: density"),
         ("air.wind.q", 1.0, "air.wind.q: this key does not exist; allowed: x, y, z or a number from 0 to 1"),
-        ("wind.y", 1.0, "air.wind: given [0.0, 1.0, 0.0] in a plane"),
+        ("wind.y", 1.0, "air.wind: given [0.0, 1.0, 0.0] m/s: three numbers in a plane"),
         ("wind.x", "gale", "air.wind: given ['gale', 0.0]; allowed: a list of 2 finite numbers"),
         (
             "cable.end.position.2",
@@ -74,7 +74,7 @@ def test_the_whole_goes_before_what_is_in_it_and_files_and_shared_lists_stay():
         (
             "sensors.place.rate",
             9.0,
-            "sensors.place: there is none yet; allowed: a whole one, as in sensors.place={...}",
+            "sensors.place: given a part: there is none yet; allowed: a whole one, as in sensors.place={...}",
         ),
         ("sensors.place", {"kind": "scale", "of": "cabin"}, "sensors.place.kind: given 'scale'; allowed: one of"),
         ("carriages.cabbin.speed", 1.0, "carriages.cabbin: this key does not exist; did you mean 'cabin'?"),
@@ -94,5 +94,5 @@ def test_options_take_them(module, capsys):
     assert module.main(["aerial_tramway", "--set", "wind.x=120", "--set", "sensors.place={kind: encoder, of: up}"]) == 2
     faults = capsys.readouterr().err.splitlines()
     assert len(faults) == 2
-    assert "air.wind: given [120.0, 0.0], 120 m/s; allowed: at most 100 m/s" in faults[1]
+    assert "air.wind: given [120.0, 0.0] m/s: a speed of 120 m/s; allowed: at most 100 m/s" in faults[1]
     assert "sensors.place.of: given 'up'" in faults[0]

@@ -12,7 +12,7 @@ from cable_twin.offline import line, replay, review, simulate
 from cable_twin.recording.log_versions import FORMAT_VERSION
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
-from cable_twin.scenario.checks.find_faults import inner_model
+from cable_twin.scenario.checks.fault import inner_model
 from cable_twin.scenario.schema import Scenario
 from cable_twin.simulation.snapshot_file import FORMAT_VERSION as SNAPSHOT_VERSION
 

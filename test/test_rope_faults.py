@@ -37,21 +37,27 @@ def two_ropes(**changes):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"ropes__upper__unstrained_length": -1.0}, "ropes.upper.unstrained_length: given -1.0; allowed: a finite"),
+        ({"ropes__upper__unstrained_length": -1.0}, "ropes.upper.unstrained_length: given -1.0 m; allowed: a finite"),
         ({"ropes__lower__unstrained_length": 300.0}, None),
         (
             {"ropes__lower__unstrained_length": 80.0},
-            "ropes.lower.unstrained_length: given 80.0 for ends that are 100 m",
+            "ropes.lower.unstrained_length: given 80.0 m: its ends are 100 m",
         ),
-        ({"connectors__one__length": 0.0}, "connectors.one.length: given 0.0; allowed: a finite number above 0, in m"),
-        ({"connectors__one__to": ["lower", 120.0]}, "connectors.one.to: given 120.0 on 'lower'; allowed: above 0 and"),
+        (
+            {"connectors__one__length": 0.0},
+            "connectors.one.length: given 0.0 m; allowed: a finite number above 0, in m",
+        ),
+        (
+            {"connectors__one__to": ["lower", 120.0]},
+            "connectors.one.to: given 120.0 m: on 'lower'; allowed: above 0 and",
+        ),
         (
             {"connectors__one__to": ["middle", 30.0]},
             "connectors.one.to: given the rope 'middle'; allowed: upper, lower",
         ),
         (
             {"connectors__one__to": ["upper", 40.0]},
-            "connectors.one.to: given 'upper' twice; allowed: another rope than `from`",
+            "connectors.one.to: given 'upper': both ends on one rope; allowed: another rope than `from`",
         ),
         ({"connectors__one__to": ["lower", 70.0]}, "connectors.other: given across 'one'; allowed: the same order"),
         (
@@ -60,14 +66,14 @@ def two_ropes(**changes):
         ),
         (
             {"pantographs__head__position": 100.0},
-            "pantographs.head.position: given 100.0; allowed: above 0 and below 100",
+            "pantographs.head.position: given 100.0 m; allowed: above 0 and below 100",
         ),
         ({"pantographs__head__stages": []}, "pantographs.head.stages: given []"),
         (
             {"towers": {"mast": {"position": [50.0, 1.0], "rope": "middle"}}},
             "towers.mast.rope: given the rope 'middle'",
         ),
-        ({"solver": {"integrator": "runge_kutta"}}, "solver.integrator: given 'runge_kutta' with several ropes"),
+        ({"solver": {"integrator": "runge_kutta"}}, "solver.integrator: given 'runge_kutta': with several ropes"),
     ],
 )
 def test_several_ropes_are_checked_each_and_together(changes, said):
@@ -82,12 +88,14 @@ def test_several_ropes_are_checked_each_and_together(changes, said):
 def test_one_cable_takes_nothing_of_several_ropes():
     data = {**SEED.resolved(), "pantographs": two_ropes()["pantographs"]}
     assert any(
-        fault.endswith("pantographs.head: given with one cable; allowed: with several `ropes`")
+        fault.endswith("pantographs.head: given a mapping: with one cable; allowed: only with several `ropes`")
         for fault in faults_of(data)
     )
     data = SEED.resolved()
     data["cable"]["mass_damping"] = 0.1
-    assert any("cable.mass_damping: given 0.1; allowed: 0, or several `ropes`" in fault for fault in faults_of(data))
+    assert any(
+        "cable.mass_damping: given 0.1 1/s; allowed: 0, or several `ropes`" in fault for fault in faults_of(data)
+    )
 
 
 def test_several_ropes_go_through_yaml_and_back():
@@ -122,3 +130,37 @@ def test_a_weight_that_no_tension_holds_is_told(changes):
     """Of strands over towers, in a plane and in space; the search for their tension had ended in a traceback."""
     with pytest.raises(EquilibriumError, match=r"^no tension up to 620000 kN, .* its weight is 4.993e\+10 kN$"):
         Simulation(load_scenario("chairlift", {"gravity": 1e10, **changes}))
+
+
+CABIN = {"mass": 300.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "keys"),
+    [
+        ({"space": 2, "towers.tower_1.mast_offset": 2.0}, ["towers.tower_1.mast_offset"]),
+        ({"space": 3, "towers.tower_3.position": [290.0, 400.0, 66.0]}, ["towers.tower_3.position"]),
+        ({"space": 2, "terrain_sides": {"distance": 9.0, "left": [[0, 0], [1, 0]], "right": [[0, 0], [1, 0]]}}, None),
+    ],
+)
+def test_towers_and_terrain_of_several_ropes_are_checked_as_those_of_one(changes, keys):
+    faults = faults_of("chairlift", changes)
+    assert {fault.split(": ")[1] for fault in faults} >= set(keys or ["terrain_sides"])
+
+
+def test_names_are_there_once_on_all_ropes_together():
+    """A joint has the name of its carriage and body, on whichever rope that is; a frame that of its carriage."""
+    one = {"arc_length": 30.0, "bodies": {"b_c": CABIN}}
+    other = {"arc_length": 30.0, "bodies": {"c": CABIN}}
+    carriages = {"a": {**one, "rope": "upper"}, "a_b": {**other, "rope": "lower"}, "mast": {**one, "rope": "lower"}}
+    towers = {"mast": {"position": [50.0, -1.0], "rope": "upper"}}
+    keys = {fault.split(": ")[1] for fault in faults_of(two_ropes(carriages=carriages, towers=towers))}
+    assert keys == {"carriages.a_b.bodies.c", "carriages.mast"}
+
+
+@pytest.mark.parametrize("kinks", ["rounded", "sharp"])
+def test_carriers_without_bodies_are_a_fault_whatever_the_kinks(kinks):
+    data = load_scenario("chairlift").resolved()
+    data["carriers"]["bodies"] = {}
+    data["ropes"]["up"]["kinks"] = kinks
+    assert any("carriers.bodies: given neither bodies nor kinds" in fault for fault in faults_of(data))

@@ -43,11 +43,11 @@ def keys_of(data, at=()):
 
 
 FAULTS = [
-    ("gravity", -1, "given -1; allowed: a finite number at least 0, in m/s^2"),
+    ("gravity", -1, "given -1 m/s^2; allowed: a finite number at least 0, in m/s^2"),
     ("gravity", True, "given True; allowed: a finite number"),
-    ("gravity", nan, "given nan; allowed: a finite number"),
+    ("gravity", nan, "given nan m/s^2; allowed: a finite number"),
     ("gravity", 10**400, "allowed: a finite number"),
-    ("cable.axial_stiffness", inf, "given inf; allowed: a finite number above 0, in N"),
+    ("cable.axial_stiffness", inf, "given inf N; allowed: a finite number above 0, in N"),
     ("cable.mass_per_length", "0.1", "given '0.1'; allowed: a finite number above 0, in kg/m"),
     ("cable.unstrained_length", None, "given null; allowed: a finite number above 0, in m"),
     ("cable.elements", 0, "given 0; allowed: a whole number at least 1 and at most 100000"),
@@ -60,26 +60,26 @@ FAULTS = [
         {"tower": {"position": [1.8, -0.6], "hold_down": "no"}},
         "hold_down: given 'no'; allowed: true or false",
     ),
-    ("cable.start.position", [0.0, nan], "given [0.0, nan]; allowed: a list of 2 finite numbers, 3 in space, in m"),
-    ("cable.start.position", [0.0], "given [0.0]; allowed: a list of 2 finite numbers, 3 in space"),
-    ("cable.start.direction", [1.0, 0.0], "where support is pinned; allowed: only where clamped"),
+    ("cable.start.position", [0.0, nan], "given [0.0, nan] m; allowed: a list of 2 finite numbers, 3 in space, in m"),
+    ("cable.start.position", [0.0], "given [0.0] m; allowed: a list of 2 finite numbers, 3 in space"),
+    ("cable.start.direction", [1.0, 0.0], "where support is pinned; allowed: null; only of a clamped end"),
     ("cable.end.position", [0.0, 0.0], "the place of the start; allowed: another place"),
     (
         "cable.unstrained_length",
         3.3,
         "needs a strain of 9.09 % and a tension of 129 kN; allowed: at least 3.42857 m",
     ),
-    ("carriages.carriage.arc_length", 0.0, "given 0.0; allowed: 0.0201 to 3.9999 m"),
-    ("carriages.carriage.arc_length", 4.01, "given 4.01; allowed: 0.0201 to 3.9999 m"),
+    ("carriages.carriage.arc_length", 0.0, "given 0.0 m; allowed: 0.0201 to 3.9999 m"),
+    ("carriages.carriage.arc_length", 4.01, "given 4.01 m; allowed: 0.0201 to 3.9999 m"),
     (
         "carriages.carriage.end_stop.stroke",
         2.5,
-        "given 2.5 at both ends of a cable of 4.02 m; allowed: less than 2.01 m",
+        "given 2.5 m: at both ends of a cable of 4.02 m; allowed: less than 2.01 m",
     ),
     ("carriages.carriage.bodies", {}, "given an empty mapping; allowed: a mapping with a length of at least 1"),
-    ("carriages.carriage.bodies.rb1.lower_pivot", None, "nothing given, but another body hangs there"),
-    ("carriages.carriage.bodies.rb2.inertia", 0, "given 0; allowed: a finite number above 0, in kg m^2"),
-    ("carriages.carriage.drive.limits.speed", 0, "given 0; allowed: a finite number above 0, in m/s, or null"),
+    ("carriages.carriage.bodies.rb1.lower_pivot", None, "given nothing: another body hangs there"),
+    ("carriages.carriage.bodies.rb2.inertia", 0, "given 0 kg m^2; allowed: a finite number above 0, in kg m^2"),
+    ("carriages.carriage.drive.limits.speed", 0, "given 0 m/s; allowed: a finite number above 0, in m/s, or null"),
     ("carriages.carriage.friction.rolling", -0.1, "given -0.1; allowed: a finite number at least 0"),
     ("solver.spectral_radius", 1.1, "given 1.1; allowed: a finite number at least 0 and at most 1"),
     ("solver.max_halvings", -1, "given -1; allowed: a whole number at least 0"),
@@ -87,12 +87,12 @@ FAULTS = [
     (
         "carriages.carriage.drive.haul_rope",
         {"axial_stiffness": -1.0, "mass_per_length": 6.0, "drive_inertia": 5e3},
-        "given -1.0; allowed: a finite number above 0, in N",
+        "given -1.0 N; allowed: a finite number above 0, in N",
     ),
     (
         "carriages.carriage.drive.haul_rope",
         {"axial_stiffness": 1e8, "mass_per_length": 6.0},
-        "nothing given, but it is needed; allowed: a finite number above 0, in kg",
+        "given nothing: it is needed; allowed: a finite number above 0, in kg",
     ),
     ("carriages.carriage.drive.limits.deceleration", 2.0, "at most the emergency_deceleration of 1.5 m/s^2"),
     (
@@ -104,15 +104,15 @@ FAULTS = [
     (
         "carriages.carriage.drive.emergency_stop",
         ["track_rope_brake"],
-        "given 'track_rope_brake', which this drive does not have; allowed: drive",
+        "given 'track_rope_brake': this drive does not have it; allowed: drive",
     ),
-    ("carriages.carriage.payload", {"capacity": 1.0, "mass": 2.0}, "given 2.0; allowed: 0 to the capacity of 1 kg"),
+    ("carriages.carriage.payload", {"capacity": 1.0, "mass": 2.0}, "given 2.0 kg; allowed: 0 to the capacity of 1 kg"),
     ("carriages.carriage.payload", {"capacity": 1.0, "body": "rb3"}, "given 'rb3'; allowed: one of rb1, rb2"),
-    ("cable.ice", -0.1, "given -0.1; allowed: a finite number at least 0, in kg/m"),
-    ("air.wind", [3.0], "given [3.0]; allowed: a list of 2 finite numbers, 3 in space, in m/s"),
+    ("cable.ice", -0.1, "given -0.1 kg/m; allowed: a finite number at least 0, in kg/m"),
+    ("air.wind", [3.0], "given [3.0] m/s; allowed: a list of 2 finite numbers, 3 in space, in m/s"),
     ("terrain", [[0.0, -5.0]], "given 1 point; allowed: at least 2 points x, z, in m"),
-    ("terrain", [[0.0, -5.0], [2.0, -5.0]], "given from x = 0 to 2 m; allowed: at least the whole track, 0 to 3.6 m"),
-    ("terrain", [[0.0, -5.0], [4.0, -5.0], [4.0, 1.0]], "given x = 4.0 after 4.0; allowed: rising x, in m"),
+    ("terrain", [[0.0, -5.0], [2.0, -5.0]], "given x from 0 to 2 m; allowed: at least the whole track, 0 to 3.6 m"),
+    ("terrain", [[0.0, -5.0], [4.0, -5.0], [4.0, 1.0]], "given x = 4.0 m after 4.0 m; allowed: rising x, in m"),
     ("terrain", [[0.0, "low"]], "allowed: a list of points, 2 finite numbers each, in m"),
 ]
 
@@ -138,14 +138,17 @@ def test_a_drive_and_its_integrator_that_contradict():
     assert "given 'drive' and 'service_brake'; allowed: only one of the two" in faults_of("seed_example", both)[0]
     explicit = {f"{key}.haul_rope": rope, "solver.integrator": "runge_kutta"}
     (fault,) = faults_of("seed_example", explicit)
-    assert "drive.haul_rope: given with the integrator runge_kutta; allowed: only with generalized_alpha" in fault
+    assert (
+        "drive.haul_rope: given a mapping: with the integrator runge_kutta; allowed: only with generalized_alpha"
+        in fault
+    )
     (fault,) = faults_of("seed_example", {f"{key}.haul_rope": rope, "carriages.carriage.joint": "fixed"})
-    assert "drive.haul_rope: given for a carriage whose joint is fixed" in fault
+    assert "drive.haul_rope: given a mapping: the joint is fixed" in fault
 
 
 def test_a_straight_start_between_held_ends_needs_a_cable_of_their_distance():
     (fault,) = faults_of("seed_example", {"cable.initial_shape": "straight"})
-    assert "cable.initial_shape: given 'straight', unstrained, between held ends 3.6 m apart" in fault
+    assert "cable.initial_shape: given 'straight': unstrained between held ends 3.6 m apart" in fault
 
 
 def test_supports_and_loads_that_contradict():
@@ -157,11 +160,11 @@ def test_supports_and_loads_that_contradict():
             "cable.loads": [{"arc_length": 5.0}, {"arc_length": 1.0, "moment": 2.0}],
         },
     )
-    assert any("cable.end.support: given 'free' at both ends; allowed: pinned or clamped" in fault for fault in faults)
-    assert any("cable.loads.0.arc_length: given 5.0; allowed: 0 to 4.02 m" in fault for fault in faults)
-    assert any("cable.loads.1.moment: given 2.0 within the cable" in fault for fault in faults)
+    assert any("cable.end.support: given 'free': at both ends; allowed: pinned or clamped" in fault for fault in faults)
+    assert any("cable.loads.0.arc_length: given 5.0 m; allowed: 0 to 4.02 m" in fault for fault in faults)
+    assert any("cable.loads.1.moment: given 2.0 N m: within the cable" in fault for fault in faults)
     faults = faults_of("seed_example", {"cable.start.support": "clamped"})
-    assert any("cable.start.direction: nothing given, but a clamped end needs it" in fault for fault in faults)
+    assert any("cable.start.direction: given nothing: a clamped end needs it" in fault for fault in faults)
     faults = faults_of("seed_example", {"cable.start.support": "clamped", "cable.start.direction": [0, 0]})
     assert any("allowed: a direction, not all numbers zero" in fault for fault in faults)
 
@@ -178,7 +181,7 @@ def test_unknown_keys_name_the_nearest_one():
         "cable.damping_tme": "this key does not exist; did you mean 'damping_time'?",
         "carriages.carriag": "this key does not exist; did you mean 'carriage'?",
         "cable.loads.0": "this key does not exist; nothing can be set below this",
-        "cable.axial_stiffness": "nothing given, but it is needed; allowed: a finite number above 0, in N",
+        "cable.axial_stiffness": "given nothing: it is needed; allowed: a finite number above 0, in N",
         "cable.elemnts": "this key does not exist; did you mean 'elements'?",
         "carriages.carriage.colour": "this key does not exist; "
         "allowed: rope, arc_length, speed, joint, drive, clamped_to, clamp_offset, friction, end_stop, buffers, "
@@ -203,16 +206,16 @@ def test_names_of_joints_and_frames_are_there_once():
     data = SEED.resolved()
     carriage = data["carriages"]["carriage"]
     data["carriages"] |= {"carriage_rb1": carriage, "end": carriage}
-    end, body = faults_of(data)
-    assert "carriages.end: given the name 'end'; allowed: any that no support of the cable has" in end
-    assert "carriages.carriage.bodies.rb1: given 'rb1'; allowed: another name, as 'carriage_rb1' is the name" in body
+    body, end = faults_of(data)
+    assert "carriages.end: given the name 'end': that of a support of the cable" in end
+    assert "carriages.carriage.bodies.rb1: given the name 'rb1': 'carriage_rb1' is the name" in body
 
 
 def test_a_joint_of_a_carrier_is_no_carriage():
     data = load_scenario("chairlift").resolved()
     carriage = SEED.resolved()["carriages"]["carriage"] | {"joint": "clamped"}
     data["carriages"] = {"chair_3_chair": carriage}
-    assert any("'chair', which would name 'chair_3_chair' twice" in fault for fault in faults_of(data))
+    assert any("'chair': a carrier would have the name 'chair_3_chair' as well" in fault for fault in faults_of(data))
 
 
 def test_all_faults_come_at_once_even_those_between_values():
@@ -310,7 +313,7 @@ def test_keys_given_twice_are_faults_beside_the_others(tmp_path):
     assert faults_of(path) == (
         f"{path}: cable.elements: given twice, on lines {elements} and {elements + 1}; allowed: once",
         f"{path}: gravity: given twice, on lines 3 and {len(lines)}; allowed: once",
-        f"{path}: solver.step: given 0.0; allowed: a finite number at least 1e-06 and at most 10, in s",
+        f"{path}: solver.step: given 0.0 s; allowed: a finite number at least 1e-06 and at most 10, in s",
     )
 
 

@@ -142,23 +142,23 @@ def test_a_scenario_without_sensors_has_no_topics_of_theirs():
 @pytest.mark.parametrize(
     ("sensor", "said"),
     [
-        ({"kind": "encoder", "of": "bus"}, "sensors.one.of: given 'bus'; allowed for encoder: cabin"),
-        ({"kind": "load_cell", "of": "cabin"}, "sensors.one.of: given 'cabin'; allowed for load_cell: start, end"),
+        ({"kind": "encoder", "of": "bus"}, "sensors.one.of: given 'bus'; allowed: cabin, for encoder"),
+        ({"kind": "load_cell", "of": "cabin"}, "sensors.one.of: given 'cabin'; allowed: start, end"),
         (
             {"kind": "imu", "of": "cabin/roof"},
-            "of: given 'cabin/roof'; allowed for imu: cabin, cabin/running_",
+            "of: given 'cabin/roof'; allowed: cabin, cabin/running_",
         ),
         ({"kind": "sonar", "of": "cabin"}, "sensors.one.kind: given 'sonar'; allowed: one of encoder, load_cell,"),
         ({"kind": "encoder", "of": "cabin", "noise": -1.0}, "sensors.one.noise: given -1.0; allowed: a finite number"),
         (
             {"kind": "encoder", "of": "cabin", "rate": 0.0},
-            "one.rate: given 0.0; allowed: a finite number above",
+            "one.rate: given 0.0 Hz; allowed: a finite number above",
         ),
         (
             {"kind": "encoder", "of": "cabin", "rate_bias": 1.0},
-            "one.rate_bias: given 1.0; allowed: 0, only an",
+            "one.rate_bias: given 1.0 rad/s; allowed: 0, only an",
         ),
-        ({"of": "cabin"}, "sensors.one.kind: nothing given, but it is needed"),
+        ({"of": "cabin"}, "sensors.one.kind: given nothing: it is needed"),
     ],
 )
 def test_sensors_that_measure_nothing_are_told_in_a_line(sensor, said):

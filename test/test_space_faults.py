@@ -31,22 +31,30 @@ FAULTS = [
     (
         "cable.start.position",
         [0.0, 0.0],
-        "given [0.0, 0.0] while other positions have three numbers; allowed: x, y, z in m",
+        "given [0.0, 0.0] m: other positions have three numbers; allowed: x, y, z in m",
     ),
-    ("towers", {"one": {**TOWER, "position": [30.0, 3.0]}}, "given [30.0, 3.0] while other positions have three"),
+    ("towers", {"one": {**TOWER, "position": [30.0, 3.0]}}, "given [30.0, 3.0] m: other positions have three"),
     ("cable.start", {"position": [0.0, 0.0, 0.0], "support": "clamped", "direction": [1.0, 0.0]}, "allowed: x, y, z"),
-    ("cable.start.position", [0.0, nan, 0.0], "given [0.0, nan, 0.0]; allowed: a list of 2 finite numbers, 3 in space"),
-    ("cable.end.position", [60.0, inf, 10.0], "given [60.0, inf, 10.0]; allowed: a list of 2 finite numbers, 3 in"),
+    (
+        "cable.start.position",
+        [0.0, nan, 0.0],
+        "given [0.0, nan, 0.0] m; allowed: a list of 2 finite numbers, 3 in space",
+    ),
+    ("cable.end.position", [60.0, inf, 10.0], "given [60.0, inf, 10.0] m; allowed: a list of 2 finite numbers, 3 in"),
     ("cable.end.position", [60.0, 2.0, 10.0, 1.0], "allowed: a list of 2 finite numbers, 3 in space, in m"),
-    ("air.wind", [0.0, nan, 0.0], "given [0.0, nan, 0.0]; allowed: a list of 2 finite numbers, 3 in space, in m/s"),
-    (TENSOR, [90.0, 100.0, 191.0], f"given [90.0, 100.0, 191.0], with principal moments 90, 100 and 191; {MOMENTS}"),
-    (TENSOR, [90.0, 100.0, 0.0], f"with principal moments 0, 90 and 100; {MOMENTS}"),
+    ("air.wind", [0.0, nan, 0.0], "given [0.0, nan, 0.0] m/s; allowed: a list of 2 finite numbers, 3 in space, in m/s"),
+    (TENSOR, [90.0, 100.0, 191.0], f"given [90.0, 100.0, 191.0] kg m^2: principal moments 90, 100 and 191; {MOMENTS}"),
+    (TENSOR, [90.0, 100.0, 0.0], f"principal moments 0, 90 and 100; {MOMENTS}"),
     (TENSOR, [90.0, -100.0, 60.0], MOMENTS),
-    (TENSOR, [1.0, 1.0, 1.0, 2.0, 0.0, 0.0], f"with principal moments -1, 1 and 3; {MOMENTS}"),
-    (TENSOR, [90.0, 100.0, 60.0, 1.0], "given [90.0, 100.0, 60.0, 1.0]; allowed: 3 or 6 finite numbers, in kg m^2"),
-    (TENSOR, [90.0, nan, 60.0], "given [90.0, nan, 60.0]; allowed: a list of 3 or 6 finite numbers, in kg m^2"),
+    (TENSOR, [1.0, 1.0, 1.0, 2.0, 0.0, 0.0], f"principal moments -1, 1 and 3; {MOMENTS}"),
+    (
+        TENSOR,
+        [90.0, 100.0, 60.0, 1.0],
+        "given [90.0, 100.0, 60.0, 1.0] kg m^2; allowed: 3 or 6 finite numbers, in kg m^2",
+    ),
+    (TENSOR, [90.0, nan, 60.0], "given [90.0, nan, 60.0] kg m^2; allowed: a list of 3 or 6 finite numbers, in kg m^2"),
     (TENSOR, [90.0, 100.0, inf], "allowed: a list of 3 or 6 finite numbers, in kg m^2, or null"),
-    ("towers", {"one": {**TOWER, "groove": -1.0}}, "given -1.0; allowed: a finite number above 0, in 1/m"),
+    ("towers", {"one": {**TOWER, "groove": -1.0}}, "given -1.0 1/m; allowed: a finite number above 0, in 1/m"),
     ("carriages.cabin.bodies.cabin.roll_damping", inf, "allowed: a finite number at least 0, in N m s/rad"),
     ("carriages.cabin.bodies.cabin.turns", "ball", "given 'ball'; allowed: one of revolute, universal"),
     ("space", 4, "given 4; allowed: one of 2, 3, or null"),
@@ -66,12 +74,14 @@ def test_each_is_one_line_with_its_key(key, value, said):
 def test_what_is_of_space_in_a_plane_is_named_with_its_unit():
     with pytest.raises(ScenarioError) as caught:
         load_scenario(SPAN, {"space": 2, "cable.diameter": 0.05, "air.wind": [3.0, 9.0, 0.0]})
-    given = "in a plane; allowed: x, z in"
+    given = "three numbers in a plane; allowed: x, z in"
+    other = "or space: 3 or positions x, y, z throughout"
     assert caught.value.faults == (
-        f"mapping: cable.start.position: given [0.0, 0.0, 0.0] {given} m, or space: 3 or positions x, y, z throughout",
-        f"mapping: cable.end.position: given [60.0, 2.0, 10.0] {given} m, or space: 3 or positions x, y, z throughout",
-        f"mapping (override): air.wind: given [3.0, 9.0, 0.0] {given} m/s, or space: 3 or positions x, y, z throughout",
-        f"mapping: {TENSOR}: given [90.0, 100.0, 60.0] in a plane; allowed: null, as in a plane a body has `inertia`",
+        f"mapping: cable.start.position: given [0.0, 0.0, 0.0] m: {given} m, {other}",
+        f"mapping: cable.end.position: given [60.0, 2.0, 10.0] m: {given} m, {other}",
+        f"mapping (override): air.wind: given [3.0, 9.0, 0.0] m/s: {given} m/s, {other}",
+        f"mapping: {TENSOR}: given [90.0, 100.0, 60.0] kg m^2: in a plane; allowed: null, "
+        "as a body in a plane has `inertia`",
     )
 
 

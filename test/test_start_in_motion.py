@@ -89,9 +89,13 @@ def test_a_carriage_without_a_drive_just_goes():
 @pytest.mark.parametrize(
     ("scenario", "overrides", "said"),
     [
-        ("single_span", {"carriages.cabin.speed": 20.0}, "carriages.cabin.speed: given 20.0; allowed: -10 to 10 m/s"),
-        ("single_span", {"carriages.cabin.speed": 2.0, "carriages.cabin.joint": "fixed"}, "given 2.0; allowed: 0,"),
-        ("gondola", {"drives.haul_rope.speed": -7.0}, "drives.haul_rope.speed: given -7.0; allowed: -6 to 6 m/s"),
+        ("single_span", {"carriages.cabin.speed": 20.0}, "carriages.cabin.speed: given 20.0 m/s; allowed: -10 to 10 m"),
+        (
+            "single_span",
+            {"carriages.cabin.speed": 2.0, "carriages.cabin.joint": "fixed"},
+            "given 2.0 m/s; allowed: 0 m/s,",
+        ),
+        ("gondola", {"drives.haul_rope.speed": -7.0}, "drives.haul_rope.speed: given -7.0 m/s; allowed: -6 to 6 m/s"),
         ("single_span", {"carriages.cabin.speed": "fast"}, "cabin.speed: given 'fast'; allowed: a finite"),
     ],
 )

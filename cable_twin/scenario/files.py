@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.basics.printable import printable
-from cable_twin.scenario.checks.fault import Fault, refuse, show
+from cable_twin.scenario.checks.fault import Fault, Phrase, listed, refuse, show
 from cable_twin.scenario.checks.find_faults import find_faults
 from cable_twin.scenario.overrides import (
     UnknownKeyError,
@@ -94,8 +94,8 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         later = [(own, values[key]) for key in others for own in written.expanded(key)]
         for key, value in later:
             if key.partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
-                known = ", ".join(f"ropes.{name}" for name in data["ropes"])
-                faults.append(Fault(tuple(key.split(".")), f"given with several ropes; allowed: {known}"))
+                known = listed([f"ropes.{name}" for name in data["ropes"]], "")
+                faults.append(refuse(tuple(key.split(".")), value, known, "with several ropes"))
                 continue
             with _kept(unknown):
                 if (changed := override(data, key, value)) != tuple(key.split(".")):  # the list that it is in
@@ -203,16 +203,15 @@ def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
         document = read_yaml(text)
     except UnreadableYamlError as error:
         raise ScenarioError(f"{label}{error.where}: {error}") from None
-    doubles = document.doubles
-    told = [Fault(one.path, f"given twice, on lines {one.first} and {one.second}; allowed: once") for one in doubles]
-    return document.content, told
+    twice = [(one.path, Phrase(f"twice, on lines {one.first} and {one.second}")) for one in document.doubles]
+    return document.content, [refuse(path, given, "once") for path, given in twice]
 
 
 def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
     """Copy of dicts, lists and scalars without numpy types; keys other than texts are added to `faults`."""
     if isinstance(value, Mapping):
         strange = [key for key in value if not isinstance(key, str)]
-        faults += [refuse(path, key, "keys that are texts", detail=" as a key") for key in strange]
+        faults += [refuse(path, Phrase(f"the key {show(key)}"), "keys that are texts") for key in strange]
         return {key: _plain(item, (*path, key), faults) for key, item in value.items() if isinstance(key, str)}
     if isinstance(value, list | tuple):
         return [_plain(item, (*path, number), faults) for number, item in enumerate(value)]

@@ -9,8 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, read_yaml
-from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse
-from cable_twin.scenario.checks.find_faults import inner_model, unknown_key
+from cable_twin.scenario.checks.fault import Fault, KeyPath, Phrase, inner_model, listed, refuse, unknown_key
 from cable_twin.scenario.schema import Scenario
 
 AXES = ("x", "y", "z")
@@ -101,8 +100,8 @@ def put_into_list(items: Sequence[Any], parts: Sequence[str], value: Any, path: 
         row = int(part)
     else:
         axes = f"{', '.join(AXES)} or " if vector else ""
-        known = f"allowed: {axes}a number from 0 to {len(items) - 1}" if items else "nothing can be set below this"
-        raise UnknownKeyError(Fault((*path, part), f"this key does not exist; {known}"))
+        known = [f"{axes}a number from 0 to {len(items) - 1}"] if items else []
+        raise UnknownKeyError(unknown_key((*path, part), known))
     if rest and not isinstance(items[row], list | tuple):
         raise UnknownKeyError(unknown_key((*path, part, rest[0]), ()))
     items[row] = put_into_list(items[row], rest, value, (*path, part)) if rest else value
@@ -151,7 +150,7 @@ def _in_names(node: Any, model: type[BaseModel] | None, parts: Sequence[str], va
         fault = unknown_key((*path, part), node)
         if model is not None and not node:
             key = ".".join(map(str, (*path, part)))
-            fault = Fault(fault.path, f"there is none yet; allowed: a whole one, as in {key}={{...}}")
+            fault = refuse(fault.path, Phrase("a part"), f"a whole one, as in {key}={{...}}", "there is none yet")
         raise UnknownKeyError(fault)
     if not rest:
         return {**node, part: value}
@@ -297,7 +296,7 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
         elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
             yield refuse((*path, "name"), drive["name"], "a text, not empty")
         elif (own := drive.get("name") or name) in called:
-            yield refuse((*path, "name"), own, "another name", detail=", as another drive is called")
+            yield refuse((*path, "name"), own, "another name", "that of another drive")
         else:
             called.add(own)
     for name, tower in towers.items():
@@ -309,15 +308,16 @@ def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[st
     """Faults of the keys that a tower has for each of its ropes."""
     path: KeyPath = ("towers", name, "ropes")
     if not isinstance(own, dict):
-        yield refuse(path, own, f"a mapping of ropes to what is another there: {ROPES_EXAMPLE}")
+        yield refuse(path, own, f"a mapping of ropes to the keys that differ there: {ROPES_EXAMPLE}")
         return
     for rope, differs in own.items():
         if rope not in ropes:
-            yield Fault((*path, rope), f"no such rope; allowed: {', '.join(ropes) or 'none, there is one cable'}")
+            yield refuse((*path, rope), rope, listed(ropes, "none, there is one cable"), "no such rope")
         elif differs is not None and not isinstance(differs, dict):
             yield refuse((*path, rope), differs, "a mapping of keys of a tower, or null")
         elif f"{name}_{rope}" in towers:
-            yield Fault((*path, rope), f"it is called '{name}_{rope}', as another tower is; allowed: another name")
+            given = Phrase(f"a tower with the name '{name}_{rope}'")
+            yield refuse((*path, rope), given, "another name", "that of another tower")
         else:
             for key in {"rope", "ropes"} & (differs := differs or {}).keys():
                 yield refuse((*path, rope, key), differs[key], f"nothing, {rope!r} is the rope")

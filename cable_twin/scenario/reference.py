@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.checks.find_faults import allowed
+from cable_twin.scenario.checks.fault import allowed
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.couplings import Sheave
 from cable_twin.scenario.sections.drives import BullwheelDrive

@@ -24,7 +24,16 @@ from cable_twin.scenario.sections.couplings import (
 from cable_twin.scenario.sections.drives import RopeDrive
 from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.scenario.sections.line import Cable, TerrainSides, Tower
-from cable_twin.scenario.sections.quantities import Description, FromList, OneLine, Section, Vector, in_space, quantity
+from cable_twin.scenario.sections.quantities import (
+    OF_KIND,
+    Description,
+    FromList,
+    OneLine,
+    Section,
+    Vector,
+    in_space,
+    quantity,
+)
 from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind, Carriers, Payload
 
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
@@ -41,9 +50,9 @@ class Sensor(Section):
     )
     of: str = Field(description="vehicle or drive (encoder), support (load_cell), vehicle or VEHICLE/BODY (others)")
     rate: float = quantity("Hz", "how often, at most every frame", 50.0, gt=0)
-    noise: float = quantity("unit of the kind", "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)
-    bias: float = quantity("unit of the kind", "constant error", 0.0)
-    quantum: float = quantity("unit of the kind", "step of what it can tell; 0: none", 0.0, ge=0)
+    noise: float = quantity(OF_KIND, "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)
+    bias: float = quantity(OF_KIND, "constant error", 0.0)
+    quantum: float = quantity(OF_KIND, "step of what it can tell; 0: none", 0.0, ge=0)
     rate_noise: float = quantity("rad/s", "standard deviation of the rate of turn of an imu", 0.0, ge=0)
     rate_bias: float = quantity("rad/s", "constant error of that", 0.0)
     delay: float = quantity("s", "time from the measurement, which the stamp has, to its arrival", 0.0, ge=0, le=60)
@@ -125,6 +134,15 @@ class Scenario(Section):
         """Key of a rope in the file: `cable`, or `ropes.NAME`."""
         return f"ropes.{name}" if self.ropes else "cable"
 
+    def rope_of(self, thing: Carriage | Tower) -> str:
+        """Name of the rope on which a carriage is, or which runs over a tower."""
+        return thing.rope or next(iter(self.cables))
+
+    @property
+    def corners(self) -> list[tuple[float, ...]]:
+        """Positions in m of the start, the towers and the end of the cable, as the file has them."""
+        return [self.cable.start.position, *(one.position for one in self.towers.values()), self.cable.end.position]
+
     def end_names(self, name: str) -> tuple[str, str]:
         """Names of the supports at start and end of a rope, prefixed with its name in a scenario with `ropes`."""
         start, end = (f"{name}/{end}" if self.ropes else end for end in ("start", "end"))
@@ -134,14 +152,14 @@ class Scenario(Section):
         """Scenario of one rope alone, with its towers and vehicles, as its `cable`."""
         if not self.ropes:
             return self
-        first, riding = next(iter(self.ropes)), self._riding(name)
+        riding = self._riding(name)
         strand = self.strands.get(name)
         cable = self.ropes[name]
-        towers = self._along(name, {k: tower for k, tower in self.towers.items() if (tower.rope or first) == name})
+        towers = self._along(name, {key: one for key, one in self.towers.items() if self.rope_of(one) == name})
         if cable.lateral and self.dim == 3:  # there it is where the mechanics have it
             ends = {
                 key: end.model_copy(update={"position": self.placed(name, end.position)})
-                for key, end in (("start", cable.start), ("end", cable.end))
+                for key, end in cable.ends.items()
             }
             cable = cable.model_copy(update={**ends, "lateral": 0.0})
             towers = {
@@ -151,7 +169,7 @@ class Scenario(Section):
         update = {
             "cable": cable,
             "towers": towers,
-            "carriages": {key: one for key, one in self.carriages.items() if (one.rope or first) == name},
+            "carriages": {key: one for key, one in self.carriages.items() if self.rope_of(one) == name},
             "space": self.dim,
         }
         update |= {"ropes": {}, "connectors": {}, "pantographs": {}}
@@ -183,7 +201,7 @@ class Scenario(Section):
         """Towers of one rope, sorted along a strand or its track, which may run opposite to the order of the file."""
         if name not in self.strands and self._riding(name) is None:
             return towers
-        ends = [in_space(end.position) for end in (self.ropes[name].start, self.ropes[name].end)]
+        ends = [in_space(end.position) for end in self.ropes[name].ends.values()]
         chord = [there - here for here, there in zip(*ends, strict=True)]
 
         def way(item: tuple[str, Tower]) -> float:
@@ -256,11 +274,11 @@ class Scenario(Section):
             mass = room.from_start if room.on_cable is None else room.on_cable
             if beyond > 0.0:  # it comes on next at the nearer station
                 mass = room.from_end if 2.0 * beyond < self.loop_length - length else room.from_start
-            payload = Payload(capacity=room.capacity, mass=mass, body=room.body, position=room.position)
+            payload = Payload.model_construct(capacity=room.capacity, mass=mass, body=room.body, position=room.position)
         riding, carriers = self._rides, self.carriers
         if riding is None or carriers is None:
-            return Carriage(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
-        return Carriage(
+            return Carriage.model_construct(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
+        return Carriage.model_construct(
             arc_length=min(max(place / riding.length, 0.0), 1.0) * length,
             clamped_to={riding.strand: place},
             clamp_offset=carriers.clamp_offset,

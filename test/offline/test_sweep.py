@@ -137,10 +137,13 @@ def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, caps
         ("wind.x=0:1:1e-6", "1000001 runs; allowed: at most 1000"),
         ("wund.x=0:10:1", "wund: this key does not exist; allowed: name"),
         ("air.wind.q=0:10:1", "air.wind.q: this key does not exist; allowed: x, y, z or a number from 0 to 1"),
-        ("wind.y=1:10:1", "air.wind: given [0.0, 1.0, 0.0] in a plane; allowed: x, z in m/s, or space: 3"),
+        (
+            "wind.y=1:10:1",
+            "air.wind: given [0.0, 1.0, 0.0] m/s: three numbers in a plane; allowed: x, z in m/s, or space: 3",
+        ),
         ("cable=0:10:1", "cable: given 0; allowed: a mapping"),
         ("cable.elements=6:7:0.5", "cable.elements: given 6.0; allowed: a whole number"),
-        ("wind.x=50:150:50", "air.wind: given [150.0, 0.0], 150 m/s; allowed: at most 100 m/s"),
+        ("wind.x=50:150:50", "air.wind: given [150.0, 0.0] m/s: a speed of 150 m/s; allowed: at most 100 m/s"),
     ],
 )
 def test_a_sweep_that_is_none_is_one_line(scenario, capsys, given, said):

@@ -196,9 +196,7 @@ def _groove_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
 
 def _corners(scenario: Scenario) -> FloatArray:
     """Positions (towers + 2, dim) in m of start, towers and end."""
-    cable = scenario.cable
-    places = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
-    return np.array([scenario.vector(place) for place in places])
+    return np.array([scenario.vector(place) for place in scenario.corners])
 
 
 def _contacts(scenario: Scenario, tower: Tower, up: FloatArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:

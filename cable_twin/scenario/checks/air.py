@@ -1,4 +1,4 @@
-"""Consistency checks of wind and gusts."""
+"""Consistency checks of wind, gusts and vortex shedding."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import hypot
 
 from cable_twin.mechanics.parameters import STRONGEST_WIND
-from cable_twin.scenario.checks.fault import Fault, KeyPath, refuse
+from cable_twin.scenario.checks.fault import Fault, KeyPath, Phrase, refuse
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.quantities import in_space
 from cable_twin.scenario.sections.vehicles import Body
@@ -17,21 +17,20 @@ def wind_faults(scenario: Scenario) -> Iterator[Fault]:
     air, unfelt = scenario.air, wind_unfelt(scenario)
     yield from _speed(("air", "wind"), air.wind)
     if unfelt and any(air.wind):
-        yield refuse(("air", "wind"), list(air.wind), "0 m/s", detail=f", but {unfelt}")
+        yield refuse(("air", "wind"), air.wind, "0 m/s", unfelt)
     if unfelt and air.gusts:
-        yield Fault(("air", "gusts"), f"given {len(air.gusts)}, but {unfelt}; allowed: none")
+        yield refuse(("air", "gusts"), Phrase(f"{len(air.gusts)} gusts"), "none", unfelt)
     for number, gust in enumerate(air.gusts):
         path: KeyPath = ("air", "gusts", number, "amplitude")
         if len(gust.amplitude) > scenario.dim:
-            yield refuse(path, list(gust.amplitude), "x, z in m/s", detail=" in a plane")
+            yield refuse(path, gust.amplitude, "x, z in m/s", "three numbers in a plane")
         else:
             yield from _speed(path, gust.amplitude)
     if scenario.dim == 2:
-        for place, body in _bodies(scenario):
+        for path, body in _bodies(scenario):
             if body.shedding is not None:
-                yield Fault(
-                    (*place, "shedding"), "given in a plane, to which its force is across; allowed: space: 3, or null"
-                )
+                why = "in a plane, to which its force is perpendicular"
+                yield refuse((*path, "shedding"), body.shedding, "space: 3, or null", why)
 
 
 def wind_unfelt(scenario: Scenario) -> str:
@@ -47,22 +46,14 @@ def wind_unfelt(scenario: Scenario) -> str:
 
 def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
     """Fault of a wind speed beyond any hurricane."""
-    speed = hypot(*in_space(wind))
-    if speed > STRONGEST_WIND:
-        yield refuse(
-            path,
-            list(wind),
-            f"at most {STRONGEST_WIND:g} m/s, more than any hurricane has",
-            detail=f", {speed:.4g} m/s",
-        )
+    if (speed := hypot(*in_space(wind))) > STRONGEST_WIND:
+        allowed = f"at most {STRONGEST_WIND:g} m/s, more than any hurricane has"
+        yield refuse(path, wind, allowed, f"a speed of {speed:.4g} m/s")
 
 
 def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
     """All bodies in the file, each with its key path."""
     for name, carriage in scenario.carriages.items():
         yield from ((("carriages", name, "bodies", body), value) for body, value in carriage.bodies.items())
-    carriers = scenario.carriers
-    if carriers is not None:
-        yield from ((("carriers", "bodies", body), value) for body, value in carriers.bodies.items())
-        for name, kind in carriers.kinds.items():
-            yield from ((("carriers", "kinds", name, "bodies", body), value) for body, value in kind.bodies.items())
+    for path, kind in scenario.carriers.kinds_by_path.items() if scenario.carriers else ():
+        yield from (((*path, "bodies", body), value) for body, value in kind.bodies.items())

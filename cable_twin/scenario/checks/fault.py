@@ -1,4 +1,4 @@
-"""Fault of a scenario, and the wording of given values in its message."""
+"""Faults of a scenario in one wording, and the fields of the schema by key path, with allowed values and units."""
 
 from __future__ import annotations
 
@@ -12,53 +12,79 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.quantities import OF_KIND
 
 KeyPath = tuple[str | int, ...]
 
 NAME = "[a-zA-Z][a-zA-Z0-9_]*"
+NAMES_SHOWN = 8  # of those that are allowed
 
 
 class Fault(NamedTuple):
-    """One fault of a scenario: key path, and text on the given and the allowed value."""
+    """Fault of a scenario: key path, and text with the given value, the reason and the allowed values."""
 
     path: KeyPath
     text: str
 
 
-def refuse(path: KeyPath, given: Any, allowed: str, *, detail: str = "") -> Fault:
-    """Fault of a key: its value, what about it matters, and the values that are allowed, with their unit.
+class Phrase(str):
+    """Words in place of a given value in a fault."""
+
+    __slots__ = ()
+
+
+NOTHING = Phrase("nothing")
+
+
+def refuse(path: KeyPath, given: Any, allowed: str, why: str = "") -> Fault:
+    """Fault of a value, in the one wording of all faults: `given VALUE UNIT: WHY; allowed: RANGE UNIT`.
 
     Args:
-        path: of the key.
-        given: its value.
-        allowed: values and unit, and why.
-        detail: behind the value, with the space or comma between them.
+        path: key path of the value; the schema has its unit.
+        given: the value, or a `Phrase` in its place.
+        allowed: the allowed values in words, with their unit.
+        why: the reason, where the allowed values do not tell it.
     """
-    return Fault(path, f"given {show(given)}{detail}; allowed: {allowed}")
+    reason = f": {why}" if why else ""
+    return Fault(path, f"given {show(given, unit_of(path))}{reason}; allowed: {allowed}")
 
 
-def show(value: Any) -> str:
-    """Format a given value on one short line."""
+def show(value: Any, unit: str = "") -> str:
+    """Given value on one short line, numbers with their unit."""
+    if isinstance(value, Phrase):
+        return str(value)
     if value is None:
         return "null"
-    if isinstance(value, Mapping):
+    if isinstance(value, Mapping | BaseModel):
         return "a mapping" if value else "an empty mapping"
+    value = list(value) if isinstance(value, tuple) else value
     try:
         text = repr(value)
     except ValueError:
         return "a number of thousands of digits"
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    numbers = value if isinstance(value, list) and value else [value]
+    if unit and all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers):
+        unit = f" {unit}"
+    else:
+        unit = ""
+    return f"{text}{unit}" if len(text) <= 60 else f"{text[:57]}..."
 
 
-def name_faults(path: tuple[str, ...], name: str | None = None) -> Iterator[Fault]:
+def listed(names: Iterable[str], otherwise: str) -> str:
+    """Allowed names in words, the first of many; `otherwise` without any."""
+    names = list(names)
+    return ", ".join(names[:NAMES_SHOWN]) + (", ..." if len(names) > NAMES_SHOWN else "") if names else otherwise
+
+
+def name_faults(path: KeyPath, name: str | None = None) -> Iterator[Fault]:
     """Fault of an invalid name: the last key of its path, or the value at this path."""
-    name = path[-1] if name is None else name
+    name = str(path[-1]) if name is None else name
     if not fullmatch(NAME, name):
-        yield Fault(path, f"given the name {name!r}; allowed: a letter, then letters, digits and underscores")
+        yield refuse(path, Phrase(f"the name {name!r}"), "a letter, then letters, digits and underscores")
 
 
 def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
-    """Fault of an unknown key, with the most similar known key."""
+    """Fault of an unknown key, with the most similar known key, or all of them."""
     known = list(known)
     near = get_close_matches(str(path[-1]), known, n=1)
     if near:
@@ -66,6 +92,17 @@ def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
     else:
         hint = f"allowed: {', '.join(known)}" if known else "nothing can be set below this"
     return Fault(path, f"this key does not exist; {hint}")
+
+
+def unit_of(path: KeyPath) -> str:
+    """Unit of the value at a key path; empty for a plain number, and for a key that does not exist."""
+    try:
+        field, _, _ = locate(path)
+    except KeyError:
+        return ""
+    extra = field.json_schema_extra if field is not None else None
+    unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+    return "" if unit in ("-", OF_KIND) else unit
 
 
 def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:

@@ -9,30 +9,23 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from cable_twin.scenario.checks.air import wind_faults
-from cable_twin.scenario.checks.couplings import (
-    bullwheel_faults,
-    clamp_faults,
-    connector_faults,
-    pantograph_faults,
-    track_faults,
-    travel_faults,
-    unknown_rope_faults,
-)
+from cable_twin.scenario.checks.couplings import coupling_faults
 from cable_twin.scenario.checks.fault import (
+    NOTHING,
     Fault,
     KeyPath,
     allowed,
     alternative,
     inner_model,
+    listed,
     locate,
     name_faults,
     refuse,
     scalar,
-    show,
     unknown_key,
 )
-from cable_twin.scenario.checks.line import cable_faults, rest_faults, space_faults
-from cable_twin.scenario.checks.vehicles import vehicle_faults
+from cable_twin.scenario.checks.line import equilibrium_faults, line_faults
+from cable_twin.scenario.checks.vehicles import carrier_faults, drive_faults, name_conflicts, vehicle_faults
 from cable_twin.scenario.schema import Scenario
 
 LARGEST, SMALLEST = 1e15, 1e-30  # of a number in SI units, by size
@@ -60,7 +53,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
             return None, [fault for path, fault in found.items() if path[0] != "cable" or "cable" in data]
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
-    faults = list(_implausible(scenario)) or list(rest_faults(scenario))
+    faults = list(_implausible(scenario)) or list(equilibrium_faults(scenario))
     faults.sort(key=lambda fault: "joins" not in fault.path)  # what is joined wrongly has faults elsewhere
     return (None if faults else scenario), faults
 
@@ -79,9 +72,9 @@ def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
         except KeyError:  # it does not exist, which is a fault of its own
             return
         if field is not None and scalar(field.annotation)[0] is not int:
-            within = " in it" if used < len(path) else ""
+            within = "within it" if used < len(path) else ""
             limits = f"numbers of {SMALLEST:g} to {LARGEST:g} in size, or 0"
-            yield refuse(path[:used], data, f"{allowed(field)}; {limits}", detail=within)
+            yield refuse(path[:used], data, f"{allowed(field)}; {limits}", within)
 
 
 def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
@@ -95,9 +88,9 @@ def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
     given: Any = data
     for key in path:
         if isinstance(given, Mapping) and key not in given:
-            return Fault(path, f"nothing given, but it is needed; allowed: {allowed(field)}")
+            return refuse(path, NOTHING, allowed(field), "it is needed")
         given = given[key]
-    return refuse(path, given, f"{allowed(field)}")
+    return refuse(path, given, allowed(field))
 
 
 def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath = ()) -> Any:
@@ -133,19 +126,30 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
 
 
 def _implausible(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of combinations of values that are each valid alone."""
-    yield from rope_faults(scenario)
-    if not scenario.ropes:
-        yield from cable_faults(scenario)
-        yield from vehicle_faults(scenario)
-        yield from space_faults(scenario)
-    yield from sensor_faults(scenario)
+    """Faults of combinations of values that are each valid alone: of each rope, of couplings, and of names."""
+    seen: set[KeyPath] = set()  # of ropes together, as carriers of a loop are on each of its strands
+    for name in scenario.cables:
+        own = tuple(scenario.rope_key(name).split(".", 1))
+        yield from name_faults(own, name)
+        alone = scenario.of_rope(name)
+        faults = [
+            fault._replace(path=(*own, *fault.path[1:])) if fault.path[0] == "cable" else fault
+            for fault in (*line_faults(alone), *vehicle_faults(alone))
+        ]
+        yield from (fault for fault in faults if fault.path not in seen)
+        seen |= {fault.path for fault in faults}
+    yield from coupling_faults(scenario)
+    yield from name_conflicts(scenario)
+    yield from drive_faults(scenario)
+    if scenario.carriers is not None:
+        yield from carrier_faults(scenario, scenario.carriers)
+    yield from _sensors(scenario)
     yield from wind_faults(scenario)
 
 
-def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
+def _sensors(scenario: Scenario) -> Iterator[Fault]:
     """Faults of sensors: unknown objects, two of one kind on one object, or keys of another kind."""
-    vehicles = _vehicles(scenario)
+    vehicles = _body_names(scenario)
     ends = [end for rope in scenario.cables for end in scenario.end_names(rope)]
     bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
     known = {
@@ -161,21 +165,17 @@ def sensor_faults(scenario: Scenario) -> Iterator[Fault]:
         if sensor.kind not in known or not isinstance(sensor.of, str):
             continue  # a fault of its own
         if sensor.of not in known[sensor.kind]:
-            allowed = ", ".join(known[sensor.kind][:8]) or "nothing in this scenario"
-            more = ", ..." if len(known[sensor.kind]) > 8 else ""
-            yield Fault((*path, "of"), f"given {show(sensor.of)}; allowed for {sensor.kind}: {allowed}{more}")
-        first = taken.setdefault((sensor.kind, sensor.of), name)
-        if first != name:
-            yield refuse(
-                (*path, "of"), sensor.of, f"one {sensor.kind} for each", detail=f", which '{first}' measures already"
-            )
+            allowed_names = listed(known[sensor.kind], "nothing in this scenario")
+            yield refuse((*path, "of"), sensor.of, f"{allowed_names}, for {sensor.kind}")
+        if (first := taken.setdefault((sensor.kind, sensor.of), name)) != name:
+            yield refuse((*path, "of"), sensor.of, f"one {sensor.kind} for each", f"'{first}' measures it already")
         if sensor.kind != "imu":
             for key in ("rate_noise", "rate_bias"):
-                if getattr(sensor, key) != 0.0:
-                    yield refuse((*path, key), getattr(sensor, key), "0, only an imu has it")
+                if (given := getattr(sensor, key)) != 0.0:
+                    yield refuse((*path, key), given, "0, only an imu has it")
 
 
-def _vehicles(scenario: Scenario) -> dict[str, list[str]]:
+def _body_names(scenario: Scenario) -> dict[str, list[str]]:
     """Body names of all vehicles, also for a scenario with other faults."""
     found = {name: [*vehicle.bodies] for name, vehicle in scenario.carriages.items()}
     carriers = scenario.carriers
@@ -186,43 +186,3 @@ def _vehicles(scenario: Scenario) -> dict[str, list[str]]:
         kind = carriers.kinds.get(order[number % len(order)]) if order else None
         found[f"{carriers.name}_{number + 1}"] = [*(carriers.bodies if kind is None else kind.bodies)]
     return found
-
-
-def rope_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of each rope alone, and of the couplings between ropes."""
-    yield from unknown_rope_faults(scenario)
-    if not scenario.ropes:
-        for key in ("sheaves", "connectors", "pantographs"):
-            for name in getattr(scenario, key):
-                yield Fault((key, name), "given with one cable; allowed: with several `ropes`")
-        if scenario.carriers is not None and scenario.carriers.tracks:
-            yield Fault(("carriers", "tracks"), "given with one cable; allowed: with several `ropes`")
-        for name, carriage in scenario.carriages.items():
-            if carriage.clamped_to:
-                yield Fault(("carriages", name, "clamped_to"), "given with one cable; allowed: with several `ropes`")
-        for key in ("mass_damping", "tension_damping", "lateral"):
-            if getattr(scenario.cable, key) != 0.0:
-                yield refuse(("cable", key), getattr(scenario.cable, key), "0, or several `ropes`")
-        return
-    if scenario.solver.integrator != "generalized_alpha":
-        yield refuse(
-            ("solver", "integrator"), scenario.solver.integrator, "generalized_alpha", detail=" with several ropes"
-        )
-    seen = set()  # what rides a loop is on each of its strands
-    for name in scenario.ropes:
-        yield from name_faults(("ropes", name))
-        alone = scenario.of_rope(name)
-        for fault in (*cable_faults(alone), *vehicle_faults(alone)):
-            path: KeyPath = ("ropes", name, *fault.path[1:]) if fault.path[0] == "cable" else fault.path
-            if path not in seen:
-                seen.add(path)
-                yield Fault(path, fault.text)
-    yield from bullwheel_faults(scenario)
-    if scenario.carriers is not None:
-        yield from track_faults(scenario, scenario.carriers)
-    yield from connector_faults(scenario)
-    yield from pantograph_faults(scenario)
-    clamps = list(clamp_faults(scenario))
-    yield from clamps
-    if not clamps and not list(unknown_rope_faults(scenario)):
-        yield from travel_faults(scenario)

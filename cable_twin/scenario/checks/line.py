@@ -1,4 +1,4 @@
-"""Consistency checks of ropes, ends, towers, loads and terrain."""
+"""Consistency checks of the line of a rope: ends, mesh, towers, loads and terrain."""
 
 from __future__ import annotations
 
@@ -12,45 +12,52 @@ from cable_twin.basics.units import rounded, with_unit
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.builders.system import build_system, tower_axes
-from cable_twin.scenario.checks.fault import Fault, KeyPath, name_faults, refuse, show
+from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, name_faults, refuse, show
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import MOST_ELEMENTS, Cable, EndSupport, Grading, Tower
+from cable_twin.scenario.sections.quantities import Vector
 
 LARGEST_STRAIN = 0.05  # to reach the far end; no rope survives more
-HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a place
+HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end that has a position
+MOST_TURN = 60.0  # degrees in plan at a tower; sheave assemblies deflect a rope by a few, and stations by more
+ALONG = 0.9  # cosine to the rope from which on a groove opens along it
+DIRECTION = "a direction, not all numbers zero"
+ONLY_SPACE = "null, as only scenarios in space have it"
 
 
-def cable_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the cable with its ends, towers, loads and terrain."""
+def line_faults(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of one rope with its ends, mesh, towers, loads and terrain; the paths are those of a `cable`."""
     yield from _dimensions(scenario)
-    yield from _elements(scenario.cable)
+    yield from _grading(scenario.cable)
     yield from _kinks(scenario)
     yield from _supports(scenario)
     yield from _span(scenario)
     yield from _towers(scenario)
     yield from _loads(scenario.cable)
     yield from _terrain(scenario)
+    yield from _grooves_and_masts(scenario)
+    yield from _terrain_sides(scenario)
 
 
 def _dimensions(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of plane vectors in a scenario in space, and vice versa."""
+    """Faults of plane vectors in a scenario in space, and of vectors in space in a plane."""
     cable, dim = scenario.cable, scenario.dim
-    places: dict[KeyPath, tuple[float, ...] | None] = {}
-    for name, end in (("start", cable.start), ("end", cable.end)):
-        places[("cable", name, "position")] = end.position
-        places[("cable", name, "direction")] = end.direction
-    places |= {("towers", name, "position"): tower.position for name, tower in scenario.towers.items()}
-    for path, given in places.items():
+    vectors: dict[KeyPath, tuple[float, ...] | None] = {}
+    for name, end in cable.ends.items():
+        vectors[("cable", name, "position")] = end.position
+        vectors[("cable", name, "direction")] = end.direction
+    vectors |= {("towers", name, "position"): tower.position for name, tower in scenario.towers.items()}
+    for path, given in vectors.items():
         if given is not None and len(given) == 2 < dim and scenario.space is None:
-            yield refuse(path, list(given), f"x, y, z{_unit(path)}", detail=" while other positions have three numbers")
-    places |= {("cable", "loads", number, "force"): load.force for number, load in enumerate(cable.loads)}
-    places[("air", "wind")] = scenario.air.wind
-    for path, given in places.items():
+            yield refuse(path, given, f"x, y, z{_unit(path)}", "other positions have three numbers")
+    vectors |= {("cable", "loads", number, "force"): load.force for number, load in enumerate(cable.loads)}
+    vectors[("air", "wind")] = scenario.air.wind
+    for path, given in vectors.items():
         if given is not None and len(given) > dim:
-            space = "space: 3 or positions x, y, z"
-            yield refuse(path, list(given), f"x, z{_unit(path)}, or {space} throughout", detail=" in a plane")
+            allowed = f"x, z{_unit(path)}, or space: 3 or positions x, y, z throughout"
+            yield refuse(path, given, allowed, "three numbers in a plane")
     if dim == 3 and any(load.moment != 0.0 for load in cable.loads):
-        yield Fault(("cable", "loads"), "given a moment in space; allowed: moments on a cable in a plane, in N m")
+        yield refuse(("cable", "loads"), Phrase("a moment in space"), "moments on a cable in a plane, in N m")
 
 
 def _unit(path: KeyPath) -> str:
@@ -58,269 +65,238 @@ def _unit(path: KeyPath) -> str:
     return {"position": " in m", "force": " in N", "wind": " in m/s"}.get(str(path[-1]), "")
 
 
-def _elements(cable: Cable) -> Iterator[Fault]:
+def _grading(cable: Cable) -> Iterator[Fault]:
     """Faults of a mesh grading: no growth towards the target, or too many elements."""
     if isinstance(cable.elements, Grading):
-        at_towers, target = cable.elements.at_towers, cable.elements.target
+        path: KeyPath = ("cable", "elements", "at_towers")
+        at_towers, target, length = cable.elements.at_towers, cable.elements.target, cable.unstrained_length
         if at_towers > target:
-            yield refuse(("cable", "elements", "at_towers"), at_towers, f"at most target, {show(target)} m")
-        least = cable.unstrained_length / MOST_ELEMENTS
-        if at_towers < least:
-            yield refuse(
-                ("cable", "elements", "at_towers"),
-                at_towers,
-                f"at least {least:g} m for {show(cable.unstrained_length)} m of rope",
-            )
+            yield refuse(path, at_towers, f"at most target, {show(target)} m")
+        if at_towers < (least := length / MOST_ELEMENTS):
+            yield refuse(path, at_towers, f"at least {least:g} m for {show(length)} m of rope")
 
 
 def _kinks(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of sharp kinks at joints without compliance, or without tension."""
+    """Fault of sharp kinks beside a key with which the joints have no compliance, or no tension."""
     cable = scenario.cable
     if cable.kinks == "rounded":
         return
     clamped = next((name for name, vehicle in scenario.vehicles.items() if vehicle.clamped_to), None)
-    beside = {
-        f"elastic_model {cable.elastic_model}": cable.elastic_model != "continuum",
-        f"integrator {scenario.solver.integrator}": scenario.solver.integrator != "generalized_alpha",
-        f"initial_shape {cable.initial_shape}, which has no tension": cable.initial_shape != "equilibrium",
-        "an end that is free": "free" in (cable.start.support, cable.end.support),
-        f"{clamped!r}, which is clamped to another rope": clamped is not None,
+    reasons = {
+        f"beside elastic_model {cable.elastic_model}": cable.elastic_model != "continuum",
+        f"beside integrator {scenario.solver.integrator}": scenario.solver.integrator != "generalized_alpha",
+        f"beside initial_shape {cable.initial_shape}, which has no tension": cable.initial_shape != "equilibrium",
+        "beside an end that is free": "free" in cable.supports,
+        f"beside {clamped!r}, which is clamped to another rope": clamped is not None,
     }
-    for what, found in beside.items():
-        if found:
-            yield refuse(("cable", "kinks"), cable.kinks, "rounded", detail=f" beside {what}")
-            return
+    yield from [refuse(("cable", "kinks"), cable.kinks, "rounded", why) for why, holds in reasons.items() if holds][:1]
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of the end supports: directions, supports that do not go together, and counterweights."""
     cable = scenario.cable
-    for name in ("start", "end"):
-        end = getattr(cable, name)
+    for name, end in cable.ends.items():
         path = ("cable", name, "direction")
         if end.support in ("clamped", "counterweight"):
             if end.direction is None:
-                yield Fault(path, f"nothing given, but {_kind(end)} needs it; allowed: a list of 2 finite numbers")
+                kind = "a counterweight" if end.support == "counterweight" else "a clamped end"
+                yield refuse(path, NOTHING, "a list of 2 finite numbers, 3 in space", f"{kind} needs it")
             elif hypot(*end.direction) == 0.0:
-                yield refuse(path, list(end.direction), "a direction, not all numbers zero")
+                yield refuse(path, end.direction, DIRECTION)
         elif end.support is not None and end.direction is not None:
-            yield refuse(
-                path,
-                list(end.direction),
-                "only where clamped or at a counterweight",
-                detail=f" where support is {end.support}",
-            )
+            yield refuse(path, end.direction, "null; only of a clamped end or a counterweight", _where(end))
+    path = ("cable", "end", "support")
     if cable.start.support == cable.end.support == "free" and cable.initial_shape != "straight":
-        yield Fault(
-            ("cable", "end", "support"),
-            "given 'free' at both ends; allowed: pinned or clamped at one at least, or initial_shape: straight",
-        )
+        allowed = "pinned or clamped at one at least, or initial_shape: straight"
+        yield refuse(path, cable.end.support, allowed, "at both ends")
     if cable.start.support == cable.end.support == "counterweight":
-        yield Fault(("cable", "end", "support"), "given 'counterweight' at both ends; allowed: at one of them")
-    for name in ("start", "end"):
-        if getattr(cable, name).support is not None:
-            yield from _counterweight(scenario, name)
+        yield refuse(path, cable.end.support, "at one of them", "at both ends")
+    for name, end in cable.ends.items():
+        if end.support == "counterweight":
+            yield from _counterweight(scenario, name, end)
+        elif end.support is not None:
+            for key, unit in (("mass", "kg"), ("force", "N"), ("travel", "m"), ("buffer_stiffness", "N/m")):
+                if (given := getattr(end, key)) is not None:
+                    yield refuse(("cable", name, key), given, f"null; only of a counterweight, in {unit}", _where(end))
 
 
-def _kind(end: EndSupport) -> str:
-    """Kind of an end support, in words."""
-    return "a counterweight" if end.support == "counterweight" else f"a {end.support} end"
+def _where(end: EndSupport) -> str:
+    """Reason of a fault of a key that another support has."""
+    return f"where support is {end.support}"
 
 
-def _counterweight(scenario: Scenario, name: str) -> Iterator[Fault]:
-    """Faults of missing keys of a counterweight, and of its keys at other supports."""
-    cable = scenario.cable
-    end = getattr(cable, name)
-    path = ("cable", name)
-    if end.support != "counterweight":
-        for key, unit in (("mass", "kg"), ("force", "N"), ("travel", "m"), ("buffer_stiffness", "N/m")):
-            given = getattr(end, key)
-            if given is not None:
-                given = list(given) if isinstance(given, tuple) else given
-                yield refuse(
-                    (*path, key),
-                    given,
-                    f"only at a counterweight, in {unit}",
-                    detail=f" where support is {end.support}",
-                )
-        return
+def _counterweight(scenario: Scenario, name: str, end: EndSupport) -> Iterator[Fault]:
+    """Faults of missing keys of a counterweight, of its pull, and of its travel and direction."""
+    path, stiffness = ("cable", name), scenario.cable.axial_stiffness
     if end.mass is None:
-        yield Fault((*path, "mass"), "nothing given, but a counterweight needs it; allowed: a number above 0, in kg")
+        yield refuse((*path, "mass"), NOTHING, "a number above 0, in kg", "a counterweight needs it")
     pull = (end.mass or nan) * scenario.gravity if end.force is None else end.force
     if pull == 0.0:
-        yield Fault((*path, "force"), "nothing given, and no weight without gravity; allowed: a number above 0, in N")
-    if pull > LARGEST_STRAIN * cable.axial_stiffness:
-        yield Fault(
-            (*path, "mass" if end.force is None else "force"),
-            f"given a pull of {with_unit(pull, 'N', 6)}, a strain of "
-            f"{rounded(100.0 * pull / cable.axial_stiffness, 3)} %; "
-            "allowed: at most "
-            f"{with_unit(LARGEST_STRAIN * cable.axial_stiffness, 'N', 6)}, for a strain of "
-            f"{rounded(100.0 * LARGEST_STRAIN, 3)} %",
+        yield refuse((*path, "force"), NOTHING, "a number above 0, in N", "there is no weight without gravity")
+    if pull > LARGEST_STRAIN * stiffness:
+        key = "mass" if end.force is None else "force"
+        yield refuse(
+            (*path, key),
+            getattr(end, key),
+            f"a pull of at most {with_unit(LARGEST_STRAIN * stiffness, 'N', 6)}, "
+            f"for a strain of {rounded(100.0 * LARGEST_STRAIN, 3)} %",
+            f"a pull of {with_unit(pull, 'N', 6)}, a strain of {rounded(100.0 * pull / stiffness, 3)} %",
         )
     if end.travel is not None and end.travel[0] >= end.travel[1]:
-        yield refuse((*path, "travel"), list(end.travel), "the least travel, then a greater one, in m")
+        yield refuse((*path, "travel"), end.travel, "the least travel, then a greater one, in m")
     if end.direction is not None:
-        corners = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
-        inner = corners[-2] if name == "end" else corners[1]
-        here, before, pull = (scenario.vector(v) for v in (end.position, inner, end.direction))
-        if sum((a - b) * c for a, b, c in zip(here, before, pull, strict=True)) <= 0.0 < hypot(*pull):
-            yield refuse(
-                (*path, "direction"),
-                list(end.direction),
-                f"one that pulls it away from {show(list(inner))}",
-                detail=", which lets the cable go slack",
-            )
+        inner = scenario.corners[-2 if name == "end" else 1]
+        here, before, direction = (scenario.vector(v) for v in (end.position, inner, end.direction))
+        if sum((a - b) * c for a, b, c in zip(here, before, direction, strict=True)) <= 0.0 < hypot(*direction):
+            allowed = f"one that pulls it away from {show(inner, 'm')}"
+            yield refuse((*path, "direction"), end.direction, allowed, "it lets the cable go slack")
 
 
 def _span(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of the distance of the supports: none, or one that does not fit the length of the rope."""
     cable = scenario.cable
-    start, end = cable.start, cable.end
-    if not {start.support, end.support} <= HELD:
+    start, end, length = cable.start, cable.end, cable.unstrained_length
+    if not cable.supports <= HELD:
         return
-    if dist(scenario.vector(end.position), scenario.vector(start.position)) <= 1e-6 * cable.unstrained_length:
-        yield refuse(
-            ("cable", "end", "position"), list(end.position), "another place, in m", detail=", the place of the start"
-        )
-    corners = [start.position, *(tower.position for tower in scenario.towers.values()), end.position]
-    way = sum(dist(scenario.vector(a), scenario.vector(b)) for a, b in pairwise(corners))
-    strain = way / cable.unstrained_length - 1.0
-    over = " apart" if not scenario.towers else " apart over the towers"
-    if "counterweight" in (start.support, end.support):
+    if dist(scenario.vector(end.position), scenario.vector(start.position)) <= 1e-6 * length:
+        yield refuse(("cable", "end", "position"), end.position, "another place, in m", "the place of the start")
+    distance = sum(dist(scenario.vector(a), scenario.vector(b)) for a, b in pairwise(scenario.corners))
+    strain = distance / length - 1.0
+    path = ("cable", "initial_shape")
+    if "counterweight" in cable.supports:
         if cable.initial_shape == "straight":
-            yield Fault(("cable", "initial_shape"), "given 'straight' with a counterweight; allowed: equilibrium")
+            yield refuse(path, cable.initial_shape, "equilibrium", "with a counterweight")
         return
     if cable.initial_shape == "straight" and abs(strain) > 1e-9:
-        yield Fault(
-            ("cable", "initial_shape"),
-            f"given 'straight', unstrained, between held ends {way:.9g} m apart with a cable of "
-            f"{cable.unstrained_length:.9g} m; allowed: equilibrium, or a free end",
-        )
+        why = f"unstrained between held ends {distance:.9g} m apart, with a cable of {length:.9g} m"
+        yield refuse(path, cable.initial_shape, "equilibrium, or a free end", why)
     if strain > LARGEST_STRAIN:
+        over = " over the towers" if scenario.towers else ""
         yield refuse(
             ("cable", "unstrained_length"),
-            cable.unstrained_length,
-            f"at least {way / (1.0 + LARGEST_STRAIN):.6g} m, for a strain of {rounded(100.0 * LARGEST_STRAIN, 3)} %",
-            detail=f" for ends that are {way:.6g} m{over}, which needs a strain of {rounded(100.0 * strain, 3)} % "
+            length,
+            f"at least {distance / (1.0 + LARGEST_STRAIN):.6g} m, "
+            f"for a strain of {rounded(100.0 * LARGEST_STRAIN, 3)} %",
+            f"its ends are {distance:.6g} m apart{over}, which needs a strain of {rounded(100.0 * strain, 3)} % "
             f"and a tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}",
         )
 
 
 def _towers(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of towers: beside a free end, out of order along the rope, or with contacts that do not fit."""
     cable = scenario.cable
-    start, end = cable.start, cable.end
-    if scenario.towers and "free" in (start.support, end.support):
-        yield Fault(("towers",), "given with a free end of the cable; allowed: only where both ends are held")
-    weighted = "counterweight" in (start.support, end.support)
-    if scenario.towers and cable.initial_shape == "straight" and not weighted:
-        yield Fault(("cable", "initial_shape"), "given 'straight' over towers; allowed: equilibrium")
-    way = copysign(1.0, end.position[0] - start.position[0])
-    before, passed = "the start", start.position[0]
+    start, end = cable.start.position[0], cable.end.position[0]
+    if scenario.towers and "free" in cable.supports:
+        yield refuse(("towers",), scenario.towers, "only where both ends of the rope are held", "beside a free end")
+    if scenario.towers and cable.initial_shape == "straight" and "counterweight" not in cable.supports:
+        yield refuse(("cable", "initial_shape"), cable.initial_shape, "equilibrium", "over towers")
+    sense = copysign(1.0, end - start)
+    before, passed = "the start", start
     for name, tower in scenario.towers.items():
         path = ("towers", name)
         yield from name_faults(path)
         if name in ("start", "end"):
-            yield Fault(path, f"given the name {name!r}, that of an end of the cable; allowed: another one")
+            yield refuse(path, Phrase(f"the name {name!r}"), "another name", "that of an end of the cable")
         x = tower.position[0]
-        if way * (x - passed) <= 0.0 or way * (end.position[0] - x) <= 0.0:
-            yield refuse(
-                (*path, "position"),
-                list(tower.position),
-                f"x between {passed:g} m of {before} and {end.position[0]:g} m of the end, in order along the cable",
-            )
+        if sense * (x - passed) <= 0.0 or sense * (end - x) <= 0.0:
+            allowed = f"x between {passed:g} m of {before} and {end:g} m of the end, in order along the cable"
+            yield refuse((*path, "position"), tower.position, allowed)
         before, passed = f"tower {name!r}", x
-        if tower.contacts > 1 and tower.length == 0.0:
-            yield Fault((*path, "length"), f"given 0.0 for {tower.contacts} contacts; allowed: a number above 0, in m")
-        if tower.contacts == 1 and tower.length > 0.0:
-            yield refuse((*path, "length"), tower.length, "0, or more contacts", detail=" for one contact")
-        if tower.radius is not None and tower.length > tower.radius:
-            yield refuse(
-                (*path, "length"),
-                tower.length,
-                f"at most {tower.radius:g} m",
-                detail=f", more than one radian of a circle of {tower.radius:g} m",
-            )
+        yield from _contacts((*path, "length"), tower)
+
+
+def _contacts(path: KeyPath, tower: Tower) -> Iterator[Fault]:
+    """Faults of the length of a tower beside its contacts and its radius."""
+    if tower.contacts > 1 and tower.length == 0.0:
+        yield refuse(path, tower.length, "a number above 0, in m", f"for {tower.contacts} contacts")
+    if tower.contacts == 1 and tower.length > 0.0:
+        yield refuse(path, tower.length, "0 m, or more contacts", "for one contact")
+    if tower.radius is not None and tower.length > tower.radius:
+        why = f"more than one radian of a circle of {tower.radius:g} m"
+        yield refuse(path, tower.length, f"at most {tower.radius:g} m", why)
 
 
 def _loads(cable: Cable) -> Iterator[Fault]:
+    """Faults of loads beyond the rope, and of moments between its ends."""
     length = cable.unstrained_length
     for number, load in enumerate(cable.loads):
         path: KeyPath = ("cable", "loads", number)
         if load.arc_length > length:
             yield refuse((*path, "arc_length"), load.arc_length, f"0 to {length:.9g} m, on the cable")
         elif load.moment != 0.0 and 0.0 < load.arc_length < length:
-            yield refuse((*path, "moment"), load.moment, "only at its ends, in N m", detail=" within the cable")
+            yield refuse((*path, "moment"), load.moment, "only at the ends of the cable", "within the cable")
 
 
 def _terrain(scenario: Scenario) -> Iterator[Fault]:
-    terrain = scenario.terrain
-    if not terrain:
+    """Faults of the terrain: too few points, x that does not rise, or a part of the track without ground."""
+    path, terrain = ("terrain",), scenario.terrain
+    if len(terrain) == 1:
+        yield refuse(path, Phrase("1 point"), "at least 2 points x, z, in m")
+    if len(terrain) < 2:
         return
-    x = [point[0] for point in terrain]
-    if len(x) < 2:
-        yield Fault(("terrain",), f"given {len(x)} point; allowed: at least 2 points x, z, in m")
-        return
-    for number, (before, after) in enumerate(pairwise(x), start=1):
-        if after <= before:
-            yield Fault(("terrain", number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")
+    yield from _rising(path, terrain)
+    first, last = terrain[0][0], terrain[-1][0]
     low, high = sorted((scenario.cable.start.position[0], scenario.cable.end.position[0]))
-    if x[0] > low or x[-1] < high:
-        yield Fault(
-            ("terrain",),
-            f"given from x = {x[0]:g} to {x[-1]:g} m; allowed: at least the whole track, {low:g} to {high:g} m",
-        )
+    if first > low or last < high:
+        allowed = f"at least the whole track, {low:g} to {high:g} m"
+        yield refuse(path, Phrase(f"x from {first:g} to {last:g} m"), allowed)
 
 
-MOST_TURN = 60.0  # degrees in plan at a tower; sheaves turn a rope by a few, and stations by more
-ALONG = 0.9  # cosine to the rope from which on a groove opens along it
+def _rising(path: KeyPath, points: tuple[Vector, ...]) -> Iterator[Fault]:
+    """Faults of points x, z of a profile whose x does not rise."""
+    for number, ((before, _), (after, _)) in enumerate(pairwise(points), start=1):
+        if after <= before:
+            yield refuse((*path, number), Phrase(f"x = {after!r} m after {before!r} m"), "rising x, in m")
 
 
-def space_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers and terrain in space, and of their keys in a plane."""
-    cable = scenario.cable
-    places = [cable.start.position, *(tower.position for tower in scenario.towers.values()), cable.end.position]
-    corners = [np.array(scenario.vector(place), dtype=np.float64) for place in places]
+def _grooves_and_masts(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of towers in space, and of keys that towers in a plane do not have."""
+    corners = [np.array(scenario.vector(place), dtype=np.float64) for place in scenario.corners]
     for number, (name, tower) in enumerate(scenario.towers.items()):
         if scenario.dim == 2:
             for key in ("groove_direction", "mast_offset", "mast_width"):
-                given = getattr(tower, key)
-                if given is not None:
-                    given = list(given) if isinstance(given, tuple) else given
-                    yield refuse(
-                        ("towers", name, key), given, "null, as only scenarios in space have it", detail=" in a plane"
-                    )
+                if (given := getattr(tower, key)) is not None:
+                    yield refuse(("towers", name, key), given, ONLY_SPACE, "in a plane")
         elif all(map(np.any, np.diff(corners[number : number + 3], axis=0))):
-            yield from _tower(scenario, ("towers", name), tower, corners[number : number + 3])
-    yield from _sides(scenario)
+            yield from _tower_in_space(scenario, ("towers", name), tower, corners[number : number + 3])
 
 
-def _tower(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.ndarray]) -> Iterator[Fault]:
+def _tower_in_space(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.ndarray]) -> Iterator[Fault]:
     """Faults of a tower: line turning back in plan, groove opening away from the rope, incomplete mast."""
     first, second = np.diff(corners, axis=0)[:, :2]
     turn = degrees(abs(atan2(first[0] * second[1] - first[1] * second[0], first @ second)))
     if turn >= MOST_TURN:
-        yield refuse(
-            (*path, "position"),
-            list(tower.position),
-            f"less than {MOST_TURN:g} degrees",
-            detail=f", where the line turns by {turn:.3g} degrees in plan, which no rope follows on a tower",
-        )
+        why = f"there the line turns by {turn:.3g} degrees in plan, which no rope follows on a tower"
+        yield refuse((*path, "position"), tower.position, f"a turn of less than {MOST_TURN:g} degrees", why)
     if (tower.mast_offset is None) != (tower.mast_width is None):
         missing = "mast_offset" if tower.mast_offset is None else "mast_width"
-        yield Fault((*path, missing), "not given, but a mast has an offset and a width; allowed: both or none, in m")
+        yield refuse((*path, missing), NOTHING, "both or none, in m", "a mast has an offset and a width")
     if tower.groove_direction is None:
         return
-    path, opening = (*path, "groove_direction"), np.array(scenario.vector(tower.groove_direction))
-    given, size = show(list(tower.groove_direction)), float(np.linalg.norm(opening))
-    if size == 0.0:
-        yield Fault(path, f"given {given}; allowed: a direction, not all numbers zero")
+    path, given, opening = (*path, "groove_direction"), tower.groove_direction, scenario.vector(tower.groove_direction)
+    if (size := hypot(*opening)) == 0.0:
+        yield refuse(path, given, DIRECTION)
     elif opening[2] * (-1.0 if tower.hold_down else 1.0) <= 0.0:
         where = "below 0, as it holds the rope down" if tower.hold_down else "above 0"
-        yield Fault(path, f"given {given}, which points away from the rope; allowed: x, y, z with z {where}")
-    elif abs(float(line_over(*corners) @ opening)) > ALONG * size:
-        yield Fault(path, f"given {given}, which points along the rope; allowed: a direction across it")
+        yield refuse(path, given, f"x, y, z with z {where}", "it points away from the rope")
+    elif abs(float(line_over(*corners) @ np.array(opening))) > ALONG * size:
+        yield refuse(path, given, "a direction across the rope", "it points along the rope")
 
 
-def rest_faults(scenario: Scenario) -> Iterator[Fault]:
+def _terrain_sides(scenario: Scenario) -> Iterator[Fault]:
+    """Faults of terrain profiles beside the track: in a plane, without terrain, or not in rising x."""
+    sides, path = scenario.terrain_sides, ("terrain_sides",)
+    if sides is None:
+        return
+    if scenario.dim == 2:
+        yield refuse(path, sides, ONLY_SPACE, "in a plane")
+    if not scenario.terrain:
+        yield refuse(path, sides, "null; only beside terrain, the profile under the track", "without terrain")
+    yield from _rising((*path, "left"), sides.left)
+    yield from _rising((*path, "right"), sides.right)
+
+
+def equilibrium_faults(scenario: Scenario) -> Iterator[Fault]:
     """Faults of towers in space whose grooves cannot hold the bare ropes in equilibrium.
 
     Strands of a loop share its tension: `groove_faults` checks them where that tension is known.
@@ -329,22 +305,21 @@ def rest_faults(scenario: Scenario) -> Iterator[Fault]:
         alone = scenario.of_rope(name)
         if name in scenario.strands or alone.dim == 2 or not alone.towers:
             continue
-        system = build_system(alone)
         try:
-            yield from groove_faults(alone, system)
+            yield from groove_faults(alone, build_system(alone))
         except EquilibriumError:
-            continue  # which is said where it is to be laid
+            continue  # a fault of the static start
 
 
 def groove_faults(scenario: Scenario, system: System) -> Iterator[Fault]:
     """Faults of towers in space whose grooves cannot hold one bare rope in equilibrium.
 
     Args:
-        scenario: of this rope alone.
-        system: its parameters, with ends where they are at rest.
+        scenario: scenario of this rope alone.
+        system: its parameters, with ends where they are in equilibrium.
 
     Raises:
-        EquilibriumError: there is no rest.
+        EquilibriumError: there is no equilibrium.
     """
     loads = rest_over_supports(system).load()
     corners = np.concatenate([system.cable.end_position[:1], system.towers.top, system.cable.end_position[1:]])
@@ -356,9 +331,9 @@ def groove_faults(scenario: Scenario, system: System) -> Iterator[Fault]:
             force = np.round(load / np.linalg.norm(load), 2).tolist()
             yield refuse(
                 ("towers", name, "groove_direction"),
-                list(tower.groove_direction),
+                tower.groove_direction,
                 f"within 90 degrees of the force of the tower on the cable, {force}",
-                detail=", which points away from the bare cable at rest: it would have to be pulled into the groove "
+                "it points away from the bare cable at rest, which would have to be pulled into the groove "
                 f"with {with_unit(-normal, 'N')}",
             )
         across = np.cross(line_over(before, here, after), side)
@@ -368,25 +343,9 @@ def groove_faults(scenario: Scenario, system: System) -> Iterator[Fault]:
             straight = float(before[1] + share * (after - before)[1])
             yield refuse(
                 ("towers", name, "position"),
-                list(tower.position),
+                tower.position,
                 f"at most {tower.derailment_ratio:g} of it (derailment_ratio): move the tower towards "
                 f"y = {straight:.4g} m, where the line is straight in plan, or incline its groove_direction",
-                detail=f", where the bare cable at rest pushes sideways with {with_unit(ratio * normal, 'N')}, "
+                f"there the bare cable at rest pushes sideways with {with_unit(ratio * normal, 'N')}, "
                 f"{ratio:.3g} of its normal force",
             )
-
-
-def _sides(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of terrain profiles beside the track: in a plane, without terrain, or not in rising x."""
-    sides, path = scenario.terrain_sides, ("terrain_sides",)
-    if sides is None:
-        return
-    if scenario.dim == 2:
-        yield Fault(path, "given in a plane; allowed: null, as only scenarios in space have it")
-    if not scenario.terrain:
-        yield Fault(path, "given without terrain; allowed: only beside terrain, the profile under the track")
-    for side in ("left", "right"):
-        x = [point[0] for point in getattr(sides, side)]
-        for number, (before, after) in enumerate(pairwise(x), start=1):
-            if after <= before:
-                yield Fault((*path, side, number), f"given x = {after!r} after {before!r}; allowed: rising x, in m")

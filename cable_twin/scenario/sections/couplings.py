@@ -67,6 +67,12 @@ class Sheave(Section):
     )
 
     @property
+    def ropes(self) -> tuple[str, str]:
+        """Names of the strand that runs onto the bullwheel, and of the one that runs off it."""
+        before, after = (end.partition(".")[0] for end in self.joins)
+        return before, after
+
+    @property
     def wrapped(self) -> float:
         """Length (m) of rope on the bullwheel."""
         return self.radius * self.wrap
@@ -117,7 +123,7 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
             sheave = onto[f"{rope}.end"]
             loop.append((rope, place, sheave))
             place += lengths[rope] + sheaves[sheave].wrapped
-            rope = sheaves[sheave].joins[1].partition(".")[0]
+            rope = sheaves[sheave].ropes[1]
         if loop and rope == first:
             befores = [loop[-1][2], *(sheave for _, _, sheave in loop)]
             for (name, offset, after), before in zip(loop, befores, strict=False):

@@ -110,6 +110,16 @@ class Cable(Section):
     ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
     ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
 
+    @property
+    def ends(self) -> dict[str, EndSupport]:
+        """Supports of both ends by key: `start`, `end`."""
+        return {"start": self.start, "end": self.end}
+
+    @property
+    def supports(self) -> set[str]:
+        """Kinds of support of both ends."""
+        return {self.start.support, self.end.support}
+
 
 class Tower(Section):
     """Support of the cable between its ends: sheave assembly, or saddle of a track rope; one-sided contact."""

@@ -6,6 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+OF_KIND = "unit of the kind"  # of what a sensor measures
+
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
 # along the track and upwards, or in space with what is to the left between them

@@ -226,6 +226,12 @@ class Carriers(Section):
         }
         return self.model_copy(update={"payload": _on(strand, self.payload), "kinds": kinds})
 
+    @property
+    def kinds_by_path(self) -> dict[tuple[str, ...], CarrierKind]:
+        """Bodies and payload of all carriers, or of each kind, by the key path that has them in a file."""
+        own = CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
+        return {("carriers",): own} | {("carriers", "kinds", name): kind for name, kind in self.kinds.items()}
+
     def kind(self, number: int) -> CarrierKind:
         """Kind of the carrier with an index from 0 on."""
         if not self.kinds:
