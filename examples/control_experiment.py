@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from cable_twin.ros.startup import Ending, OneLineParser, prepare_middleware, print_hint
+from cable_twin.ros.startup import Ending, prepare_middleware, print_hint
+from cable_twin.terminal.command_line import OneLineParser
 
 COMMAND_PERIOD = 0.02  # s of simulated time between two commands
 DISCOVERY = 10.0  # s of the clock to find the twin, where --wait does not say it

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import sys
 
+from cable_twin import Simulation, load_scenario
 from cable_twin.basics.units import with_unit
 from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.line_places import Line, calculate, plan_line
-from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
 
 
 def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:

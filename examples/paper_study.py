@@ -38,11 +38,11 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from cable_twin import Simulation, Snapshot, load_scenario
 from cable_twin.frame.records import BodyState, FloatArray
-from cable_twin.frame.snapshot import Snapshot
 from cable_twin.geometry.bodies import body_outlines
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+from cable_twin.scenario import Scenario, ScenarioError
+from cable_twin.simulation import EquilibriumError, SolverError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

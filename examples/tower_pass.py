@@ -35,8 +35,7 @@ from control_experiment import (
 from rich.console import Console
 from rich.progress import track
 
-from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
+from cable_twin import Simulation, load_scenario
 
 SHARE = 0.7  # of the drive's acceleration for the plan
 PERIOD = 0.05  # s between two commands of the model ahead

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,34 @@ def test_the_package_loads_nothing_heavy(imported):
     loaded = imported[0]["package"]
     assert "cable_twin" in loaded
     assert not HEAVY & loaded
+
+
+def public_names():
+    """Public names and their path, from the table of docs/scenarios.md."""
+    (table,) = re.findall(
+        r"^\| import from \| names \|\n.*\n((?:\|.*\n)+)", (ROOT / "docs/scenarios.md").read_text(), re.M
+    )
+    rows = [re.findall(r"`([\w.]+)`", row) for row in table.splitlines()]
+    assert len({name for _, *names in rows for name in names}) == sum(len(names) for _, *names in rows)
+    return {name: path for path, *names in rows for name in names}
+
+
+def test_public_names_are_at_their_path():
+    names = public_names()
+    assert {name for name, path in names.items() if path == "cable_twin"} == set(cable_twin.__all__)
+    for name, path in names.items():
+        assert hasattr(import_module(path), name), f"{path}.{name}"
+    with pytest.raises(AttributeError, match="module 'cable_twin' has no attribute 'nonsense'"):
+        _ = cable_twin.nonsense
+
+
+@pytest.mark.parametrize("folder", ["docs", "examples", "."])
+def test_pages_and_examples_take_public_names_from_their_path(folder):
+    names = public_names()
+    for file in [*(ROOT / folder).glob("*.md"), *(ROOT / folder).glob("*.py")]:
+        for path, imported in re.findall(r"^ *from (cable_twin[\w.]*) import ([\w, ]+)", file.read_text(), re.M):
+            for name in re.findall(r"\w+", imported):
+                assert names.get(name, path) == path, f"{file}: {name}"
 
 
 def test_an_emergency_stop_waits_for_nothing_heavy():
