@@ -6,12 +6,14 @@ import subprocess
 import sys
 from math import atan, cos, inf, sqrt
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 import cable_twin.scenario.files as module
+from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import (
     Scenario,
     ScenarioError,
@@ -20,6 +22,7 @@ from cable_twin.scenario import (
     load_scenario,
     scenario_names,
 )
+from cable_twin.scenario.builders import columns, numbers
 from cable_twin.scenario.sections.quantities import Section
 
 SEED = load_scenario("seed_example")
@@ -177,6 +180,60 @@ def test_the_tramway_is_as_heavy_as_its_file_says_and_its_counterweight_tight_en
 
 
 # Constants of the mechanics
+
+
+class Motor(BaseModel):
+    """A section as a new key would make it."""
+
+    ratio: float = 1.5
+    speed: float | None = None
+    count: int = 3
+    kind: str = "new"
+    slope: float = 0.1
+
+
+class MotorNumbers(NamedTuple):
+    """Record of one motor."""
+
+    ratio: float
+    speed_limit: float
+    count: int
+    slope: FloatArray
+
+
+class MotorColumns(NamedTuple):
+    """Record of several motors."""
+
+    ratio: FloatArray
+    speed_limit: FloatArray
+    count: int
+
+
+def test_a_number_of_one_name_in_section_and_record_is_copied():
+    assert numbers(MotorNumbers, Motor(), "{}_limit") == {"ratio": 1.5, "speed_limit": inf, "count": 3}
+    found = columns(MotorColumns, Motor, [Motor(ratio=2.0), Motor(speed=4.0)], "{}_limit")
+    assert {name: column.tolist() for name, column in found.items()} == {"ratio": [2.0, 1.5], "speed_limit": [inf, 4.0]}
+    assert columns(MotorColumns, Motor, [])["ratio"].shape == (0,)
+
+
+def test_numbers_of_a_scenario_reach_the_mechanics_by_their_names():
+    solver = {"step": 0.002, "spectral_radius": 0.6, "tolerance": 1e-8, "max_iterations": 9, "max_halvings": 3}
+    assert build_system(load_scenario("seed_example", {"solver": solver})).solver._asdict() == solver
+    limits = {"speed": 8.0, "acceleration": 0.2, "deceleration": 0.3, "jerk": 0.1, "force": 1e5, "power": 3e5}
+    rope = {
+        "axial_stiffness": 1e8,
+        "mass_per_length": 6.0,
+        "drive_inertia": 5e3,
+        "pretension": 10.0,
+        "beyond_track": 3.0,
+    }
+    drive = {"limits": limits | {"emergency_deceleration": 1.1}, "haul_rope": rope | {"damping_ratio": 0.02}}
+    system = build_system(load_scenario("aerial_tramway", {"carriages.cabin.drive": drive}))
+    for key, value in limits.items():
+        assert getattr(system.carriages, f"{key}_limit").tolist() == [value]
+    for key, value in drive["haul_rope"].items():
+        assert getattr(system.haul_ropes, key).tolist() == [value]
+    assert system.carriages.emergency_deceleration.tolist() == [1.1]
 
 
 def test_supports_become_projectors_onto_what_they_leave_free():

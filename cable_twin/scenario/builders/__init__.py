@@ -1,1 +1,57 @@
-"""From a scenario to the constants of the mechanics."""
+"""Constants of the mechanics, built from a scenario; numbers of one name in a section and in a record are copied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from math import inf
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+from pydantic import BaseModel
+
+from cable_twin.mechanics.parameters import FloatArray
+
+
+def floats(values: list, columns: int = 0) -> FloatArray:
+    """Floats of shape (n,), or (n, columns) even where n is 0."""
+    return np.array(values, dtype=np.float64).reshape((-1, columns) if columns else -1)
+
+
+def numbers(record: Any, section: BaseModel, pattern: str = "{}") -> dict[str, Any]:
+    """Numbers of a section by their names in a record of constants; null is infinite, as it is no limit.
+
+    Args:
+        record: class of the record; keys of the section that it does not have are left out.
+        section: section of a scenario.
+        pattern: name in the record of a key that the record does not have itself, as in "{}_limit".
+    """
+    names = _names(record, type(section), pattern, (float, int))
+    return {name: _finite_or_inf(getattr(section, key)) for key, name in names.items()}
+
+
+def columns(
+    record: Any, model: type[BaseModel], sections: Sequence[BaseModel], pattern: str = "{}"
+) -> dict[str, FloatArray]:
+    """Numbers of several sections of one model by their names in a record of constants, as arrays (sections,).
+
+    Args and null are those of `numbers`.
+    """
+    names = _names(record, model, pattern, (FloatArray,))
+    return {name: floats([_finite_or_inf(getattr(one, key)) for one in sections]) for key, name in names.items()}
+
+
+@cache
+def _names(record: Any, model: type[BaseModel], pattern: str, kinds: tuple[Any, ...]) -> dict[str, str]:
+    """Names in a record, by key, of the numbers of a model whose fields in the record are of some kinds."""
+    found, known = {}, get_type_hints(record)
+    for key, field in model.model_fields.items():
+        name = key if key in known else pattern.format(key)
+        is_number = {float, int} & {field.annotation, *get_args(field.annotation)}
+        if is_number and known.get(name) in kinds:
+            found[key] = name
+    return found
+
+
+def _finite_or_inf(value: float | None) -> float:
+    return inf if value is None else value

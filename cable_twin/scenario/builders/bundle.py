@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from math import exp, inf
+from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.parameters import IntArray, System
 from cable_twin.mechanics.solution.bundle.elimination import lines_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
@@ -17,13 +18,15 @@ from cable_twin.mechanics.solution.bundle.records import (
     Connectors,
     Pantographs,
 )
+from cable_twin.scenario.builders import columns, floats
 from cable_twin.scenario.builders.system import BUFFER, build_system
-from cable_twin.scenario.builders.vehicles import floats
+from cable_twin.scenario.builders.vehicles import NO_BRAKE
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.couplings import Sheave
-from cable_twin.scenario.sections.drives import Limits
-from cable_twin.scenario.sections.quantities import Vector
+from cable_twin.scenario.sections.couplings import Connector, Pantograph, Sheave, Stage
+from cable_twin.scenario.sections.drives import Brake, Limits
 from cable_twin.scenario.sections.vehicles import Carriage
+
+TENSIONED = ("mass", "pull", "band", "rate", "buffer_stiffness", "buffer_damping")  # numbers of tensioning devices
 
 
 def build_ropes(scenario: Scenario) -> dict[str, System]:
@@ -52,10 +55,7 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
     connectors = Connectors(
         rope=rope.reshape(-1, 2)[order],
         node=node.reshape(-1, 2)[order],
-        length=floats([rod.length for rod in rods]),
-        stiffness=floats([rod.stiffness for rod in rods]),
-        compression=floats([rod.compression for rod in rods]),
-        damping=floats([rod.damping for rod in rods]),
+        **columns(Connectors, Connector, rods),
     )
     return connectors, [names[number] for number in order]
 
@@ -97,81 +97,63 @@ def build_clamps(scenario: Scenario) -> Clamps:
 def build_pantographs(scenario: Scenario) -> Pantographs:
     """Build the pantographs, in the order of the file."""
     given = list(scenario.pantographs.values())
-    stages = len(given[0].stages) if given else 1
-
-    def column(key: str) -> FloatArray:
-        return floats([[getattr(stage, key) for stage in one.stages] for one in given], stages)
-
-    stiffness = column("stiffness")
+    count = len(given[0].stages) if given else 1
+    stages = columns(Pantographs, Stage, [stage for one in given for stage in one.stages])
+    stages = {name: column.reshape(-1, count) for name, column in stages.items()}
     # at rest, the springs between head and last stage have yielded, and the last one has what is left
     base = [
         one.uplift_force + float(row[-1]) * (one.height + one.uplift_force * float(np.sum(1.0 / row[:-1])))
-        for one, row in zip(given, stiffness, strict=True)
+        for one, row in zip(given, stages["stiffness"], strict=True)
     ]
     return Pantographs(
+        **columns(Pantographs, Pantograph, given),
+        **stages,
         rope=np.array([list(scenario.ropes).index(one.rope) for one in given], dtype=np.int64),
-        mass=column("mass"),
-        stiffness=stiffness,
-        damping=column("damping"),
         base_force=floats(base),
-        contact_stiffness=floats([one.contact_stiffness for one in given]),
     )
 
 
 def build_bullwheels(scenario: Scenario) -> Bullwheels:
     """Build the bullwheels, in the order of the file."""
-    given, names = list(scenario.sheaves.values()), list(scenario.ropes)
-    joined = [[names.index(end.partition(".")[0]) for end in sheave.joins] for sheave in given]
-    ropes = [[scenario.ropes[names[rope]] for rope in pair] for pair in joined]
+    given, names = scenario.sheaves.values(), list(scenario.ropes)
     drives = {drive.sheave: drive for drive in scenario.drives.values()}
-    limits = [drives[name].limits if name in drives else Limits() for name in scenario.sheaves]
-    ways = [drives[name].travel if name in drives else None for name in scenario.sheaves]
+    turning = [drives.get(name) for name in scenario.sheaves]
+    lay = [sheave.wrapped * scenario.ropes[sheave.ropes[0]].mass_per_length for sheave in given]
     tensioning = [_tensioning(scenario, sheave) for sheave in given]
-    return Bullwheels(
-        rope=np.array(joined, dtype=np.int64).reshape(-1, 2),
-        inertia=floats([sheave.inertia / sheave.radius**2 for sheave in given]),
-        wrapped=floats([sheave.wrapped * pair[0].mass_per_length for sheave, pair in zip(given, ropes, strict=True)]),
-        adhesion=floats([exp(sheave.friction * sheave.wrap) for sheave in given]),
-        resistance=floats([sheave.resistance / sheave.radius for sheave in given]),
-        driven=np.array([name in drives for name in scenario.sheaves], dtype=np.int64),
-        way=floats([way or (-inf, inf) for way in ways], 2),
-        acceleration_limit=floats([limit.acceleration for limit in limits]),
-        emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
-        jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),
-        brake_force=floats([sheave.brake.force if sheave.brake else 0.0 for sheave in given]),
-        rollback=floats([inf if sheave.rollback is None else sheave.rollback for sheave in given]),
-        brake_rise_time=floats([sheave.brake.rise_time if sheave.brake else 0.0 for sheave in given]),
-        tensioning=np.array([kind for kind, *_ in tensioning], dtype=np.int64),
-        direction=floats([row[1] for row in tensioning], scenario.dim),
-        **{
-            name: floats([row[2][number] for row in tensioning])
-            for number, name in enumerate(("mass", "pull", "band", "rate", "buffer_stiffness", "buffer_damping"))
-        },
-        travel=floats([row[3] for row in tensioning], 2),
-    )
+    copied: dict[str, Any] = {
+        **columns(Bullwheels, Sheave, list(given)),
+        **columns(Bullwheels, Limits, [drive.limits if drive else Limits() for drive in turning], "{}_limit"),
+        **columns(Bullwheels, Brake, [sheave.brake or NO_BRAKE for sheave in given], "brake_{}"),
+    }
+    own = {
+        "rope": np.array([[names.index(rope) for rope in one.ropes] for one in given], dtype=np.int64).reshape(-1, 2),
+        "inertia": floats([sheave.inertia / sheave.radius**2 for sheave in given]),
+        "wrapped": floats(lay),
+        "adhesion": floats([exp(sheave.friction * sheave.wrap) for sheave in given]),
+        "resistance": floats([sheave.resistance / sheave.radius for sheave in given]),
+        "driven": np.array([drive is not None for drive in turning], dtype=np.int64),
+        "way": floats([(drive and drive.travel) or (-inf, inf) for drive in turning], 2),
+        "tensioning": np.array([device["tensioning"] for device in tensioning], dtype=np.int64),
+        "direction": floats([device["direction"] for device in tensioning], scenario.dim),
+        "travel": floats([device["travel"] for device in tensioning], 2),
+        **{name: floats([device[name] for device in tensioning]) for name in TENSIONED},
+    }
+    return Bullwheels(**(copied | own))
 
 
-def _tensioning(scenario: Scenario, sheave: Sheave) -> tuple[int, list[float], tuple[float, ...], Vector]:
-    """Kind, direction (dim,), mass, pull, band, rate, buffers, and travel of a bullwheel's tensioning device."""
+def _tensioning(scenario: Scenario, sheave: Sheave) -> dict[str, Any]:
+    """Tensioning device of a bullwheel by the fields of `Bullwheels`, with direction (dim,) and travel (2,)."""
     weight, cylinder = sheave.counterweight, sheave.hydraulics
+    device = dict.fromkeys(TENSIONED, 0.0) | {"mass": 1.0}
     if weight is None and (cylinder is None or cylinder.locked):
-        return FIXED, [0.0] * scenario.dim, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0)
+        return {**device, "tensioning": FIXED, "direction": [0.0] * scenario.dim, "travel": (0.0, 0.0)}
     given = scenario.vector((weight or cylinder).direction)  # type: ignore[union-attr]
     direction = [float(part / np.linalg.norm(given)) for part in given]
     if weight is not None:
         pull = weight.force or weight.mass * scenario.gravity
-        mass = weight.mass + weight.carriage_mass
-        return COUNTERWEIGHT, direction, (mass, pull, 0.0, 0.0, pull / BUFFER, weight.buffer_damping), weight.travel
+        device |= {"mass": weight.mass + weight.carriage_mass, "pull": pull}
+        device |= {"buffer_stiffness": pull / BUFFER, "buffer_damping": weight.buffer_damping}
+        return {**device, "tensioning": COUNTERWEIGHT, "direction": direction, "travel": weight.travel}
     assert cylinder is not None
-    return HYDRAULIC, direction, (1.0, cylinder.force, cylinder.band, cylinder.rate, 0.0, 0.0), cylinder.travel
-
-
-__all__ = [
-    "build_bullwheels",
-    "build_clamps",
-    "build_connectors",
-    "build_pantographs",
-    "build_ropes",
-    "clamped",
-    "clamped_pairs",
-]
+    device |= {"pull": cylinder.force, "band": cylinder.band, "rate": cylinder.rate}
+    return {**device, "tensioning": HYDRAULIC, "direction": direction, "travel": cylinder.travel}

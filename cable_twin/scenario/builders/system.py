@@ -10,12 +10,14 @@ import numpy as np
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
-from cable_twin.scenario.builders.vehicles import PRESLIDING, build_carriages, build_haul_ropes, floats
+from cable_twin.scenario.builders import columns, floats, numbers
+from cable_twin.scenario.builders.vehicles import PRESLIDING, build_carriages, build_haul_ropes
 from cable_twin.scenario.builders.wind import build_wind
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import Cable, EndSupport, Grading, Tower
 
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
+OF_TOWERS = ("derailment_ratio", "groove_height")  # constants of a whole tower, and not of a contact
 TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
 BUFFER = 0.05  # m, what the buffers of a counterweight yield under its pull
 
@@ -30,44 +32,41 @@ def build_system(scenario: Scenario, marks: FloatArray | None = None) -> paramet
     Returns:
         Cable, carriages and solver; the bodies are in the order of the file.
     """
-    cable, solver = scenario.cable, scenario.solver
-    ends = (cable.start, cable.end)
     system = parameters.System(
-        cable=parameters.Cable(
-            **parameters.mesh_fields(even_nodes(cable.unstrained_length, 1)),
-            mass_per_length=cable.mass_per_length + cable.ice,
-            axial_stiffness=cable.axial_stiffness,
-            bending_stiffness=cable.bending_stiffness,
-            damping_time=cable.damping_time,
-            elastic_model=parameters.ELASTIC_MODELS.index(cable.elastic_model),
-            gravity=scenario.vector((0.0, -scenario.gravity)),
-            end_position=np.array(
-                [np.full(scenario.dim, nan) if end.support == "free" else scenario.vector(end.position) for end in ends]
-            ),
-            end_projector=np.array([_free_part(scenario, end) for end in ends]),
-            end_direction=np.array([_direction(scenario, end if end.support == "clamped" else None) for end in ends]),
-            load_arc_length=floats([load.arc_length for load in cable.loads]),
-            load_force=floats([scenario.vector(load.force) for load in cable.loads], scenario.dim),
-            end_moment=_end_moments(cable),
-        ),
+        cable=_build_cable(scenario),
         carriages=build_carriages(scenario),
         towers=_build_towers(scenario),
         counterweights=_build_counterweights(scenario),
         moving_cable=_build_moving_cable(scenario),
         haul_ropes=build_haul_ropes(scenario),
         air=_build_air(scenario),
-        solver=parameters.Solver(
-            step=solver.step,
-            spectral_radius=solver.spectral_radius,
-            tolerance=solver.tolerance,
-            max_iterations=solver.max_iterations,
-            max_halvings=solver.max_halvings,
-        ),
+        solver=parameters.Solver(**numbers(parameters.Solver, scenario.solver)),
     )
     nodes = nodes_of(scenario, system)
     if marks is not None:
         nodes = with_marks(nodes, marks)
     return system._replace(cable=system.cable._replace(**parameters.mesh_fields(nodes)))
+
+
+def _build_cable(scenario: Scenario) -> parameters.Cable:
+    """Build the rope by itself, with one element."""
+    cable, dim = scenario.cable, scenario.dim
+    ends = list(cable.ends.values())
+    own = {
+        **parameters.mesh_fields(even_nodes(cable.unstrained_length, 1)),
+        "mass_per_length": cable.mass_per_length + cable.ice,
+        "elastic_model": parameters.ELASTIC_MODELS.index(cable.elastic_model),
+        "gravity": scenario.vector((0.0, -scenario.gravity)),
+        "end_position": np.array(
+            [np.full(dim, nan) if end.support == "free" else scenario.vector(end.position) for end in ends]
+        ),
+        "end_projector": np.array([_free_part(scenario, end) for end in ends]),
+        "end_direction": np.array([_direction(scenario, end if end.support == "clamped" else None) for end in ends]),
+        "load_arc_length": floats([load.arc_length for load in cable.loads]),
+        "load_force": floats([scenario.vector(load.force) for load in cable.loads], dim),
+        "end_moment": _end_moments(cable),
+    }
+    return parameters.Cable(**(numbers(parameters.Cable, cable) | own))
 
 
 def build_payloads(scenario: Scenario) -> Payloads:
@@ -112,42 +111,32 @@ def _end_moments(cable: Cable) -> FloatArray:
 
 
 def _build_towers(scenario: Scenario) -> parameters.Towers:
-    towers = list(scenario.towers.values())
-    corners = _corners(scenario)
-    contacts = [
+    """Build the towers with their contacts; numbers of a tower are those of each of its contacts, or `OF_TOWERS`."""
+    record, towers = parameters.Towers, list(scenario.towers.values())
+    of_contacts = [tower for tower in towers for _ in range(tower.contacts)]
+    shapes = [
         _contacts(scenario, tower, up, along) for tower, up, along in zip(towers, *_groove_axes(scenario), strict=True)
     ]
-    return parameters.Towers(
-        contact_offset=np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
-        contact_tower=np.repeat(np.arange(len(towers), dtype=np.int64), [tower.contacts for tower in towers]),
-        top=corners[1:-1].copy(),
-        position=floats([row for places, _ in contacts for row in places], scenario.dim),
-        normal=floats([row for _, normals in contacts for row in normals], scenario.dim),
-        stiffness=floats([tower.stiffness for tower in towers for _ in range(tower.contacts)]),
-        damping=floats([tower.damping for tower in towers for _ in range(tower.contacts)]),
-        friction=floats(
-            [
-                TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction
-                for tower in towers
-                for _ in range(tower.contacts)
-            ]
-        ),
-        presliding=np.full(sum(tower.contacts for tower in towers), PRESLIDING),
-        toe=np.full(sum(tower.contacts for tower in towers), TOE),
-        groove=floats([tower.groove for tower in towers for _ in range(tower.contacts)]),
-        left=tower_axes(scenario)[1],
-        derailment_ratio=floats([tower.derailment_ratio for tower in towers]),
-        groove_friction=floats([tower.groove_friction for tower in towers for _ in range(tower.contacts)]),
-        groove_height=floats([tower.groove_height for tower in towers]),
-    )
+    frictions = [TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction for tower in of_contacts]
+    whole = columns(record, Tower, towers)
+    own = {
+        "contact_offset": np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
+        "contact_tower": np.repeat(np.arange(len(towers), dtype=np.int64), [tower.contacts for tower in towers]),
+        "top": _corners(scenario)[1:-1].copy(),
+        "position": floats([row for places, _ in shapes for row in places], scenario.dim),
+        "normal": floats([row for _, normals in shapes for row in normals], scenario.dim),
+        "friction": floats(frictions),
+        "presliding": np.full(len(of_contacts), PRESLIDING),
+        "toe": np.full(len(of_contacts), TOE),
+        "left": tower_axes(scenario)[1],
+    }
+    return record(**(columns(record, Tower, of_contacts) | {name: whole[name] for name in OF_TOWERS} | own))
 
 
 def tower_axes(scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     """Unit vectors (towers, dim) of the groove opening of each tower, and across it to the left of the track.
 
     In a plane the vectors to the left are zero.
-
-    There is nothing to the left in a plane: those are zero.
     """
     up, along = _groove_axes(scenario)
     if scenario.dim == 2:
@@ -238,14 +227,8 @@ def _build_moving_cable(scenario: Scenario) -> parameters.MovingCable:
     if scenario.strand is not None:
         return parameters.STANDING._replace(moving=True, over_bullwheels=True, loop_length=scenario.loop_length)
     for drive in scenario.drives.values():
-        limits = drive.limits
-        return parameters.MovingCable(
-            moving=True,
-            loop_length=scenario.loop_length,
-            acceleration_limit=limits.acceleration,
-            emergency_deceleration=limits.emergency_deceleration,
-            jerk_limit=inf if limits.jerk is None else limits.jerk,
-        )
+        limits = numbers(parameters.MovingCable, drive.limits, "{}_limit")
+        return parameters.MovingCable(moving=True, loop_length=scenario.loop_length, **limits)
     return parameters.STANDING
 
 

@@ -8,21 +8,20 @@ import numpy as np
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario.builders import columns, floats
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.drives import Drive
-from cable_twin.scenario.sections.vehicles import Body, Carriage, EndStop, VehicleBuffer
+from cable_twin.scenario.sections.drives import Brake, Drive, HaulRope, Limits
+from cable_twin.scenario.sections.vehicles import Body, Carriage, EndStop, Friction, VehicleBuffer
 
 PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
 DEFAULT_STROKE = 0.005  # of the cable's length
-NO_BRAKE = (0.0, 0.0)  # N, s
+NO_BRAKE = Brake.model_construct(force=0.0, rise_time=0.0)
+NO_HAUL_ROPE = HaulRope.model_construct(
+    axial_stiffness=0.0, mass_per_length=0.0, damping_ratio=0.0, station="start", beyond_track=1.0, drive_inertia=0.0
+)
 BRAKES = ("service_brake", "emergency_brake", "track_rope_brake")  # in the columns of `parameters`
 BUFFER_DEPTH = 0.2  # m, by which a buffer between vehicles gives way at the speed limit; assumed
 USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
-
-
-def floats(values: list, columns: int = 0) -> FloatArray:
-    """Floats of shape (n,), or (n, columns) even where n is 0."""
-    return np.array(values, dtype=np.float64).reshape((-1, columns) if columns else -1)
 
 
 def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
@@ -71,46 +70,37 @@ def _buffer(scenario: Scenario, carriage: Carriage, given: EndStop | VehicleBuff
 
 def build_carriages(scenario: Scenario) -> parameters.Carriages:
     """Build all vehicles: the carriages of the file, then the carriers."""
+    record, dim = parameters.Carriages, scenario.dim
     carriages = list(scenario.vehicles.values())
     bodies = [body for carriage in carriages for body in carriage.bodies.values()]
-    limits = [carriage.drive.limits for carriage in carriages]
+    drives = [carriage.drive for carriage in carriages]
+    limits = [drive.limits for drive in drives]
     stops = floats([end_stop(scenario, carriage) for carriage in carriages], 3)
-    brakes = floats([_brakes(carriage.drive) for carriage in carriages]).reshape(-1, len(BRAKES), 2)
-    return parameters.Carriages(
-        **_body_numbers(bodies),
-        body_offset=np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
-        inertia=_inertias(scenario, bodies),
-        upper_pivot=floats([scenario.vector(body.upper_pivot) for body in bodies], scenario.dim),
-        lower_pivot=floats([scenario.vector(body.lower_pivot or (0.0, 0.0)) for body in bodies], scenario.dim),
-        held=np.array(_held(scenario), dtype=np.int64),
-        centre_offset=np.zeros((len(bodies), scenario.dim)),
-        fixed=np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
-        clamped=np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
-        loop_place=floats([carriage.arc_length for carriage in carriages]),
-        rolling_friction=floats([carriage.friction.rolling for carriage in carriages]),
-        presliding=np.full(len(carriages), PRESLIDING),
-        viscous_friction=floats([carriage.friction.viscous for carriage in carriages]),
-        speed_limit=floats([inf if limit.speed is None else limit.speed for limit in limits]),
-        acceleration_limit=floats([limit.acceleration for limit in limits]),
-        deceleration_limit=floats([limit.deceleration or limit.acceleration for limit in limits]),
-        emergency_deceleration=floats([limit.emergency_deceleration for limit in limits]),
-        jerk_limit=floats([inf if limit.jerk is None else limit.jerk for limit in limits]),
-        force_limit=floats([inf if limit.force is None else limit.force for limit in limits]),
-        power_limit=floats([inf if limit.power is None else limit.power for limit in limits]),
-        drive_stops=np.array(["drive" in carriage.drive.emergency_stop for carriage in carriages], dtype=np.bool_),
-        brake_force=brakes[:, :, 0].copy(),
-        brake_rise_time=brakes[:, :, 1].copy(),
-        stop_stroke=stops[:, 0].copy(),
-        stop_stiffness=stops[:, 1].copy(),
-        stop_damping=stops[:, 2].copy(),
-    )
-
-
-def _body_numbers(bodies: list[Body]) -> dict[str, FloatArray]:
-    """Constants (bodies,) of bodies by name in `parameters.Carriages`, some prefixed with `hinge_`."""
-    keys = [key for key, field in Body.model_fields.items() if field.annotation is float and key != "inertia"]
-    names = {key: key if key in parameters.Carriages._fields else f"hinge_{key}" for key in keys}
-    return {name: floats([getattr(body, key) for body in bodies]) for key, name in names.items()}
+    brakes = columns(record, Brake, [brake for drive in drives for brake in _brakes(drive)], "brake_{}")
+    copied = {
+        **columns(record, Body, bodies, "hinge_{}"),
+        **columns(record, Friction, [carriage.friction for carriage in carriages], "{}_friction"),
+        **columns(record, Limits, limits, "{}_limit"),
+        **{name: column.reshape(-1, len(BRAKES)) for name, column in brakes.items()},
+    }
+    own = {
+        "body_offset": np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
+        "inertia": _inertias(scenario, bodies),
+        "upper_pivot": floats([scenario.vector(body.upper_pivot) for body in bodies], dim),
+        "lower_pivot": floats([scenario.vector(body.lower_pivot or (0.0, 0.0)) for body in bodies], dim),
+        "held": np.array(_held(scenario), dtype=np.int64),
+        "centre_offset": np.zeros((len(bodies), dim)),
+        "fixed": np.array([carriage.joint == "fixed" for carriage in carriages], dtype=np.bool_),
+        "clamped": np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
+        "loop_place": floats([carriage.arc_length for carriage in carriages]),
+        "presliding": np.full(len(carriages), PRESLIDING),
+        "deceleration_limit": floats([limit.deceleration or limit.acceleration for limit in limits]),
+        "drive_stops": np.array(["drive" in drive.emergency_stop for drive in drives], dtype=np.bool_),
+        "stop_stroke": stops[:, 0].copy(),
+        "stop_stiffness": stops[:, 1].copy(),
+        "stop_damping": stops[:, 2].copy(),
+    }
+    return record(**(copied | own))
 
 
 def _inertias(scenario: Scenario, bodies: list[Body]) -> FloatArray:
@@ -135,25 +125,18 @@ def _held(scenario: Scenario) -> list[int]:
     return found
 
 
-def _brakes(drive: Drive) -> list[tuple[float, float]]:
-    """Force (N) and rise time (s) of the brakes applied by an emergency stop."""
+def _brakes(drive: Drive) -> list[Brake]:
+    """Brakes that an emergency stop applies, and `NO_BRAKE` for the others, in the columns of `parameters`."""
     applied = [getattr(drive, name) if name in drive.emergency_stop else None for name in BRAKES]
-    return [NO_BRAKE if brake is None else (brake.force, brake.rise_time) for brake in applied]
+    return [brake or NO_BRAKE for brake in applied]
 
 
 def build_haul_ropes(scenario: Scenario) -> parameters.HaulRopes:
     """Build the haul rope of each carriage; stiffness 0 without one."""
-    ropes = [carriage.drive.haul_rope for carriage in scenario.vehicles.values()]
+    ropes = [carriage.drive.haul_rope or NO_HAUL_ROPE for carriage in scenario.vehicles.values()]
+    stations = {"start": parameters.START, "end": parameters.END}
     return parameters.HaulRopes(
-        axial_stiffness=floats([0.0 if rope is None else rope.axial_stiffness for rope in ropes]),
-        mass_per_length=floats([0.0 if rope is None else rope.mass_per_length for rope in ropes]),
-        damping_ratio=floats([0.0 if rope is None else rope.damping_ratio for rope in ropes]),
-        station=np.array(
-            [parameters.START if rope is None or rope.station == "start" else parameters.END for rope in ropes],
-            dtype=np.int64,
-        ),
-        beyond_track=floats([1.0 if rope is None else rope.beyond_track for rope in ropes]),
-        pretension=floats([0.0 if rope is None else rope.pretension for rope in ropes]),
-        drive_inertia=floats([0.0 if rope is None else rope.drive_inertia for rope in ropes]),
-        present=any(rope is not None for rope in ropes),
+        **columns(parameters.HaulRopes, HaulRope, ropes),
+        station=np.array([stations[rope.station] for rope in ropes], dtype=np.int64),
+        present=any(rope is not NO_HAUL_ROPE for rope in ropes),
     )

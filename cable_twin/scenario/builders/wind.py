@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import STEADY, FloatArray
-from cable_twin.scenario.builders.vehicles import floats
+from cable_twin.scenario.builders import floats, numbers
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.air import Turbulence
 from cable_twin.scenario.sections.quantities import in_space
@@ -126,11 +126,7 @@ def build_wind(scenario: Scenario) -> parameters.Wind:
     if air.profile is not None:
         first, step, ground = _ground(scenario, air.profile.ground)
         wind = wind._replace(
-            exponent=air.profile.exponent,
-            reference_height=air.profile.reference_height,
-            ground=ground,
-            ground_start=first,
-            ground_step=step,
+            **numbers(parameters.Wind, air.profile), ground=ground, ground_start=first, ground_step=step
         )
     if air.turbulence is not None and air.turbulence.intensity > 0.0:
         start, end = (np.array(in_space(end.position)) for end in (scenario.cable.start, scenario.cable.end))
@@ -139,9 +135,8 @@ def build_wind(scenario: Scenario) -> parameters.Wind:
         if not ahead.any():  # across the track where that can be
             ahead = np.array([0.0, 1.0, 0.0] if scenario.dim == 3 else [1.0, 0.0, 0.0])
         table, spacing = make_turbulence(air.turbulence, points, ahead)
-        wind = wind._replace(
-            intensity=air.turbulence.intensity, turbulence=table, sample_spacing=spacing, points=points
-        )
+        copied = numbers(parameters.Wind, air.turbulence)
+        wind = wind._replace(**copied, turbulence=table, sample_spacing=spacing, points=points)
     return wind
 
 
