@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -18,8 +17,7 @@ from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.scenario import load_scenario, scenario_names
 
 pytest.importorskip("rclpy")
-from cable_twin.ros.simulation_services import SimulationServices, service_name
-from cable_twin.simulation import Simulation
+from cable_twin.ros.simulation_services import SERVICES, service_name
 
 POLICY = Path(__file__).resolve().parents[2] / "security" / "cable_twin.policy.xml"
 RULES = {"topics": ("publish", "subscribe"), "services": ("reply", "request"), "actions": ("call", "execute")}
@@ -111,9 +109,7 @@ def test_a_running_twin_has_no_endpoint_that_the_policy_does_not_have(running, o
 
 def interface_services() -> set[str]:
     """Names of the services of simulation_interfaces, which has no wheel: a twin with them has those of its table."""
-    world = SimpleNamespace(handlers={})
-    services = SimulationServices(Simulation(load_scenario("seed_example")), *[None] * 3, world, None, None)
-    return {service_name(kind) for kind in services.handlers}
+    return {service_name(kind) for kind in SERVICES}
 
 
 def test_services_of_simulation_interfaces_are_in_it():
