@@ -1,7 +1,5 @@
 """A fuzzer as those of `fuzzing/`, of a program that fails in every way, as its case says."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """The benchmark command measures for real, says what it measured, and compares equal motions only."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

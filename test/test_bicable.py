@@ -1,7 +1,5 @@
 """Carriers that ride a loop clamped to its strands and slide on track ropes: stations, loads, files, faults."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from test_scenario_faults import faults_of

@@ -1,7 +1,5 @@
 """Bullwheels and closed loops in a scenario: what is wrong with each, a line each."""
 
-from __future__ import annotations
-
 import pytest
 from changed_keys import change
 from ruamel.yaml import YAML

@@ -1,7 +1,5 @@
 """Carriers that are full up and empty down, and of several kinds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from strands import one_strand

@@ -1,7 +1,5 @@
 """Carriages that slide on one rope and are clamped to another: forces, faults, files, and what lets go."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from test_scenario_faults import faults_of

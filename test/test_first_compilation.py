@@ -1,7 +1,5 @@
 """What the second process of a first start compiles ahead is what the integrator then asks for."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

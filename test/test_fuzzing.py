@@ -1,7 +1,5 @@
 """The fuzzers, some seconds each, and that all that they are there for is found."""
 
-from __future__ import annotations
-
 import faulty_fuzzer
 import pytest
 from twin_process import run_python

@@ -1,7 +1,5 @@
 """Towers in space: what is refused, what their grooves bear, and a rope that comes out of them in all that shows it."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

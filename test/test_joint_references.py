@@ -1,7 +1,5 @@
 """Commands and references of a run: the ramp that is followed, the share of its force that a drive gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from small_tramway import IN_SPACE, TRAMWAY

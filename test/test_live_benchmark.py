@@ -1,7 +1,5 @@
 """The live benchmark: what it counts as a stall of the machine, and a short run of the real processes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Closed loops of rope over bullwheels, as scenarios: what a run of one does, to the last bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

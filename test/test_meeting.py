@@ -1,7 +1,5 @@
 """Vehicles that meet on one rope: their buffers push, and what of it a user sees. Closed forms: `verification`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import test_loads

@@ -1,7 +1,5 @@
 """A ski lift as a twin: its scenario, commands to its drive, carriers that go round, and a long day of it."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from math import inf, nan
 

@@ -1,7 +1,5 @@
 """The study of the paper's example runs as one command and says what it is."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from importlib import import_module

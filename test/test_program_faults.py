@@ -1,7 +1,5 @@
 """A fault of the program is a line, a file of details and exit code 70; nothing of others is obeyed by a terminal."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

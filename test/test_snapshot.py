@@ -1,7 +1,5 @@
 """A frame as columns and by name: the same numbers, those of the state, in space, and nobody else's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import test_loads

@@ -1,7 +1,5 @@
 """Starts with a speed: the drive keeps it, the first steps are quiet, a reset goes back to it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from test_scenario_faults import faults_of

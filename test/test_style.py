@@ -3,8 +3,6 @@
 ament_copyright has no part in it: the licence stands once, in LICENSE, and not in each file.
 """
 
-from __future__ import annotations
-
 import re
 from configparser import ConfigParser
 from pathlib import Path

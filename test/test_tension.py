@@ -1,7 +1,5 @@
 """Tension beside loads and at the ends: in balance with what holds the rope and what hangs on it, on any mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from small_tramway import IN_SPACE, TRAMWAY

@@ -1,7 +1,5 @@
 """The commands of those who work on it: each explains itself, without running anything, and takes some of its parts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

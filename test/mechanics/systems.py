@@ -1,7 +1,5 @@
 """Small systems in general position, and differences of second and fourth order, for the tests beside this file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cable_twin.mechanics.language.declared import arrays_of, with_arrays

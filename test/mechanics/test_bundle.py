@@ -1,7 +1,5 @@
 """Several ropes and what couples them: elimination, tangents, closed forms of strings, motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from systems import dense_matrix, difference, disturbed_state, make_system

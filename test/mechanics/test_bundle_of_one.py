@@ -1,7 +1,5 @@
 """A bundle of one gives the bits of one rope: kernels with and without couplings, `cable` and `ropes`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Forces of both ends from the elements there, against the balance of the end nodes of the whole assembled cable."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from systems import disturbed_state, make_system, put, with_moving_cable

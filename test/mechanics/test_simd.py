@@ -1,7 +1,5 @@
 """Lanes against floats, to the last bit, and the group of elements that does not fill them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from systems import disturbed_state, make_system
