@@ -9,7 +9,7 @@ from cable_twin.frame.records import CommandError
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import SnapshotError
-from verification.loop_hour import chairlift_hour
+from verification.long_runs import chairlift_hour
 from verification.loops import BODY, loop, rope_of, spacing_error, wheels
 
 FULL_UP = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import atan2, cos, hypot
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import GRAVITY
-from verification.ropes import slope_of
+from verification.ropes import slope_of, unstrained
 
 SPAN, RISE, CLAMP = 200.0, 40.0, -0.5  # m, and of the clamp from the joint
 TRACK = {"mass_per_length": 8.0, "axial_stiffness": 1.5e8, "bending_stiffness": 1e4}
@@ -24,15 +23,8 @@ STRANDS = {"haul_up": "track_up", "haul_down": "track_down"}
 RAILS = 16.0  # m, at both ends of a track: beyond that nothing is carried by the rails of a station
 
 
-def unstrained(rope: dict[str, float], tension: float) -> float:
-    """Unstrained length (m) of a rope in the span that has about this tension (N) by itself: a parabola's."""
-    chord, load = hypot(SPAN, RISE), rope["mass_per_length"] * GRAVITY * cos(atan2(RISE, SPAN))
-    sagging = chord + load**2 * chord**3 / (24.0 * tension**2)
-    return float(sagging * (1.0 - tension / rope["axial_stiffness"]))
-
-
-LENGTH = unstrained(TRACK, TENSIONS[0])  # m, of a track
-STRAND = unstrained(HAUL, TENSIONS[1])  # m, of a strand
+LENGTH = unstrained(TRACK, TENSIONS[0], SPAN, RISE)  # m, of a track
+STRAND = unstrained(HAUL, TENSIONS[1], SPAN, RISE)  # m, of a strand
 
 
 def lift(*, count: int = 4, first: float | None = None, loaded: bool = True, hangers: bool = False) -> dict[str, Any]:

@@ -26,6 +26,7 @@ def slope(
     friction: dict[str, float] | None = None,
     drive: dict[str, Any] | None = None,
     end_stop: dict[str, float] | None = None,
+    body: dict[str, Any] | None = None,
     step: float = 1e-3,
 ) -> Simulation:
     """A point mass at arc length `start` (m) on a straight rope that rises by `angle` (rad), under 1 MN."""
@@ -45,7 +46,7 @@ def slope(
                 "friction": friction or {},
                 "drive": drive or {},
                 "end_stop": end_stop or {},
-                "bodies": {"body": {"mass": MASS, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}},
+                "bodies": {"body": {"mass": MASS, "inertia": 1.0, "upper_pivot": [0.0, 0.0], **(body or {})}},
             }
         },
         step=step,

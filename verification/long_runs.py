@@ -1,7 +1,9 @@
 """Long runs of the shipped ropeways: what may not happen in them, and whether all energy is accounted for.
 
-A full trip of the tramway with an emergency stop over its tower, and an hour of the chairlift with starts, stops,
-emergency stops and a reversal (`loop_hour`); trips of the jig-back are in `jig_back_stops`.
+A full trip of the tramway with an emergency stop over its tower; an hour of the chairlift, a closed loop, with starts,
+stops, emergency stops and a reversal, in which no rope may be lost; trips of the jig-back with an emergency stop while
+a cabin is on the tower, in which no step may fail. One of these stops with the drive and goes on to the stations. In
+the other one the drive and what brakes it have failed, which is a brake of 1 N here: the track-rope brakes stop all.
 `python -m verification.long_runs` writes them to `docs/long_runs.md`.
 """
 
@@ -13,8 +15,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from math import isfinite, sqrt
+from math import degrees, inf, isfinite, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.progress import Progress
@@ -30,10 +33,7 @@ from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
-from verification.jig_back_stops import HEAD as JIG_BACK_HEAD
-from verification.jig_back_stops import drive_stop, track_rope_stop
-from verification.loop_hour import HEAD as LOOP_HEAD
-from verification.loop_hour import chairlift_hour
+from verification.loops import rope_of, spacing_error
 from verification.models import for_kernels
 from verification.moving_cable import carrier_energies, viscous_power
 
@@ -49,6 +49,30 @@ Times real time: simulated time over processor time of the solver, one thread.
 | run | simulated | steps | failed | halved | worst joint gap | through the drive | gap of balance | times real time |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
+LOOP_HEAD = """\
+
+Closed loops: unstrained rope of all strands, and the way along it from carrier to carrier, each with its largest error
+of all seconds; slip is the way by which a rim has gone further than the rope.
+
+| run | simulated | steps | failed | halved | worst joint gap | rope, error | carriers, error | slip | times real time |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+JIG_BACK_HEAD = """\
+
+Jig-back at 10 m/s, emergency stop when its full cabin comes onto the tower; in `jig_back_drive_stop` it goes on 40 s
+later, in `jig_back_track_rope_stop` the drive has failed. Ways of the full and the empty cabin, swing along the track,
+highest tension of the track ropes, lowest and highest of the haul rope are those until it goes on.
+
+| run | simulated | steps | failed | halved | joint gap | ways | swing | track ropes | haul rope | slip | real time |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+"""
+TOWER = 388.0  # m along the track, where its saddle begins
+STAND = 40.0  # s from the stop until the release
+FRAME = 0.05  # s
+FAILED: dict[str, Any] = {
+    "sheaves.drive.brake": {"force": 1.0},
+    **{f"carriages.cabin_{one}.drive.emergency_stop": ["track_rope_brake"] for one in (1, 2)},
+}
 Event = tuple[float, Callable[[Simulation], object]]
 
 
@@ -159,6 +183,115 @@ def tramway_trip() -> tuple[Simulation, list[Event], float, float]:
         370.0,
         0.02,
     )
+
+
+def events() -> dict[int, tuple[str, float]]:
+    """Every ten minutes: a service stop, an emergency stop; the fourth ten minutes go backwards. By second."""
+    found: dict[int, tuple[str, float]] = {}
+    for number in range(6):
+        begin, speed = 600 * number, -2.5 if number == 3 else 2.5
+        found |= {begin: ("speed", speed), begin + 240: ("speed", 0.0), begin + 270: ("speed", speed)}
+        found |= {begin + 540: ("stop", 1.0), begin + 580: ("stop", 0.0)}
+    return found
+
+
+def chairlift_hour(share: float, shown: Callable[..., None]) -> str:
+    """Carry out the hour, or its first share, and return its row of the table.
+
+    Raises:
+        SolverError: when a step fails.
+    """
+    simulation = Simulation(load_scenario("chairlift"), samples=2, on_demand=True)
+    rope, planned, end = rope_of(simulation), events(), round(3600 * share)
+    lost, apart, residual, slip, solving, steps, halvings = 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0
+    for second in range(end):
+        kind, value = planned.get(second, ("", 0.0))
+        if kind == "speed":
+            simulation.command("haul_rope", speed=value)
+        elif kind:
+            simulation.emergency_stop(value == 1.0)
+        started = time.process_time()
+        snapshot = simulation.advance_to(second + 1.0)
+        solving += time.process_time() - started
+        report = snapshot.solver
+        steps, halvings = steps + report.steps, halvings + report.halvings
+        residual = max(residual, report.constraint_residual)
+        lost, apart = max(lost, abs(rope_of(simulation) - rope)), max(apart, spacing_error(simulation))
+        slip = max(slip, float(abs(snapshot.columns.sheave_slip).max()))
+        shown(completed=(second + 1) / end)
+    return (
+        f"| chairlift_hour | {end} s | {steps} | 0 | {halvings} | {residual:.1e} m | {lost:.1e} m | {apart:.1e} m | "
+        f"{slip:.1e} m | {end / solving:.1f} |"
+    )
+
+
+class Extremes:
+    """What a stop does, from its first frame on."""
+
+    def __init__(self, first: Snapshot) -> None:
+        self._places = [first.carriages[name].arc_length for name in first.layout.carriages]
+        self.ways, self.swing = [0.0, 0.0], 0.0  # m, rad
+        self.track, self.slackest, self.haul = 0.0, inf, 0.0  # N
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Take in one frame."""
+        for row, name in enumerate(snapshot.layout.carriages):
+            cabin = snapshot.carriages[name]
+            self.ways[row] = max(self.ways[row], abs(cabin.arc_length - self._places[row]))
+            self.swing = max(self.swing, abs(cabin.bodies["cabin"].pitch))
+        for name, rope in snapshot.ropes.items():
+            low, high = float(rope.tensions.min()), float(rope.tensions.max())
+            if name.startswith("track"):
+                self.track = max(self.track, high)
+            else:
+                self.slackest, self.haul = min(self.slackest, low), max(self.haul, high)
+
+
+def trip(name: str, changes: dict[str, Any], goes_on: bool, share: float, shown: Callable[..., None]) -> str:
+    """Carry out a trip, or its first share, and return its row of the table.
+
+    Raises:
+        SolverError: when a step fails.
+    """
+    simulation = Simulation(load_scenario("jig_back", changes))
+    end = (200.0 if goes_on else 120.0) * share
+    simulation.command("haul_rope", speed=10.0)
+    steps, halvings, residual, slip, solving = 0, 0, 0.0, 0.0, 0.0
+    seen, stopped, released = Extremes(simulation.snapshot), inf, False
+    while simulation.time < end - 1e-9:
+        started = time.process_time()
+        snapshot = simulation.advance_to(simulation.time + FRAME)
+        solving += time.process_time() - started
+        report = snapshot.solver
+        steps, halvings = steps + report.steps, halvings + report.halvings
+        residual = max(residual, report.constraint_residual)
+        slip = max(slip, float(abs(snapshot.columns.sheave_slip).max()))
+        if stopped == inf and snapshot.carriages["cabin_1"].position[0] >= TOWER:
+            simulation.emergency_stop()
+            stopped, seen = simulation.time, Extremes(snapshot)
+        elif stopped < inf and not released:
+            seen.take(snapshot)
+        if goes_on and not released and simulation.time >= stopped + STAND:
+            simulation.emergency_stop(False)
+            simulation.command("haul_rope", speed=10.0)
+            released = True
+        shown(completed=simulation.time / end)
+    ways, (low, high) = "and ".join(f"{way:.1f} m " for way in seen.ways), (seen.slackest / 1e3, seen.haul / 1e3)
+    return (
+        f"| {name} | {simulation.time:.0f} s | {steps} | 0 | {halvings} | {residual:.1e} m | {ways}| "
+        f"{degrees(seen.swing):.1f}° | {seen.track / 1e3:.0f} kN | {low:.1f} and {high:.1f} kN | {slip:.1e} m | "
+        f"{simulation.time / solving:.1f} |"
+    )
+
+
+def drive_stop(share: float, shown: Callable[..., None]) -> str:
+    """The drive stops it; after the release it goes on to the stations."""
+    return trip("jig_back_drive_stop", {}, True, share, shown)
+
+
+def track_rope_stop(share: float, shown: Callable[..., None]) -> str:
+    """The track-rope brakes stop it, and hold."""
+    return trip("jig_back_track_rope_stop", FAILED, False, share, shown)
 
 
 RUNS = {"tramway_trip": tramway_trip}

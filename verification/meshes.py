@@ -254,6 +254,3 @@ def carriage_passes() -> Iterator[Result]:
     coarse, fine, mixed = hardest(50), hardest(200), hardest((2.0, 0.5, 1.5))
     above = max(mixed - max(coarse, fine), 0.0)
     yield Result("largest change in 5 ms, above that on the harder even mesh", "N", 0.0, above, 0.0)
-
-
-__all__ = ["carriage_passes", "inclined_catenary", "order_in_space", "string_frequencies"]

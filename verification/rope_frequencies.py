@@ -14,7 +14,6 @@ from verification import Result, case
 from verification.statics import CANTILEVER, LEVEL_SPAN
 
 Array = NDArray[np.float64]
-GRAVITY = 9.81
 
 
 def irvine_frequencies(ratio: float, string: float, count: int) -> Array:

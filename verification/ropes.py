@@ -25,11 +25,11 @@ MASS = 4000.0  # kg
 TIGHT, SLACK = 1.2e5, 2e4  # N, of the haul rope
 
 
-def unstrained(rope: str, tension: float) -> float:
-    """Unstrained length (m) of a rope in the span that has about this tension (N) by itself: a parabola's."""
-    chord, load = hypot(SPAN, RISE), ROPES[rope]["mass_per_length"] * GRAVITY * cos(atan2(RISE, SPAN))
+def unstrained(rope: dict[str, float], tension: float, span: float = SPAN, rise: float = RISE) -> float:
+    """Unstrained length (m) of a rope in a span (m) that has about this tension (N) by itself: a parabola's."""
+    chord, load = hypot(span, rise), rope["mass_per_length"] * GRAVITY * cos(atan2(rise, span))
     sagging = chord + load**2 * chord**3 / (24.0 * tension**2)
-    return float(sagging * (1.0 - tension / ROPES[rope]["axial_stiffness"]))
+    return float(sagging * (1.0 - tension / rope["axial_stiffness"]))
 
 
 def clamped(
@@ -47,7 +47,7 @@ def clamped(
         return [x, z] if dim == 2 else [x, 0.0, z]
 
     held = {"elements": elements, "start": {"position": at(0.0, 0.0)}, "end": {"position": at(SPAN, RISE)}}
-    lengths = {rope: unstrained(rope, tension) for rope, tension in (TENSIONS | {"haul": haul}).items()}
+    lengths = {rope: unstrained(ROPES[rope], tension) for rope, tension in (TENSIONS | {"haul": haul}).items()}
     share = lengths["haul"] / lengths["track"]
     bodies = {"cabin": {"mass": MASS, "inertia": 9000.0, "upper_pivot": at(0.0, 4.0)}}
     carriages = {

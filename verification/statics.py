@@ -13,9 +13,9 @@ from scipy.optimize import brentq, root
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT, Result, case
+from verification.models import GRAVITY
 
 Array = NDArray[np.float64]
-GRAVITY = 9.81
 
 LEVEL_SPAN: dict[str, Any] = {
     "description": "level span",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import atan, cos, degrees, log, pi, radians, sin, sqrt
+from math import atan, degrees, log, pi, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -11,40 +11,18 @@ from scipy.linalg import eigh
 
 from cable_twin.simulation import Simulation
 from verification import Result, case
-from verification.models import GRAVITY, beam
+from verification.drives import LENGTH, MASS, STRAIN, slope
+from verification.models import GRAVITY
 
-MASS = 10.0  # kg, of the carriage
-LENGTH = 100.0  # m, of the rope without tension
-STRAIN = 1e-3  # of the rope: a metre of arc length is 1.001 m of way
 MOVING = MASS * (1.0 + STRAIN) ** 2  # kg, of the carriage by its arc length
 ROPE = {"axial_stiffness": 20e3, "mass_per_length": 0.06, "damping_ratio": 0.0, "drive_inertia": 25.0}
 
 
 def tramway(
-    drive: dict[str, Any],
-    *,
-    start: float = 40.0,
-    angle: float = 0.0,
-    arm: float = 0.0,
-    step: float = 1e-3,
-    friction: dict[str, float] | None = None,
+    drive: dict[str, Any], *, start: float = 40.0, angle: float = 0.0, arm: float = 0.0, **more: Any
 ) -> Simulation:
     """One carriage at arc length `start` (m), its centre `arm` (m) below the rope, on a slope of `angle` (rad)."""
-    far = LENGTH * (1.0 + STRAIN)
-    body = {"mass": MASS, "inertia": 1e-3, "upper_pivot": [0.0, arm]}
-    return beam(
-        length=LENGTH,
-        mass_per_length=1e-3,
-        axial=1e9,
-        bending=1.0,
-        elements=20,
-        end=(far * cos(angle), far * sin(angle)),
-        supports=("pinned", "pinned"),
-        shape="equilibrium",
-        carriages={"car": {"arc_length": start, "drive": drive, "friction": friction or {}, "bodies": {"body": body}}},
-        step=step,
-        tolerance=1e-10,
-    )
+    return slope(angle, start, drive=drive, body={"inertia": 1e-3, "upper_pivot": [0.0, arm]}, **more)
 
 
 def hauled(rope: dict[str, Any] | None = None, **drive: Any) -> dict[str, Any]:
@@ -164,21 +142,21 @@ def sheave_brake() -> Iterator[Result]:
 @case("track-rope brake", "a = F/m - g sin, holds above m g sin", needs_jit=True)
 def track_rope_brake() -> Iterator[Result]:
     """The drive lets go and the brake grips: on the level, on a slope that it holds, and on one that it does not."""
-    for force, slope in ((20.0, 0.0), (60.0, 20.0), (25.0, 20.0)):
+    for force, incline in ((20.0, 0.0), (60.0, 20.0), (25.0, 20.0)):
         drive = {
             "mode": "speed",
             "limits": {"acceleration": 1.0},
             "track_rope_brake": {"force": force},
             "emergency_stop": ["track_rope_brake"],
         }
-        simulation = tramway(drive, start=40.0, angle=radians(slope))
+        simulation = tramway(drive, start=40.0, angle=radians(incline))
         simulation.command("car", speed=2.0)
         before = simulation.advance_to(3.0).carriages["car"]
         simulation.emergency_stop()
-        weight = MASS * GRAVITY * sin(radians(slope))
+        weight = MASS * GRAVITY * sin(radians(incline))
         first, second = (simulation.advance_to(time).carriages["car"].speed for time in (3.05, 3.15))
         got = (first - second) / 0.1 * (1.0 + STRAIN)
-        label = f"{force:g} N on {slope:g} degrees"
+        label = f"{force:g} N on {incline:g} degrees"
         yield Result(f"deceleration, {label}", "m/s²", (force + weight) / MASS, got, 0.02)
         way = 0.5 * 2.0**2 / ((force + weight) / MASS) / (1.0 + STRAIN)
         cars = [simulation.advance_to(3.15 + 0.005 * k).carriages["car"] for k in range(400)]
