@@ -25,6 +25,7 @@ from rich.progress import Progress
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.orientations import orientation
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.friction import friction_force, mobilise
 from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
@@ -87,7 +88,9 @@ def tower_losses(system: System, state: State) -> float:
         elastic, _, _ = normal_force(system.towers, contact, depth, 0.0)
         if force > 0.0:
             total += (force - elastic) * rate
-            z, _ = mobilise(slid(state, contact), state.contact_deflection[contact], system.towers.presliding[contact])
+            z, _ = mobilise(
+                slid(system.cable, state, contact), state.contact_deflection[contact], system.towers.presliding[contact]
+            )
             norm = sqrt(dot(r_x, r_x))
             total -= (
                 system.towers.friction[contact] * force * z * (dot(moving, r_x) / norm + state.rope.velocity[0] * norm)
@@ -118,8 +121,12 @@ def carriage_losses(system: System, state: State) -> float:
 def air_losses(simulation: Simulation) -> float:
     """Power (W) that still air takes from rope and bodies; that of the rope by its nodes."""
     system, state = simulation.system, simulation.state
-    moving = np.repeat(state.attached, np.diff(system.carriages.body_offset))
-    bodies = float(system.air.body_drag[moving] @ np.linalg.norm(state.bodies.velocity[moving, :2], axis=1) ** 3)
+    moving, bodies = np.repeat(state.attached, np.diff(system.carriages.body_offset)), 0.0
+    for place, velocity, drag in zip(
+        state.bodies.position[moving], state.bodies.velocity[moving, :2], system.air.body_drag[moving], strict=True
+    ):
+        own = velocity @ np.reshape(orientation(place, system.cable.gravity), (2, 2))  # along the axes of the body
+        bodies += float(own @ drag.reshape(2, 2) @ own * np.linalg.norm(own))
     slopes, velocities = state.nodes.position[:, 1], state.nodes.velocity[:, 0]
     tangents = slopes / np.linalg.norm(slopes, axis=1)[:, None]
     across = velocities - np.sum(velocities * tangents, axis=1)[:, None] * tangents
