@@ -44,3 +44,12 @@ def test_one_section_is_verified_and_its_rows_printed():
     assert rows
     assert {row.split(" | ")[0] for row in rows} <= known
     assert (ROOT / "docs" / "verification.md").read_text(encoding="utf-8") == page
+
+
+def test_a_long_run_begins_and_its_energy_is_found():
+    """The first seconds of the tramway: what its drive gives is in ropes, cabin, friction, dampers and air."""
+    result = run_python("-m", "verification.long_runs", "tramway_trip", "--share", 0.02)
+    assert result.returncode == 0, result.stderr
+    cells = [cell.strip() for cell in result.stdout.splitlines()[-1].split("|")]
+    assert cells[1:6] == ["tramway_trip", "7 s", "1476", "0", "0"]
+    assert float(cells[8].removesuffix(" %")) < 1.0

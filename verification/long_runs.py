@@ -25,7 +25,7 @@ from rich.progress import Progress
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.drives.haul_rope import rope_damping, rope_length
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.orientations import orientation
+from cable_twin.mechanics.language.rotations import orientation
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load
 from cable_twin.mechanics.on_rope.friction import friction_force, mobilise
 from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent
