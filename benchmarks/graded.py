@@ -30,7 +30,6 @@ PIECE = 30.0  # s of simulated time in a turn
 STOP, END = 40.0, 60.0  # s
 FRAME = 0.02  # s, between looks
 POINTS = 400  # along the rope
-OF_THE_SOLVER = "energy lost by the solver"  # how the name of its own figure begins, which no ropeway has
 MOST_ELEMENTS, MOST_COST, MOST_FIGURE, MOST_SHAPE = 40.0, 45.0, 1.0, 5.0  # %, %, %, mm
 
 
@@ -141,7 +140,7 @@ def _trip(name: str, changes: Mapping[str, Any], part: float) -> Trip:
     values = {
         figure.name: figure.value
         for figure in figures.figures()
-        if np.isfinite(figure.value) and not figure.name.startswith(OF_THE_SOLVER)
+        if np.isfinite(figure.value) and figure.id.quantity != "energy_lost"  # of the solver
     }
     return Trip(simulation.system.cable.element_count, values, np.array(shapes))
 

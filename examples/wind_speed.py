@@ -39,6 +39,7 @@ CALM = 20.0  # s below the limits after which it goes on
 CALMER = 0.9  # of the limits, below which it is
 SHARE = 0.5  # of the drive's deceleration, with which it stops at the end
 ENDING = 0.3  # 1/s, speed for what is left of the way, on its last metres
+SWINGS = ("swing", "lateral_swing")  # quantities of key figures, along and across the track
 NEAR = 0.8  # of the limit of a key figure
 ARRIVED = 0.1  # m
 SAID = 0.5  # m/s, by which the speed changes before it is said
@@ -133,7 +134,9 @@ class WindLaw:
         """Take in what the twin says of its key figures: whether one of the swing of this vehicle is near its limit."""
         for status in message.status:
             values = {item.key: item.value for item in status.values}
-            if not status.name.startswith(f"{name}: swing") or "limit" not in values or self.careful:
+            quantity, _, rest = values["id"].partition("/")  # quantity/subject/statistic
+            swings = quantity in SWINGS and rest.startswith(f"carriages.{name}/")
+            if not swings or "limit" not in values or self.careful:
                 continue
             if float(values["value"]) > NEAR * float(values["limit"]):
                 self.careful = status.name

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from named_figures import named
 from prescribed_frames import (
     LENGTH,
     PERIOD,
@@ -21,7 +22,7 @@ from prescribed_frames import (
 )
 
 from cable_twin.frame.records import AppliedCommand, Command
-from cable_twin.key_figures import KeyFigure, KeyFigures, figure_from_values, values_of
+from cable_twin.key_figures import KeyFigures, figure_from_values, values_of
 from cable_twin.simulation import Simulation
 
 
@@ -101,8 +102,8 @@ def test_the_clearance_of_the_figures_is_that_of_the_simulation():
 
 @pytest.mark.parametrize("limit", [None, 0.1 + 0.2])
 def test_a_figure_comes_back_from_what_is_told_to_the_last_bit(limit):
-    figure = KeyFigure("cabin: swing", 1.0 / 3.0, "rad", 0.1 + 0.7, "arc length 1.0 m", limit, "at least", "scenario")
-    figure = figure if limit is not None else KeyFigure("cabin: swing", -1.0 / 3.0, "rad", 2.0)
+    figure = named("cabin: swing", 1.0 / 3.0, "rad", 0.1 + 0.7, "arc length 1.0 m", limit, "at least", "scenario")
+    figure = figure if limit is not None else named("cabin: swing", -1.0 / 3.0, "rad", 2.0)
     values = values_of(figure)
     assert all(isinstance(value, str) for value in values.values())
     assert figure_from_values("cabin: swing", values) == figure
@@ -113,6 +114,6 @@ def test_a_figure_comes_back_from_what_is_told_to_the_last_bit(limit):
     [({"value": "much"}, "could not convert"), ({"bound": "about"}, "bound 'about'"), ({"unit": None}, "unit is miss")],
 )
 def test_values_that_are_no_figure_are_refused(change, message):
-    values = values_of(KeyFigure("swing", 0.1, "rad", 1.0, limit=0.2)) | change
+    values = values_of(named("swing", 0.1, "rad", 1.0, limit=0.2)) | change
     with pytest.raises(ValueError, match=f"key figure 'swing': {message}"):
         figure_from_values("swing", {key: value for key, value in values.items() if value is not None})

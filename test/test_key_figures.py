@@ -23,9 +23,10 @@ from prescribed_frames import (
 from strands import one_strand
 
 from cable_twin.frame.records import AppliedCommand, Command
-from cable_twin.key_figures import KeyFigure, KeyFigures
-from cable_twin.key_figures.limits import limited
+from cable_twin.key_figures import FigureId, KeyFigures
+from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.scenario import load_scenario
+from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.simulation import Simulation
 
 
@@ -352,16 +353,10 @@ def test_limits_that_a_lift_gives_hold_also_where_they_equal_those_of_track_rope
     """Clamped chairs have no usual ratio and a moving rope has another usual factor; what is written is judged."""
     given = {"limits.rope_safety_factor": None, **changes} | ({"space": 3} if lift == "in space" else {})
     found = load_scenario(one_strand("chairlift") if lift == "one strand" else "chairlift", given)
-    held = {
-        key: limited(found, KeyFigure(key, 20.0, "-", 0.0), key, clamped=True)
-        for key in ("tension_per_transverse_load", "rope_safety_factor")
-    }
-    assert [figure.limit for figure in held.values()] == [ratio, factor]
-    assert held["tension_per_transverse_load"].source == (
-        "scenario: limits.tension_per_transverse_load" if ratio else ""
-    )
-    rope_parts = held["rope_safety_factor"].source
-    assert rope_parts.startswith("scenario" if factor == 3.15 else "EN 12927") or factor is None
+    held = {key: limit_of(found, key, clamped=True) for key in ("tension_per_transverse_load", "rope_safety_factor")}
+    assert [limit for limit, _ in held.values()] == [ratio, factor]
+    assert not ratio or held["tension_per_transverse_load"][1] == "scenario: limits.tension_per_transverse_load"
+    assert held["rope_safety_factor"][1].startswith("scenario" if factor == 3.15 else "EN 12927") or factor is None
 
 
 def test_chairs_are_judged_by_a_ratio_that_their_scenario_gives():
@@ -372,3 +367,26 @@ def test_chairs_are_judged_by_a_ratio_that_their_scenario_gives():
         figures.update(Simulation(found).snapshot)
         assert gathered(figures)["chair: tension over transverse load"].kept is judged
         assert gathered(figures)["up: rope safety factor"].limit == factor
+
+
+def test_the_table_of_quantities_and_that_of_limits_agree():
+    """A quantity has its limit on the side of the statistic that it limits, and each limit has its quantity."""
+    limited = {row.limit: row for row in QUANTITIES.values() if row.limit}
+    assert {key for key, row in limited.items() if row.limit_row.bound != bound_of(row.statistics[0])} == set()
+    assert {*KeyFigureLimits.model_fields} == {*limited, "haul_rope_safety_factor"}  # also of rope_safety_factor
+
+
+@pytest.mark.parametrize("changes", [{}, {"space": 3}], ids=["plane", "space"])
+@pytest.mark.parametrize("name", ["aerial_tramway", "chairlift"], ids=["one rope", "several"])
+def test_each_figure_has_an_identity_of_its_own(name, changes):
+    found = load_scenario(name, changes)
+    figures = KeyFigures(found)
+    figures.update(Simulation(found).snapshot)
+    identities = {figure.id: figure for figure in figures.figures()}
+    assert len(identities) == len({figure.name for figure in figures.figures()}) == len(figures.figures())
+    for identity, figure in identities.items():
+        row = QUANTITIES[identity.quantity]
+        assert (figure.unit, identity.statistic in row.statistics) == (row.unit, True)
+        assert FigureId.of_text(str(identity)) == identity
+    ropes = {one.subject for one in identities if one.quantity == "rope_tension"}
+    assert ropes == {f"ropes.{rope}" for rope in found.cables}

@@ -5,7 +5,7 @@ import pytest
 import test_loads
 from test_simulation import same
 
-from cable_twin.key_figures import BUFFER_FORCE, KeyFigures
+from cable_twin.key_figures import KeyFigures
 from cable_twin.messages.figure_messages import describe
 from cable_twin.offline import replay, simulate
 from cable_twin.runtime.watches import FigureWatch
@@ -55,7 +55,7 @@ def test_two_cabins_push_each_other_whatever_the_pacing():
     assert (touch.vehicle, touch.other) == ("up", "down")
     assert touch.time == pytest.approx(met, abs=0.05)
     assert touch.speed == pytest.approx(10.0, rel=0.01)
-    [figure] = [figure for figure in figures.figures() if figure.name == f"up and down{BUFFER_FORCE}"]
+    [figure] = [figure for figure in figures.figures() if figure.id.quantity == "buffer_force"]
     assert figure.value > 2500.0
     assert figure.value == simulation.state.push[1, 1]
     assert "met at 10 m/s" in describe(figure)

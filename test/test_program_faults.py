@@ -117,7 +117,7 @@ def test_what_is_said_of_others_is_only_shown(capsys, tmp_path):
     shown = capsys.readouterr()
     assert shown.err.count("\n") == 2
     assert (shown.out + shown.err).replace("\n", "").isprintable()
-    values = {"value": "1.0", "unit": f"N{OBEYED}", "time_s": "0", "place": OBEYED, "band": OBEYED}
+    values = {"value": "1.0", "unit": f"N{OBEYED}", "time_s": "0", "place": OBEYED, "band": OBEYED, "id": "a/b/c"}
     (figure,) = figures_of_statuses([Status(0, f"tension{OBEYED}", "", values)])
     assert all(text.isprintable() for text in (figure.name, figure.unit, figure.place, figure.band))
     file = tmp_path / f"{OBEYED}.yaml"

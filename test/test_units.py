@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from named_figures import named
 
 import cable_twin
 from cable_twin.basics.units import rounded, with_unit
-from cable_twin.key_figures import KeyFigure
 from cable_twin.messages.figure_messages import describe
 from cable_twin.offline.figure_table import verdict_lines
 
@@ -47,17 +47,17 @@ def test_a_number_is_rounded_to_its_digits():
 
 
 def test_a_figure_on_a_topic_is_in_one_unit_with_its_limit():
-    figure = KeyFigure("drive: drive force", 900.0, "N", 1.0, limit=106000.0, source="scenario")
+    figure = named("drive: drive force", 900.0, "N", 1.0, limit=106000.0, source="scenario")
     assert describe(figure) == "0.9 kN at 1.00 s, allowed: at most 106 kN (scenario)"
 
 
 def test_what_a_comparison_comes_to_says_which_run_is_beyond():
-    runs = [[KeyFigure("sag", value, "m", 1.0, limit=5.0), KeyFigure("speed", 1.0, "m/s", 0.0)] for value in (4.0, 6.0)]
+    runs = [[named("sag", value, "m", 1.0, limit=5.0), named("speed", 1.0, "m/s", 0.0)] for value in (4.0, 6.0)]
     assert verdict_lines(runs) == ["1 of 1 limits is not kept:", "  sag: exceeded by b: 6 m, at most 5 m"]
     assert verdict_lines(runs[:1]) == ["the limit is kept"]
     near = replace(runs[1][0], value=5.1, uncertainty=0.2, place="x 3 m")
     assert verdict_lines([[near]])[1] == "  sag: not decided: 5.1 m, at most 5 m, at 1.00 s, x 3 m"
-    assert verdict_lines([[KeyFigure("speed", 1.0, "m/s", 0.0)]]) == []
+    assert verdict_lines([[named("speed", 1.0, "m/s", 0.0)]]) == []
 
 
 def test_messages_write_forces_and_energies_in_one_place():

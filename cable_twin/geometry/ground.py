@@ -29,17 +29,18 @@ def ground_of(scenario: Scenario) -> Ground:
 
 
 def surroundings_of(scenario: Scenario) -> Surroundings:
-    """Ground, masts and vehicles of a scenario in space for `look_around`."""
+    """Ground, masts and vehicles of a scenario in space for `look_around`; masts rope by rope."""
     ground, sides = ground_of(scenario), scenario.terrain_sides
     profiles = ((), ()) if sides is None else (sides.left, sides.right)
     left, right = (np.array(points, dtype=np.float64).reshape(-1, 2) for points in profiles)
     boxes = [body_box(body) for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
+    all_masts = [mast for rope in scenario.cables for mast in masts(scenario.of_rope(rope)).values()]
     return Surroundings(
         middle=ground.terrain,
         left=left,
         right=right,
         distance=0.0 if sides is None else sides.distance,
-        masts=np.array([*masts(scenario).values()], dtype=np.float64).reshape(-1, 4),
+        masts=np.array(all_masts, dtype=np.float64).reshape(-1, 4),
         first_body=ground.first_body,
         first_corner=ground.first_corner,
         corners=ground.corners,

@@ -1,23 +1,25 @@
 """Key figures of a run, gathered from snapshot to snapshot: live in the node, or afterwards from a log.
 
-Each has its standard name, value, unit, limit and the source of the limit, and says when and where it was reached.
-Carriers of one kind share their figures, which are those of the worst of them, named in the place. The cost and the
-memory of an update do not grow with the run.
+Each has an identity, its standard name, value, unit, limit and the source of the limit, and says when and where it was
+reached. Carriers of one kind share their figures, which are those of the worst of them, named in the place. The cost
+and the memory of an update do not grow with the run.
 """
 
-from cable_twin.key_figures.buffers import BUFFER_FORCE
-from cable_twin.key_figures.dissipation import ENERGY_LOST
-from cable_twin.key_figures.figure import KeyFigure, figure_from_values, values_of
-from cable_twin.key_figures.gathered_figures import KeyFigures, compile_figures
-from cable_twin.key_figures.space_figures import DERAILED
+from cable_twin.key_figures.extremes import supports_of
+from cable_twin.key_figures.figure import FigureId, KeyFigure, Subject, figure, figure_from_values, values_of
+from cable_twin.key_figures.gathered import KeyFigures, compile_figures
+from cable_twin.key_figures.quantities import QUANTITIES, Quantity
 
 __all__ = [
-    "BUFFER_FORCE",
-    "DERAILED",
-    "ENERGY_LOST",
+    "QUANTITIES",
+    "FigureId",
     "KeyFigure",
     "KeyFigures",
+    "Quantity",
+    "Subject",
     "compile_figures",
+    "figure",
     "figure_from_values",
+    "supports_of",
     "values_of",
 ]

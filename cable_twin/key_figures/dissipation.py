@@ -8,11 +8,9 @@ from typing import NamedTuple
 
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import SolverReport
-from cable_twin.key_figures.figure import KeyFigure
-from cable_twin.key_figures.limits import limited
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure
 from cable_twin.scenario import Grading, Scenario
 
-ENERGY_LOST = "energy lost by the solver, relative"
 BLOCK = 5.0  # s of simulated time over which losses are added up
 SIGNIFICANT = 0.02  # of the block that moved most: less is the end of a motion, on which nothing depends
 QUIET = 0.01  # m/s, with which all mass may move and count as standing still
@@ -86,25 +84,23 @@ class Dissipation:
         if not self._judged:
             return self._so_far(time)
         if self._worst is None:
-            return KeyFigure(ENERGY_LOST, nan, "-", time)
+            return _energy_lost(nan, time)
         lost, moved, start, end = self._worst
-        figure = KeyFigure(
-            ENERGY_LOST,
-            self._worst.share,
-            "-",
-            end,
-            f"{with_unit(lost, 'J', 3)} of {with_unit(moved, 'J', 3)} from {start:.1f} s on",
-        )
-        figure = limited(self._scenario, figure, "energy_lost")
-        return replace(figure, place=f"{figure.place}; {cause(self._scenario)}") if figure.kept is False else figure
+        place = f"{with_unit(lost, 'J', 3)} of {with_unit(moved, 'J', 3)} from {start:.1f} s on"
+        found = _energy_lost(self._worst.share, end, place).limited_by(self._scenario)
+        return replace(found, place=f"{place}; {cause(self._scenario)}") if found.kept is False else found
 
     def _so_far(self, time: float) -> KeyFigure:
         waiting = self._waiting or Block(0.0, 0.0, self._start, time)
         whole = Block(waiting.lost + self._lost, waiting.moved + self._moved, waiting.start, time)
         if not whole.moved >= self._floor:
-            return KeyFigure(ENERGY_LOST, nan, "-", time)
+            return _energy_lost(nan, time)
         place = f"{with_unit(whole.lost, 'J', 3)} of {with_unit(whole.moved, 'J', 3)}; judged after {2.0 * BLOCK:g} s"
-        return KeyFigure(ENERGY_LOST, whole.share, "-", time, place)
+        return _energy_lost(whole.share, time, place)
+
+
+def _energy_lost(share: float, time: float, place: str = "") -> KeyFigure:
+    return figure("energy_lost", Subject("solver"), "highest", share, time, place)
 
 
 def _mass(scenario: Scenario) -> float:
@@ -122,6 +118,3 @@ def cause(scenario: Scenario) -> str:
         length = elements.at_towers if isinstance(elements, Grading) else cable.unstrained_length / elements
         passed = max(passed, scenario.solver.step * sqrt(cable.axial_stiffness / cable.mass_per_length) / length)
     return f"tension waves pass {passed:.2g} elements in a step: lower solver.step"
-
-
-__all__ = ["ENERGY_LOST", "Dissipation", "cause"]

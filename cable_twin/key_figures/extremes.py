@@ -1,66 +1,187 @@
-"""Extremes over a run, with time and place of each: the memory of the key figures."""
+"""Extremes over a run, declared once, and the constants of a scenario that they are taken with."""
 
 from __future__ import annotations
 
-from math import inf, nan
-from typing import NamedTuple
+from math import nan
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from cable_twin.frame.snapshot import ENDS
+from cable_twin.key_figures.figure import Subject
+from cable_twin.mechanics.language import declared
 from cable_twin.mechanics.language.by_reference import by_reference
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.language.declared import Of
+from cable_twin.mechanics.parameters import FloatArray, IntArray
+from cable_twin.scenario import Grading, Scenario, masts
+
+EXTREME = 7  # numbers of an extreme, by these indices; NaN where there is none
+VALUE, TIME, PLACE, ROPE, WIND = range(5)  # -, s, m, number of the rope, and x, y, z in m/s from there on
+PLACES = 12  # frames with positions that are kept for accelerations: more than 2 MEAN / LOOK of `measures`
+TOUCH = 4  # of vehicles: row of the other one, arc length (m), speed (m/s) and time (s) of the touch
+NO_ROPE = -1  # number of the rope of extremes that are on none, and of carriers, which go from strand to strand
 
 
 @by_reference
 class Extremes(NamedTuple):
-    """Largest values so far of `count` quantities (smallest ones with sign -1), with time and place of each."""
+    """Extremes of a run so far, highest ones unless said otherwise, and running means and sums.
 
-    sign: float
-    best: FloatArray  # (count,) times sign, -inf where there was no value
-    times: FloatArray  # (count,) s
-    places: FloatArray  # (count,) NaN where there is none
-    winds: FloatArray  # (count, 3) m/s, NaN where nobody asked
+    Vehicles that are off the rope do not count. Nor do forces and accelerations of a carrier on the first and the last
+    element of a moving cable: the end of the model is a point, and a mass that moves over it a singular load, where a
+    ropeway has the rails of a station.
+    """
 
-    def value(self, index: int = 0) -> float:
-        """Extreme value of one quantity; NaN without a value so far."""
-        best = float(self.best[index])
-        return nan if best == -inf else self.sign * best
+    tension: Annotated[FloatArray, Of("rope", EXTREME, unit="N", first=nan)]
+    lowest_tension: Annotated[FloatArray, Of("rope", EXTREME, unit="N", first=nan)]
+    first_tension: Annotated[FloatArray, Of("rope", unit="N", first=nan)]  # highest of the first frame with a tension
+    rope_clearance: Annotated[FloatArray, Of("rope", EXTREME, unit="m", first=nan)]  # lowest
+    carried: Annotated[FloatArray, Of("rope", EXTREME, unit="kg", first=nan)]
+    carried_now: Annotated[FloatArray, Of("rope", unit="kg")]
+    sag: Annotated[FloatArray, Of("support", EXTREME, unit="m", first=nan)]  # of the span that begins at this corner
+    corner: Annotated[FloatArray, Of("support", 2, unit="m", first=nan)]  # x, z of ends of chords, along each rope
+    load: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]
+    lowest_load: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]
+    margin: Annotated[FloatArray, Of("support", EXTREME, first=nan)]  # lowest load of a tower over that at rest
+    roller_load: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]  # lowest mean of the rollers
+    travel: Annotated[FloatArray, Of("support", EXTREME, unit="m", first=nan)]
+    lowest_travel: Annotated[FloatArray, Of("support", EXTREME, unit="m", first=nan)]
+    lateral: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]
+    lateral_ratio: Annotated[FloatArray, Of("support", EXTREME, first=nan)]
+    derailed: Annotated[FloatArray, Of("support", EXTREME, first=nan)]  # number of the way in which the rope came out
+    speed: Annotated[FloatArray, Of("driven", EXTREME, unit="m/s", first=nan)]  # of vehicles, then of drives
+    force: Annotated[FloatArray, Of("driven", EXTREME, unit="N", first=nan)]
+    power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
+    lowest_power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
+    swing: Annotated[FloatArray, Of("vehicle", EXTREME, unit="rad", first=nan)]
+    roll: Annotated[FloatArray, Of("vehicle", EXTREME, unit="rad", first=nan)]
+    acceleration: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s^2", first=nan)]
+    contact_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
+    haul_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
+    tension_ratio: Annotated[FloatArray, Of("vehicle", EXTREME, first=nan)]  # lowest tension over load across the rope
+    clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest
+    mast_clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest; place: row of the mast
+    push: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]  # of buffers
+    push_touch: Annotated[FloatArray, Of("vehicle", TOUCH, first=nan)]  # before that force
+    touch: Annotated[FloatArray, Of("vehicle", TOUCH, first=nan)]  # the last one
+    passed_time: Annotated[FloatArray, Of(PLACES, unit="s", first=nan)]  # of frames with positions
+    passed: Annotated[FloatArray, Of(PLACES, "vehicle", 5, unit="m", first=nan)]  # last body, arc length, rope
+    passed_last: Annotated[IntArray, Of(1)]  # the newest of them
+    side_tension: Annotated[FloatArray, Of("sheave", 2, EXTREME, unit="N", first=nan)]  # strand coming, and leaving
+    lowest_side_tension: Annotated[FloatArray, Of("sheave", 2, EXTREME, unit="N", first=nan)]
+    adhesion: Annotated[FloatArray, Of("sheave", EXTREME, first=nan)]  # used of available
+    torque: Annotated[FloatArray, Of("sheave", EXTREME, unit="N m", first=nan)]
+    slip: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
+    rolled_back: Annotated[FloatArray, Of("sheave", EXTREME, first=nan)]
+    sheave_travel: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
+    lowest_sheave_travel: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
+    pantograph_force: Annotated[FloatArray, Of("pantograph", EXTREME, unit="N", first=nan)]
+    lowest_pantograph_force: Annotated[FloatArray, Of("pantograph", EXTREME, unit="N", first=nan)]
+    frames: Annotated[FloatArray, Of("pantograph")]  # with its force
+    mean_force: Annotated[FloatArray, Of("pantograph", unit="N")]
+    square_force: Annotated[FloatArray, Of("pantograph", unit="N²")]  # sum of squared distances from the mean
+    lost: Annotated[FloatArray, Of("pantograph")]  # frames without contact
+    pull: Annotated[FloatArray, Of("connector", EXTREME, unit="N", first=nan)]
+    slack: Annotated[FloatArray, Of("connector", unit="s")]
+    last_time: Annotated[FloatArray, Of(1, unit="s", first=nan)]
+    wind: Annotated[FloatArray, Of(3, unit="m/s", first=nan)]  # now, in space
+    memory: declared.Memory
 
-    def after_first(self) -> Extremes:
-        """Extremes of all quantities but the first, sharing memory."""
-        return Extremes(self.sign, self.best[1:], self.times[1:], self.places[1:], self.winds[1:])
 
-    def worst(self, among: list[int]) -> int:
-        """Index, among the given ones, of the most extreme quantity."""
-        return among[int(self.best[among].argmax())]
+@by_reference
+class Constants(NamedTuple):
+    """Constants of a scenario that its extremes are taken with."""
 
-
-def highest(count: int = 1) -> Extremes:
-    """Largest values of `count` quantities, empty."""
-    return Extremes(1.0, np.full(count, -inf), np.zeros(count), np.full(count, nan), np.full((count, 3), nan))
-
-
-def lowest(count: int = 1) -> Extremes:
-    """Smallest values of `count` quantities, empty."""
-    return highest(count)._replace(sign=-1.0)
-
-
-@inlined_kernel
-def take(extremes, index, value, time, place):
-    """Take in a value of one quantity at a time (s) and place; the first of equal values is kept, NaN is ignored."""
-    signed = extremes.sign * value
-    if signed > extremes.best[index]:
-        extremes.best[index], extremes.times[index], extremes.places[index] = signed, time, place
+    in_space: bool
+    first_support: IntArray  # (ropes + 1,)
+    first_mast: IntArray  # (ropes + 1,)
+    length: FloatArray  # (ropes,) m, unstrained
+    end_element: FloatArray  # (ropes,) m, from either end in which forces of clamped vehicles do not count
+    rollers: FloatArray  # (supports,) of a tower; 0 of a saddle and of an end
+    first_body: IntArray  # (vehicles + 1,)
+    vehicle_rope: IntArray  # (vehicles,) or NO_ROPE
+    clamped: IntArray  # (vehicles,) 1 of those that are part of their rope
+    empty: FloatArray  # (vehicles,) kg
+    radius: FloatArray  # (sheaves,) m
+    available: FloatArray  # (sheaves,) friction times wrap, of the logarithm of the ratio of tensions
 
 
-@kernel
-def take_in_wind(extremes, index, value, time, place, wind):
-    """Take in a value of one quantity at a time (s) and place, with the wind (3,) in m/s at that time."""
-    if extremes.sign * value > extremes.best[index]:
-        take(extremes, index, value, time, place)
-        for axis in range(3):
-            extremes.winds[index, axis] = wind[axis]
+def ropes_of(scenario: Scenario) -> list[Scenario]:
+    """Scenario of each rope alone, with its towers and vehicles."""
+    return [scenario.of_rope(name) for name in scenario.cables]
 
 
-__all__ = ["Extremes", "highest", "lowest", "take", "take_in_wind"]
+def supports_of(scenario: Scenario) -> list[Subject]:
+    """Subjects of the figures of all supports, rope by rope: both ends, then towers."""
+    found = []
+    for name, one in zip(scenario.cables, ropes_of(scenario), strict=True):
+        ends = zip(ENDS, scenario.end_names(name), strict=True)
+        found += [Subject(f"ropes.{name}.{end}", printed) for end, printed in ends]
+        found += [Subject(f"towers.{tower}", tower) for tower in one.towers]
+    return found
+
+
+def masts_of(scenario: Scenario) -> list[str]:
+    """Names of the towers with masts in space, rope by rope."""
+    return [name for one in ropes_of(scenario) for name in masts(one)]
+
+
+def constants_of(scenario: Scenario) -> Constants:
+    """Constants of a scenario for its extremes."""
+    ropes, vehicles = ropes_of(scenario), scenario.vehicles
+    rows = {name: row for row, name in enumerate(vehicles)}
+    rope_of, clamped = np.full(len(vehicles), NO_ROPE), np.zeros(len(vehicles), np.int64)
+    for number, one in enumerate(ropes):
+        for name, vehicle in one.vehicles.items():
+            clamped[rows[name]] = vehicle.joint == "clamped"
+            if name in scenario.carriages or not scenario.ropes:
+                rope_of[rows[name]] = number
+    wheels, towers = scenario.sheaves.values(), [list(one.towers.values()) for one in ropes]
+    rollers = [
+        count
+        for own in towers
+        for count in (*(0 for _ in ENDS), *(tower.contacts if tower.kind == "sheaves" else 0 for tower in own))
+    ]
+    bodies = [list(vehicle.bodies.values()) for vehicle in vehicles.values()]
+    return Constants(
+        in_space=scenario.dim == 3,
+        first_support=_firsts([len(ENDS) + len(own) for own in towers]),
+        first_mast=_firsts([len(masts(one)) for one in ropes]),
+        length=np.array([one.cable.unstrained_length for one in ropes], np.float64),
+        end_element=np.array([_end_element(one) for one in ropes], np.float64),
+        rollers=np.array(rollers, np.float64),
+        first_body=_firsts([len(own) for own in bodies]),
+        vehicle_rope=rope_of.astype(np.int64),
+        clamped=clamped,
+        empty=np.array([sum(body.mass for body in own) for own in bodies], np.float64),
+        radius=np.array([wheel.radius for wheel in wheels], np.float64),
+        available=np.array([wheel.friction * wheel.wrap for wheel in wheels], np.float64),
+    )
+
+
+def no_extremes(scenario: Scenario) -> Extremes:
+    """Extremes of a scenario before its first frame."""
+    ropes = ropes_of(scenario)
+    sizes = {
+        "rope": len(ropes),
+        "support": sum(len(ENDS) + len(one.towers) for one in ropes),
+        "vehicle": len(scenario.vehicles),
+        "driven": len(scenario.vehicles) + len(scenario.drives),
+        "sheave": len(scenario.sheaves),
+        "pantograph": len(scenario.pantographs),
+        "connector": len(scenario.connectors),
+    }
+    made = declared.allocate(Extremes, sizes)
+    tops = [[(tower.position[0], tower.position[-1]) for tower in one.towers.values()] for one in ropes]
+    made.corner[:] = [corner for own in tops for corner in ((nan, nan), *own, (nan, nan))]
+    return made
+
+
+def _end_element(scenario: Scenario) -> float:
+    """Length (m) of the elements at the ends of a rope."""
+    elements = scenario.cable.elements
+    return elements.at_towers if isinstance(elements, Grading) else scenario.cable.unstrained_length / elements
+
+
+def _firsts(counts: list[int]) -> IntArray:
+    """Number of the first item of each group, with the total count appended."""
+    return np.cumsum([0, *counts], dtype=np.int64)

@@ -1,23 +1,62 @@
-"""Key figure: value, unit, time and place of the extreme, and limit."""
+"""Key figure: identity, value, unit, time and place of the extreme, and limit."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import cast, get_args
+from typing import NamedTuple, cast, get_args
 
-from cable_twin.key_figures.extremes import Extremes
+from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
+from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.limits import Bound
 
 TOLERANCE = 1e-3  # of a limit
+
+
+class FigureId(NamedTuple):
+    """Identity of a key figure, by which runs are compared; its text is quantity/subject/statistic.
+
+    Attributes:
+        quantity: a row of `QUANTITIES`, as rope_tension.
+        subject: key of the scenario that it is of, as ropes.up, towers.t2, carriages.cabin; "solver"; a+b of two.
+        statistic: highest, lowest, mean or standard deviation.
+    """
+
+    quantity: str
+    subject: str
+    statistic: str
+
+    def __str__(self) -> str:
+        """Text of the identity, read back by `of_text`."""
+        return "/".join(self)
+
+    @classmethod
+    def of_text(cls, text: str) -> FigureId:
+        """Identity from its text.
+
+        Raises:
+            ValueError: it is no such text; one line.
+        """
+        quantity, _, rest = text.partition("/")
+        subject, _, statistic = rest.rpartition("/")
+        if not (quantity and subject and statistic):
+            raise ValueError(f"id {text!r} is no quantity/subject/statistic")
+        return cls(quantity, subject, statistic)
+
+
+class Subject(NamedTuple):
+    """Subject of figures: its part of their id, and its printed name, empty where it needs none."""
+
+    key: str
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class KeyFigure:
     """One key figure of a run with its limit."""
 
-    name: str
+    id: FigureId
+    name: str  # printed
     value: float
     unit: str
     time: float  # s, when it was reached
@@ -26,7 +65,7 @@ class KeyFigure:
     bound: Bound = "at most"
     source: str = ""  # of the limit
     uncertainty: float | None = None  # difference from a finer mesh and step, where that was run
-    band: str = ""  # of what it is an extreme: of means over a time, of frames
+    band: str = ""  # of which samples it is an extreme: of means over a time, of frames
 
     @property
     def kept(self) -> bool | None:
@@ -48,11 +87,41 @@ class KeyFigure:
         beyond = value - self.limit if self.bound == "at most" else self.limit - value
         return beyond <= TOLERANCE * abs(self.limit)
 
+    def limited(self, limit: float | None, source: str) -> KeyFigure:
+        """Key figure with a limit and the source of that, on the side of its statistic; unchanged without a limit."""
+        if limit is None:
+            return self
+        return replace(self, limit=limit, bound=bound_of(self.id.statistic), source=source)
+
+    def limited_by(self, scenario: Scenario, *, clamped: bool = False) -> KeyFigure:
+        """Key figure with the limit that `limits` of a scenario has for its quantity; arguments as of `limit_of`."""
+        return self.limited(*limit_of(scenario, self.id.quantity, clamped=clamped))
+
+
+def figure(
+    quantity: str, subject: Subject, statistic: str, value: float, time: float, place: str = "", *, detail: str = ""
+) -> KeyFigure:
+    """Key figure of a quantity of the table, with its printed name and without a limit.
+
+    Args:
+        quantity: row of `QUANTITIES`.
+        subject: it is of.
+        statistic: highest, lowest, ...
+        value: in the unit of the quantity.
+        time: s, when it was reached.
+        place: where, with unit.
+        detail: for the {} of the name.
+    """
+    row = QUANTITIES[quantity]
+    name = row.name.format(detail) + (f", {statistic}" if len(row.statistics) > 1 else "")
+    name = f"{subject.name}: {name}" if subject.name else name
+    return KeyFigure(FigureId(quantity, subject.key, statistic), name, value, row.unit, time, place)
+
 
 def values_of(figure: KeyFigure) -> dict[str, str]:
     """Key figure as the text values of a diagnostic status; inverse of `figure_from_values`, exact to the last bit."""
     values = {"value": repr(float(figure.value)), "unit": figure.unit, "time_s": repr(float(figure.time))}
-    values |= {"place": figure.place, "band": figure.band}
+    values |= {"place": figure.place, "band": figure.band, "id": str(figure.id)}
     if figure.limit is not None:
         values |= {"limit": repr(float(figure.limit)), "bound": figure.bound, "source": figure.source}
     return values
@@ -65,7 +134,8 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
         ValueError: something is missing or no number; one line.
     """
     try:
-        figure = KeyFigure(name, float(values["value"]), values["unit"], float(values["time_s"]))
+        id_ = FigureId.of_text(values["id"])
+        figure = KeyFigure(id_, name, float(values["value"]), values["unit"], float(values["time_s"]))
         figure = replace(figure, place=values.get("place", ""), band=values.get("band", ""))
         if "limit" not in values:
             return figure
@@ -77,27 +147,3 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
         raise ValueError(f"key figure {name!r}: {error.args[0]} is missing") from None
     except ValueError as error:
         raise ValueError(f"key figure {name!r}: {error}") from None
-
-
-def figure_of(extremes: Extremes, index: int, name: str, unit: str, at: str = "arc length") -> KeyFigure:
-    """Key figure of one extreme, without a limit; NaN without a value so far."""
-    place = extremes.places[index]
-    found = ["" if math.isnan(place) else f"{at} {round(place, 1) + 0.0:.1f} m", wind_at(extremes, index)]
-    return KeyFigure(name, extremes.value(index), unit, float(extremes.times[index]), ", ".join(filter(None, found)))
-
-
-def wind_at(extremes: Extremes, index: int) -> str:
-    """Wind at the time of an extreme, as text: speed and heading from the track to its left; empty without a value."""
-    x, y, z = extremes.winds[index].tolist()
-    speed = math.hypot(x, y, z)
-    if math.isnan(speed) or speed == 0.0:
-        return "" if math.isnan(speed) else "no wind"
-    return f"wind {speed:.1f} m/s to {math.degrees(math.atan2(y, x)):.0f} deg"
-
-
-def with_limit(figure: KeyFigure, limit: float | None, source: str, bound: Bound = "at most") -> KeyFigure:
-    """Key figure with a limit and the source of the limit; unchanged for a limit of None."""
-    return figure if limit is None else replace(figure, limit=limit, bound=bound, source=source)
-
-
-__all__ = ["KeyFigure", "figure_from_values", "figure_of", "values_of", "wind_at", "with_limit"]

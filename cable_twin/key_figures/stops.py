@@ -1,22 +1,69 @@
-"""Stopping distance and time, from the command to standstill, of drives and of vehicles on a driven rope."""
+"""Stops from the command to standstill: of drives, of vehicles on a driven rope, and of the passengers of these."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import dataclass
 from math import isnan, nan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.frame.records import AppliedCommand, FloatArray
-from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.key_figures.figure import KeyFigure
+from cable_twin.frame.snapshot import Columns, Layout, Snapshot
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.sections.vehicles import Carriage
 
 BoolArray = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 STANDSTILL = 1e-3  # m/s
 SLOWEST = 0.1  # m/s: a command to stop what is slower is no stop, as a vehicle on a haul rope swings so after one
+SETTLED = 30.0  # s without going farther than before, after which a passenger's stop is over
+EMERGENCY, STOP, NO_STOP = "emergency stop", "stop", ""
+RIM = "of the rim of its bullwheel"
+
+
+class Group(NamedTuple):
+    """Vehicles with common figures, which are those of the worst: a carriage alone, or all carriers."""
+
+    subject: Subject
+    rows: tuple[int, ...]  # of the vehicles
+
+
+def groups_of(scenario: Scenario) -> list[Group]:
+    """Groups of the vehicles of a scenario, carriages first."""
+    own = [name for name in scenario.vehicles if name in scenario.carriages]
+    found = [Group(Subject(f"carriages.{name}", name), (row,)) for row, name in enumerate(own)]
+    if scenario.carriers is not None:
+        riding = tuple(range(len(own), len(scenario.vehicles)))
+        found.append(Group(Subject("carriers", scenario.carriers.name), riding))
+    return found
+
+
+def is_carried(scenario: Scenario, vehicle: Carriage) -> bool:
+    """Whether a vehicle is clamped to a driven rope."""
+    return bool(scenario.drives) and (vehicle.joint == "clamped" or bool(vehicle.clamped_to))
+
+
+def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
+    """Kind of stop that a command orders of an object with given drives; NO_STOP to move or to reset, else None."""
+    kind, values = applied.command.kind, applied.command.values
+    told = movers & set(values)
+    if kind == "emergency_stop":
+        return EMERGENCY
+    if kind == "speed" and told and not any(values[name] for name in told):
+        return STOP
+    return NO_STOP if kind == "reset" or (kind in ("speed", "force") and told) else None
+
+
+def stop_figures(
+    subject: Subject, values: tuple[float, float], time: float, places: tuple[str, str]
+) -> list[KeyFigure]:
+    """Distance (m) and time (s) of a stop ordered at a time (s), each with its place."""
+    pairs = zip(("stopping_distance", "stopping_time"), values, places, strict=True)
+    return [figure(quantity, subject, "highest", value, time, place) for quantity, value, place in pairs]
 
 
 @dataclass(slots=True)
@@ -31,183 +78,152 @@ class Stop:
     distance: float = nan  # m
 
 
-class Stops:
-    """Decisive stop of one drive: the last emergency stop, else the last stop."""
-
-    def __init__(self) -> None:
-        self.stop: Stop | None = None
-        self._braking: Stop | None = None
-
-    def begin(self, kind: str, time: float, place: float, speed: float) -> None:
-        """Begin a stop at a command; an emergency stop replaces a normal stop under way."""
-        if not abs(speed) > SLOWEST:
-            return
-        if self._braking is None or (kind == "emergency stop" and self._braking.kind != kind):
-            self._braking = Stop(kind, time, place, speed)
-
-    def cancel(self) -> None:
-        """Discard the stop under way, after a command to move or a reset."""
-        self._braking = None
-
-    @property
-    def braking(self) -> bool:
-        """True while a stop is under way."""
-        return self._braking is not None
-
-    def update(self, time: float, place: float, speed: float) -> None:
-        """Take in position (m) and speed (m/s) at a time (s)."""
-        stop = self._braking
-        if stop is None or isnan(place + speed) or (abs(speed) > STANDSTILL and speed * stop.speed > 0.0):
-            return
-        stop.end, stop.distance = time, abs(place - stop.start)
-        if self.stop is None or stop.kind == "emergency stop" or self.stop.kind != "emergency stop":
-            self.stop = stop
-        self._braking = None
-
-
-class StopsOf:
-    """Decisive stops of several drives, by name.
+class DriveStops:
+    """Decisive stop of each drive and driven vehicle: the last emergency stop, else the last stop.
 
     Args:
-        names: of what is driven.
+        subjects: of what is driven, by name.
         motion: gives place (m) and speed (m/s) of one of them in the last frame.
-        whose: what it is of which that is the motion, as figures say it.
+        on_bullwheels: names of drives whose motion is that of a rim.
     """
 
-    def __init__(self, names: Iterable[str], motion: Callable[[str], tuple[float, float]], whose: str = "") -> None:
-        self._whose = whose
-        self._stops, self._motion = {name: Stops() for name in names}, motion
+    def __init__(
+        self, subjects: dict[str, Subject], motion: Callable[[str], tuple[float, float]], on_bullwheels: Set[str]
+    ) -> None:
+        self._subjects, self._motion, self._on_bullwheels = subjects, motion, on_bullwheels
+        self._braking: dict[str, Stop] = {}  # under way
+        self._stops: dict[str, Stop] = {}  # completed
         self._time = nan  # s, of the last frame
-        self._braking: list[str] = []  # those of which a stop is under way
 
     def update(self, time: float) -> None:
         """Take in the last frame, at a time (s)."""
         self._time = time
-        if self._braking:
-            for name in self._braking:
-                self._stops[name].update(time, *self._motion(name))
-            self._find_braking()
+        for name, stop in [*self._braking.items()]:
+            place, speed = self._motion(name)
+            if isnan(place + speed) or (abs(speed) > STANDSTILL and speed * stop.speed > 0.0):
+                continue
+            stop.end, stop.distance = time, abs(place - stop.start)
+            if name not in self._stops or stop.kind == EMERGENCY or self._stops[name].kind != EMERGENCY:
+                self._stops[name] = stop
+            del self._braking[name]
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect."""
-        kind, values, seen = applied.command.kind, applied.command.values, not isnan(self._time)
-        for name, stops in self._stops.items():
-            if kind == "reset":
-                stops.cancel()
-            elif seen and kind == "emergency_stop":
-                stops.begin("emergency stop", applied.time, *self._motion_at(name, applied.time))
-            elif seen and kind == "speed" and values.get(name) == 0.0:
-                stops.begin("stop", applied.time, *self._motion_at(name, applied.time))
-            elif kind in ("speed", "force") and name in values:
-                stops.cancel()
-        self._find_braking()
+        """Take in a command at the time of its effect; an emergency stop replaces a normal stop under way."""
+        for name in self._subjects:
+            kind, braking = ordered_stop(applied, {name}), self._braking.get(name)
+            if kind == NO_STOP:
+                self._braking.pop(name, None)
+            elif kind and not isnan(self._time) and (braking is None or (kind == EMERGENCY != braking.kind)):
+                place, speed = self._motion(name)
+                if abs(speed) > SLOWEST:  # the place at the command, shortly after the frame
+                    start = place + speed * (applied.time - self._time)
+                    self._braking[name] = Stop(kind, applied.time, start, speed)
 
-    def figures(self, name: str, limited: Callable[[KeyFigure, str], KeyFigure]) -> Iterator[KeyFigure]:
-        """Yield distance and time of the decisive stop of one drive; `limited` adds the limit of a key."""
-        stop = self._stops[name].stop if name in self._stops else None
-        if stop is not None:
-            place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
-            place += f", {self._whose}" if self._whose else ""
-            yield limited(
-                KeyFigure(f"{name}: stopping distance", stop.distance, "m", stop.time, place), "stopping_distance"
-            )
-            yield limited(
-                KeyFigure(f"{name}: stopping time", stop.end - stop.time, "s", stop.time, place), "stopping_time"
-            )
+    def figures(self, name: str) -> list[KeyFigure]:
+        """Distance and time of the decisive stop of one drive; none without a stop."""
+        stop = self._stops.get(name)
+        if stop is None:
+            return []
+        place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
+        place += f", {RIM}" if name in self._on_bullwheels else ""
+        return stop_figures(self._subjects[name], (stop.distance, stop.end - stop.time), stop.time, (place, place))
 
-    def _find_braking(self) -> None:
-        self._braking = [name for name, stops in self._stops.items() if stops.braking]
 
-    def _motion_at(self, name: str, time: float) -> tuple[float, float]:
-        """Position (m) and speed (m/s) at a time (s) shortly after the last frame, extrapolated at constant speed."""
-        place, speed = self._motion(name)
-        return place + speed * (time - self._time), speed
+class Travel:
+    """Travel along the rope of one point of each of some vehicles, between frames that show these.
+
+    Args:
+        vehicles: (n,) rows of the vehicles.
+        shown: one coordinate (n,) of each point, in the columns of a frame.
+        points: positions (n, 3) in m of the points, in the columns of a frame.
+    """
+
+    def __init__(
+        self, vehicles: Rows, shown: Callable[[Columns], FloatArray], points: Callable[[Columns], FloatArray]
+    ) -> None:
+        self.vehicles, self._shown, self._points = vehicles, shown, points
+        self._layout: Layout | None = None  # of the frames so far
+        self._numbers: list[int] = []  # places in a frame of `shown`
+        self.last: Snapshot | None = None  # last frame that shows them
+
+    def shows(self, snapshot: Snapshot) -> bool:
+        """Whether a frame comes after the last one and holds the points; frames of a log may not."""
+        if snapshot.layout is not self._layout:
+            self._layout = snapshot.layout
+            self._numbers = self._shown(snapshot.layout.places).astype(int).tolist()
+        numbers = snapshot.numbers
+        if all(isnan(numbers[number]) for number in self._numbers):
+            return False
+        return self.last is None or snapshot.time > self.last.time
+
+    def attached(self, snapshot: Snapshot) -> BoolArray:
+        """Mask (n,) of vehicles on a rope."""
+        on: BoolArray = snapshot.columns.attached[self.vehicles] == 1.0
+        return on
+
+    def steps(self, snapshot: Snapshot, members: Rows | slice = slice(None)) -> FloatArray:
+        """Travel (members,) in m since the last frame; NaN for vehicles off the rope in either frame."""
+        assert self.last is not None
+        moved = self._points(snapshot.columns)[members] - self._points(self.last.columns)[members]
+        steps = np.sum(moved * along_rope(snapshot, self.vehicles[members]), axis=1)
+        return np.where((self.attached(snapshot) & self.attached(self.last))[members], steps, nan)
 
 
 class CarriedStops:
     """Decisive stop of vehicles on a driven rope: distance and time of each vehicle in space.
 
     The rim of a drive stops as it is told; the rope slips on it, gives way and swings. A vehicle goes on until it
-    stands itself, or turns back, for the first time. Its way is along the rope, of frames that show where it is.
+    stands itself, or turns back, for the first time. Its travel is along the rope, of frames that show its position.
 
     Args:
-        scenario: what runs.
+        scenario: scenario of the run.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._drives = set(scenario.drives)
-        carried = {
-            name: row
-            for row, (name, one) in enumerate(scenario.vehicles.items())
-            if self._drives and (one.joint == "clamped" or one.clamped_to)
-        }
-        self._names, self._rows = list(carried), np.array([*carried.values()], np.intp)
-        own = [name for name in carried if name in scenario.carriages]
-        self._groups = {name: [self._names.index(name)] for name in own}
-        if riding := [row for row, name in enumerate(self._names) if name not in scenario.carriages]:
-            assert scenario.carriers is not None
-            self._groups[scenario.carriers.name] = riding
-        count = len(carried)
-        self._layout: Layout | None = None  # of the frames so far
-        self._heights: list[int] = []  # numbers of a frame, of the height of each
-        self._time = nan  # s, of the last frame that shows where they are
-        self._last: Snapshot | None = None  # that frame
+        self._drives, self._names = frozenset(scenario.drives), list(scenario.vehicles)
+        rows = [row for row, one in enumerate(scenario.vehicles.values()) if is_carried(scenario, one)]
+        self._groups = _among(rows, groups_of(scenario))
+        vehicles = np.array(rows, np.intp)
+        self._travel = Travel(vehicles, lambda c: c.joint_position[vehicles, 2], lambda c: c.joint_position[vehicles])
         self._begun: tuple[str, float] | None = None  # kind and time (s) of the command, while it is under way
-        self._start = np.zeros(count)  # m/s at the command
-        self._way = np.zeros(count)  # m since then
-        self._end = np.full(count, nan)  # s, of the standstill
-        self._stops: dict[str, tuple[KeyFigure, KeyFigure]] = {}  # distance and time of each group
+        self._start = np.zeros(len(rows))  # m/s at the command
+        self._way = np.zeros(len(rows))  # m since then
+        self._end = np.full(len(rows), nan)  # s, of the standstill
+        self._stops: list[KeyFigure] = []  # distance and time of each group
         self._counts = ""  # kind of that stop
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot, in order of time."""
-        if not self._names:
-            return
-        time = snapshot.time
-        if time <= self._time or not self._has_places(snapshot):
-            return
-        if self._begun is not None:
-            self._go_on(time, self._steps(snapshot))
-        self._time, self._last = time, snapshot
+        if self._groups and self._travel.shows(snapshot):
+            if self._begun is not None:
+                assert self._travel.last is not None
+                self._go_on(snapshot.time, self._travel.last.time, self._travel.steps(snapshot))
+            self._travel.last = snapshot
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command at the time of its effect."""
-        kind, values = applied.command.kind, applied.command.values
-        told = self._drives & set(values)
-        if kind == "emergency_stop" or (kind == "speed" and told and not any(values[name] for name in told)):
-            self._begin("emergency stop" if kind == "emergency_stop" else "stop", applied.time)
-        elif kind == "reset" or (kind in ("speed", "force") and told):
+        kind = ordered_stop(applied, self._drives)
+        if kind == NO_STOP:
             self._begun = None
+        elif kind and self._travel.last is not None and (self._begun is None or kind == EMERGENCY != self._begun[0]):
+            self._begin(kind, applied.time, self._travel.last)
 
-    def figures(self, limited: Callable[[KeyFigure, str], KeyFigure]) -> Iterator[KeyFigure]:
-        """Yield distance and time of each carriage and of the farthest carrier, with limits from `limited`."""
-        for distance, duration in self._stops.values():
-            yield limited(distance, "stopping_distance")
-            yield limited(duration, "stopping_time")
+    def figures(self) -> Iterator[KeyFigure]:
+        """Yield distance and time of each carriage and of the farthest carrier."""
+        yield from self._stops
 
-    def _has_places(self, snapshot: Snapshot) -> bool:
-        """Return whether a frame holds positions of the vehicles; frames of a log may have none."""
-        if snapshot.layout is not self._layout:
-            self._layout = snapshot.layout
-            self._heights = self._layout.places.joint_position[self._rows, 2].tolist()
-        return not all(isnan(snapshot.numbers[number]) for number in self._heights)
+    def _begin(self, kind: str, time: float, last: Snapshot) -> None:
+        speed = np.where(self._travel.attached(last), last.columns.speed[self._travel.vehicles], 0.0)
+        if np.any(np.abs(speed) > SLOWEST):
+            self._begun, self._start = (kind, time), speed
+            self._way = -np.abs(self._start) * (time - last.time)  # from the last frame to the command
+            self._end[:] = nan
 
-    def _begin(self, kind: str, time: float) -> None:
-        under_way = self._begun is not None and (kind == "stop" or self._begun[0] == kind)
-        if under_way or self._last is None:
-            return
-        speed = np.where(self._on(self._last), self._last.columns.speed[self._rows], 0.0)
-        if not np.any(np.abs(speed) > SLOWEST):
-            return
-        self._begun, self._start = (kind, time), speed
-        self._way = -np.abs(self._start) * (time - self._time)  # gone since the last frame, before the command
-        self._end[:] = nan
-
-    def _go_on(self, time: float, steps: FloatArray) -> None:
+    def _go_on(self, time: float, before: float, steps: FloatArray) -> None:
         """Add the steps (vehicles,) in m since the last frame to the distances of all vehicles still in motion."""
         on = np.sign(self._start) * steps
         moves = np.isnan(self._end) & (np.abs(self._start) > STANDSTILL)
-        goes = moves & (on > STANDSTILL * (time - self._time))
+        goes = moves & (on > STANDSTILL * (time - before))
         self._way[goes] += on[goes]
         self._end[moves & ~goes] = time
         self._end[moves & np.isnan(on)] = -np.inf  # has left the rope
@@ -217,39 +233,130 @@ class CarriedStops:
     def _finish(self) -> None:
         assert self._begun is not None
         (kind, time), self._begun = self._begun, None
-        if kind == "stop" and self._counts == "emergency stop":
+        if kind == STOP and self._counts == EMERGENCY:
             return
-        self._counts, self._stops = kind, {}
-        for name, rows in self._groups.items():
-            counted = [row for row in rows if self._end[row] > time]
+        self._counts, self._stops = kind, []
+        for subject, members in self._groups:
+            counted = [member for member in members if self._end[member] > time]
             if counted:
-                row = max(counted, key=lambda row: self._way[row])
-                whose = f"{self._names[row]}, " if len(rows) > 1 else ""
-                where = f"{whose}{kind} from {abs(self._start[row]):.2f} m/s, of its clamp along the rope"
-                last = float(self._end[counted].max()) - time
-                self._stops[name] = (
-                    KeyFigure(f"{name}: stopping distance", float(self._way[row]), "m", time, where),
-                    KeyFigure(f"{name}: stopping time", last, "s", time, f"{kind}, until the last one stands"),
-                )
-
-    def _on(self, snapshot: Snapshot) -> BoolArray:
-        """Mask (vehicles,) of vehicles on the rope."""
-        on: BoolArray = snapshot.columns.attached[self._rows] == 1.0
-        return on
-
-    def _steps(self, snapshot: Snapshot) -> FloatArray:
-        """Travel (vehicles,) in m along the rope since the last frame; NaN for vehicles off the rope in any of both."""
-        assert self._last is not None
-        moved = snapshot.columns.joint_position[self._rows] - self._last.columns.joint_position[self._rows]
-        steps = np.sum(moved * along_rope(snapshot, self._rows), axis=1)
-        return np.where(self._on(snapshot) & self._on(self._last), steps, nan)
+                member = max(counted, key=lambda one: self._way[one])
+                whose = f"{self._names[self._travel.vehicles[member]]}, " if len(members) > 1 else ""
+                where = f"{whose}{kind} from {abs(self._start[member]):.2f} m/s, of its clamp along the rope"
+                values = float(self._way[member]), float(self._end[counted].max()) - time
+                self._stops += stop_figures(subject, values, time, (where, f"{kind}, until the last one stands"))
 
 
-def along_rope(snapshot: Snapshot, rows: NDArray[np.intp]) -> FloatArray:
-    """Unit vectors (n, 3) along the rope at vehicles of given indices (n,); NaN for vehicles off the rope."""
-    found = np.full((len(rows), 3), nan)
+class SeatStops:
+    """Farthest forward travel along the rope of the load of each vehicle after a command to stop.
+
+    The load is the place of the payload, or the centre of mass of the last body. Its travel is summed along the rope
+    from frame to frame, and swings forward and back after clamp and rim have stopped; what counts is the farthest until
+    the vehicle is told to move again.
+
+    Args:
+        scenario: scenario of the run.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        rows, bodies, offsets, first = [], [], [], 0
+        self._names, self._movers = list(scenario.vehicles), []
+        for row, (name, one) in enumerate(scenario.vehicles.items()):
+            if one.bodies:
+                number, offset = _load(one)
+                rows.append(row)
+                bodies.append(first + number)
+                offsets.append(offset)
+                self._movers.append(frozenset(scenario.drives) if is_carried(scenario, one) else frozenset((name,)))
+            first += len(one.bodies)
+        loads, arms = np.array(bodies, np.intp), np.array(offsets).reshape(-1, 3)
+        self._groups = _among(rows, groups_of(scenario))
+        self._travel = Travel(
+            np.array(rows, np.intp), lambda c: c.body_position[loads, 0], lambda c: _placed(c, loads, arms)
+        )
+        count = len(rows)
+        self._under_way = False  # any stop
+        self._over: BoolArray = np.ones(count, np.bool_)  # no stop is under way
+        self._kinds = [""] * count  # of the last stop
+        self._stands: BoolArray = np.zeros(count, np.bool_)  # told to, and not to move since
+        self._start = np.zeros(count)  # m/s along the rope at the command
+        self._begun, self._farthest_at = np.full(count, nan), np.full(count, nan)  # s
+        self._way, self._farthest = np.zeros(count), np.zeros(count)  # m
+        self._found: dict[Subject, KeyFigure] = {}  # of each group, of the stop that counts
+        self._counts: dict[Subject, str] = {}  # its kind
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take in one snapshot, in order of time."""
+        if self._groups and self._travel.shows(snapshot):
+            if self._under_way:
+                self._go_on(snapshot)
+                self._under_way = not self._over.all()
+            self._travel.last = snapshot
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Take in a command at the time of its effect."""
+        for number, movers in enumerate(self._movers):
+            kind = ordered_stop(applied, movers)
+            if kind == NO_STOP:
+                self._over[number], self._stands[number] = True, False
+            elif kind and self._travel.last is not None:
+                again = self._stands[number] and kind in (STOP, self._kinds[number])
+                if not again:
+                    self._begin(number, kind, applied.time, self._travel.last)
+
+    def figures(self) -> Iterator[KeyFigure]:
+        """Yield the stopping distance of each carriage, and of the carrier whose load went farthest."""
+        yield from self._found.values()
+
+    def _begin(self, number: int, kind: str, time: float, last: Snapshot) -> None:
+        """Begin the stop of one vehicle, by index, if it moves."""
+        row, self._stands[number] = self._travel.vehicles[number], True
+        speed = float(last.columns.speed[row])
+        if abs(speed) > SLOWEST and last.columns.attached[row] == 1.0:
+            self._kinds[number], self._over[number], self._under_way = kind, False, True
+            self._start[number], self._begun[number] = speed, time
+            self._way[number] = -abs(speed) * (time - last.time)  # from the last frame to the command
+            self._farthest[number], self._farthest_at[number] = 0.0, time
+
+    def _go_on(self, snapshot: Snapshot) -> None:
+        """Add the travel since the last frame to the stops under way."""
+        numbers = np.flatnonzero(~self._over)
+        steps = self._travel.steps(snapshot, numbers) * np.sign(self._start[numbers])
+        self._way[numbers] += steps
+        farther = numbers[self._way[numbers] > self._farthest[numbers]]
+        self._farthest[farther], self._farthest_at[farther] = self._way[farther], snapshot.time
+        self._over[numbers[np.isnan(steps) | (snapshot.time - self._farthest_at[numbers] > SETTLED)]] = True
+        self._tell(farther)
+
+    def _tell(self, farther: Rows) -> None:
+        """Renew the figures of groups with loads, by index, that have gone farther."""
+        for subject, members in self._groups:
+            moved = [number for number in farther.tolist() if number in members]
+            if not moved:
+                continue
+            number = max(moved, key=lambda one: float(self._farthest[one]))
+            kind, before = self._kinds[number], self._found.get(subject)
+            if before is not None:
+                counts = self._counts[subject] == EMERGENCY and kind == STOP
+                if counts or (before.time == self._begun[number] and before.value >= self._farthest[number]):
+                    continue
+            whose = f"{self._names[self._travel.vehicles[number]]}, " if len(members) > 1 else ""
+            where = f"{whose}{kind} from {abs(self._start[number]):.2f} m/s, its load along the rope, swing included"
+            way, begun = float(self._farthest[number]), float(self._begun[number])
+            self._counts[subject] = kind
+            self._found[subject] = figure("passenger_stopping_distance", subject, "highest", way, begun, where)
+
+
+def _among(rows: list[int], groups: Iterable[Group]) -> list[tuple[Subject, list[int]]]:
+    """Subject of each group with the indices of its vehicles among some rows; groups without any are left out."""
+    found = [(group.subject, [rows.index(row) for row in group.rows if row in rows]) for group in groups]
+    return [(subject, members) for subject, members in found if members]
+
+
+def along_rope(snapshot: Snapshot, vehicles: Rows) -> FloatArray:
+    """Unit vectors (n, 3) along the rope at vehicles by row (n,); NaN for vehicles off the rope."""
+    found = np.full((len(vehicles), 3), nan)
     c, arc, parts = snapshot.columns, snapshot.layout.arc_lengths, list(snapshot.layout.ropes.values())
-    for number, row in enumerate(rows.tolist()):
+    for number, row in enumerate(vehicles.tolist()):
         part = parts[int(np.nan_to_num(c.vehicle_rope[row]))]
         if c.attached[row] == 1.0 and not isnan(c.arc_length[row]):
             after = min(max(int(np.searchsorted(arc[part], c.arc_length[row])), 1), part.stop - part.start - 1)
@@ -257,4 +364,23 @@ def along_rope(snapshot: Snapshot, rows: NDArray[np.intp]) -> FloatArray:
     return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
-__all__ = ["STANDSTILL", "CarriedStops", "Stop", "Stops", "StopsOf", "along_rope"]
+def _placed(c: Columns, bodies: Rows, offsets: FloatArray) -> FloatArray:
+    """Positions (n, 3) in m of points at offsets (n, 3) in m from the centres of bodies, in the axes of these."""
+    turn = c.body_orientation[bodies]
+    twice = 2.0 * np.cross(turn[:, :3], offsets)
+    moved = offsets + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)
+    points: FloatArray = c.body_position[bodies] + np.where(offsets.any(axis=1, keepdims=True), moved, 0.0)
+    return points
+
+
+def _load(vehicle: Carriage) -> tuple[int, FloatArray]:
+    """Return the index of the load-bearing body and the offset (3,) in m of the load from its centre of mass.
+
+    The offset is in the axes of the body.
+    """
+    names, payload = list(vehicle.bodies), vehicle.payload
+    if payload is None:
+        return len(names) - 1, np.zeros(3)
+    place = np.array(payload.position, dtype=np.float64)
+    offset = place if place.size == 3 else np.insert(place, 1, 0.0)
+    return (len(names) - 1 if payload.body is None else names.index(payload.body)), offset

@@ -51,10 +51,10 @@ def checked(
 
 
 def compared(figures: Sequence[KeyFigure], finer: Sequence[KeyFigure]) -> list[KeyFigure]:
-    """Key figures, each with its difference from the figure of equal name of a finer model."""
-    values = {figure.name: figure.value for figure in finer}
+    """Key figures, each with its difference from the figure of equal id of a finer model."""
+    values = {figure.id: figure.value for figure in finer}
     return [
-        replace(figure, uncertainty=abs(values[figure.name] - figure.value)) if figure.name in values else figure
+        replace(figure, uncertainty=abs(values[figure.id] - figure.value)) if figure.id in values else figure
         for figure in figures
     ]
 

@@ -24,7 +24,7 @@ from cable_twin.terminal.command_line import tell
 STDOUT = "-"
 OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"}  # of other files
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
-FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band")
+FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band", "id")
 
 
 class RunTable:
@@ -181,7 +181,7 @@ def figure_columns(figure: KeyFigure) -> dict[str, Any]:
     bound = figure.bound if figure.limit is not None else None
     time = figure.time if math.isfinite(figure.time) else None
     values = (figure.name, numbers[0], figure.unit, time, figure.place, numbers[1], bound, figure.source, figure.kept)
-    return dict(zip(FIGURE_COLUMNS, (*values, figure.band), strict=True))
+    return dict(zip(FIGURE_COLUMNS, (*values, figure.band, str(figure.id)), strict=True))
 
 
 __all__ = ["STDOUT", "Export", "RunTable", "add_export", "export_fault", "figure_columns"]

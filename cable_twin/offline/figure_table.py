@@ -35,7 +35,7 @@ def print_figures(
     and verdict goes to a line below.
     """
     wide = console.width >= WIDE
-    runs = [{figure.name: figure for figure in run} for run in figures]
+    runs = [{figure.id: figure for figure in run} for run in figures]
     lone = len(runs) == 1
     table = Table("key figure", box=box.SIMPLE_HEAD, pad_edge=False)
     for title in ("value",) if lone else LABELS[: len(runs)]:
@@ -46,9 +46,10 @@ def print_figures(
     usual = Counter(figure.band for figure in every).most_common(1)[0][0] if every else ""
     notes = list(dict.fromkeys(figure.source for figure in every if figure.source))
     notes += list(dict.fromkeys(figure.band for figure in every if figure.band not in ("", usual)))
-    for name in dict.fromkeys(name for run in runs for name in run):
-        found = [run.get(name) for run in runs]
+    for key in dict.fromkeys(key for run in runs for key in run):
+        found = [run.get(key) for run in runs]
         present = [figure for figure in found if figure is not None]
+        name = present[0].name
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
         values = ["" if figure is None else shown(figure.value, scale) for figure in found]
@@ -85,23 +86,23 @@ def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
 
 def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
     """Summary of a long table: number and names of exceeded limits; arguments as in `print_figures`."""
-    runs = [{figure.name: figure for figure in run if figure.limit is not None} for run in figures]
-    names = dict.fromkeys(name for run in runs for name in run)
-    if not names:
+    runs = [{figure.id: figure for figure in run if figure.limit is not None} for run in figures]
+    ids = dict.fromkeys(key for run in runs for key in run)
+    if not ids:
         return []
     lines = []
-    for name in names:
-        found = [run.get(name) for run in runs]
+    for key in ids:
+        found = [run.get(key) for run in runs]
         passed = [one for one in found if one is not None and one.verdict not in ("", "kept")]
         if passed:
             verdicts = dict.fromkeys(one.verdict for one in passed)
             labels = [label for label, one in zip(LABELS, found, strict=False) if one in passed]
             who = f" by {' and '.join(labels)}" if len(runs) > 1 else ""
             each = "; ".join(_passed(one, at, unit_at, brief=len(runs) > 1) for one in passed)
-            lines.append(f"  {name}: {' or '.join(verdicts)}{who}: {each}")
+            lines.append(f"  {passed[0].name}: {' or '.join(verdicts)}{who}: {each}")
     if not lines:
-        return [f"all {len(names)} limits are kept" if len(names) > 1 else "the limit is kept"]
-    return [f"{len(lines)} of {len(names)} limits {'is' if len(lines) == 1 else 'are'} not kept:", *lines]
+        return [f"all {len(ids)} limits are kept" if len(ids) > 1 else "the limit is kept"]
+    return [f"{len(lines)} of {len(ids)} limits {'is' if len(lines) == 1 else 'are'} not kept:", *lines]
 
 
 def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:

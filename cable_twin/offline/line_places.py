@@ -9,20 +9,13 @@ import numpy as np
 
 from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Columns, Snapshot
-from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.scenario.command_limits import sense_of, way_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
 
-MOVING = (  # figures of a motion, of which there is none
-    "drive force",
-    "drive power, highest",
-    "drive power, lowest",
-    "speed",
-    "vehicle acceleration",
-    "dynamic amplification, tension over that at the start",
-)
-MARGIN = "deropement margin, load over that at rest"  # at rest 1, or 0 where the rope does not touch
+# quantities of a motion, of which there is none
+MOVING = ("drive_force", "drive_power", "speed", "acceleration", "dynamic_amplification")
 
 
 @dataclass(slots=True)
@@ -104,15 +97,12 @@ def calculate(line: Line, on_place: Callable[[int], None]) -> None:
         alone = KeyFigures(line.scenario)
         alone.update(here)
         values = {f"{one.name} [{one.unit}]": one.value for one in _static(alone.figures())}
-        loads = -here.columns.support_force  # of the cable on what holds it
-        for support, load in zip(here.layout.supports, loads, strict=True):
-            values |= {f"{support}: load along the track [N]": load[0], f"{support}: load downwards [N]": -load[2]}
         line.columns.append(here.columns)
         found.append(values)
         on_place(number + 1)
     names = dict.fromkeys(name for values in found for name in values)
     line.rows = {name: np.array([values.get(name, np.nan) for values in found]) for name in names}
-    line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_vectors(line)]
+    line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_loads(line)]
 
 
 def at_place(line: Line, place: float) -> Simulation:
@@ -154,23 +144,20 @@ def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
     """Key figures with a meaning at rest; of tower margins only those of towers without contact."""
     found = []
     for one in figures:
-        name = one.name.rpartition(": ")[2]
-        if name == MARGIN and one.value == 0.0:
-            found.append(replace(one, place="does not touch"))
-        elif name != MARGIN and name not in MOVING:
+        quantity = one.id.quantity
+        if quantity == "deropement_margin":  # at rest 1, or 0 where the rope does not touch
+            found += [replace(one, place="does not touch")] if one.value == 0.0 else []
+        elif quantity not in MOVING:
             found.append(one)
     return found
 
 
-def _vectors(line: Line) -> list[KeyFigure]:
-    """Key figures of largest and least components of the loads on supports."""
-    found = []
-    for key, values in line.rows.items():
-        name, _, unit = key.removesuffix("]").rpartition(" [")
-        if name.endswith(("load along the track", "load downwards")):
-            for word, at in (("highest", int(np.argmax(values))), ("lowest", int(np.argmin(values)))):
-                found.append(KeyFigure(f"{name}, {word}", float(values[at]), unit, float(line.places[at])))
+def _loads(line: Line) -> list[KeyFigure]:
+    """Add the rows of load components of all supports; returns the figures of their largest and least values."""
+    found, forces = [], np.array([-one.support_force for one in line.columns])  # of the cable on its supports
+    for row, subject in enumerate(supports_of(line.scenario)):
+        for quantity, values in (("load_along_track", forces[:, row, 0]), ("load_downwards", -forces[:, row, 2])):
+            line.rows[f"{subject.name}: {QUANTITIES[quantity].name} [{QUANTITIES[quantity].unit}]"] = values
+            for statistic, at in (("highest", int(np.argmax(values))), ("lowest", int(np.argmin(values)))):
+                found.append(figure(quantity, subject, statistic, float(values[at]), float(line.places[at])))
     return found
-
-
-__all__ = ["Line", "calculate", "plan_line"]

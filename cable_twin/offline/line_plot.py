@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Layout
 from cable_twin.geometry.ground import heights_over_ground
+from cable_twin.key_figures import FigureId
 from cable_twin.offline.line_places import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 
 LIMIT = "#C0392B"
-SAFETY_FACTOR = "rope safety factor"
 SAMPLES = 400  # of x, at which the clearance of ropes is drawn
 HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
 
@@ -182,8 +182,8 @@ def tension_limits(line: Line) -> dict[float, str]:
     """Allowed tension (kN) by the safety factor of a rope, with a label of factor and rope names."""
     shared: dict[tuple[float, float], list[str]] = {}
     for name, rope in line.scenario.cables.items():
-        called = f"{name}: {SAFETY_FACTOR}" if line.scenario.ropes else SAFETY_FACTOR
-        allowed = next((one.limit for one in line.figures if one.name == called), None)
+        factor = FigureId("rope_safety_factor", f"ropes.{name}", "lowest")
+        allowed = next((one.limit for one in line.figures if one.id == factor), None)
         if allowed is not None and rope.breaking_force is not None:
             shared.setdefault((1e-3 * rope.breaking_force / allowed, allowed), []).append(name)
     return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 
-from cable_twin.key_figures import BUFFER_FORCE, DERAILED, ENERGY_LOST, KeyFigure
+from cable_twin.key_figures import KeyFigure
 from cable_twin.messages.figure_messages import describe
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.scripted_run import Outcome
@@ -36,8 +36,8 @@ def report(
         faults: what failed, a line each.
     """
     print_figures(table_console(), [figures])
-    warned = [one for one in figures if one.kept is False and one.name.endswith((ENERGY_LOST, DERAILED))]
-    met = [one for one in figures if one.name.endswith(BUFFER_FORCE)]
+    warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
+    met = [one for one in figures if one.id.quantity == "buffer_force"]
     told = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
     told += [f"refused: {line}" for line in outcome.refused[:5]]
     told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []

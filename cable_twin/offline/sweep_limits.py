@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from cable_twin.key_figures import KeyFigure
+from cable_twin.key_figures import FigureId, KeyFigure
 from cable_twin.key_figures.figure import TOLERANCE
 from cable_twin.offline.sweep_runs import SweptRun
 
@@ -19,6 +19,7 @@ from cable_twin.offline.sweep_runs import SweptRun
 class SweptFigure:
     """One key figure with a limit, at all values in the order of the sweep; None for runs without the figure."""
 
+    id: FigureId
     name: str
     unit: str
     bound: str
@@ -142,12 +143,12 @@ def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
     Of limits that are passed from the first run on, that which is kept again last comes first.
     """
     values = [run.value for run in runs]
-    by_run = [{figure.name: figure for figure in run.figures if figure.limit is not None} for run in runs]
+    by_run = [{figure.id: figure for figure in run.figures if figure.limit is not None} for run in runs]
     found = []
-    for name in dict.fromkeys(name for run in by_run for name in run):
-        figures = [run.get(name) for run in by_run]
+    for key in dict.fromkeys(key for run in by_run for key in run):
+        figures = [run.get(key) for run in by_run]
         one = next(figure for figure in figures if figure is not None)
-        found.append(SweptFigure(name, one.unit, one.bound, one.source, values, figures))
+        found.append(SweptFigure(key, one.name, one.unit, one.bound, one.source, values, figures))
     way = 1.0 if values[-1] >= values[0] else -1.0
 
     def order(figure: SweptFigure) -> tuple[float, ...]:
@@ -208,7 +209,7 @@ def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least:
                 yield gap, end.value
             continue
         broken = [
-            {figure.name: figure for figure in figures if (it := figure.figures[row]) is not None and it.kept is False}
+            {figure.id: figure for figure in figures if (it := figure.figures[row]) is not None and it.kept is False}
             for row in (gap, gap + 1)
         ]
         if broken[0].keys() & broken[1].keys():

@@ -184,7 +184,8 @@ def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windo
 
 
 def _edge(one: Edge) -> dict[str, Any]:
-    return {"value": one.value, "key_figure": None if one.figure is None else one.figure.name}
+    name, key = (None, None) if one.figure is None else (one.figure.name, str(one.figure.id))
+    return {"value": one.value, "key_figure": name, "id": key}
 
 
 def _opened(path: str) -> Any:

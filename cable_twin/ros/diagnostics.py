@@ -250,12 +250,11 @@ def live_hint(run: Run) -> str:
 
 def _highest_tensions(scenario: Scenario, output: Output) -> dict[str, float]:
     """Tension (N) at the limit of each rope's safety factor, where a rope has one."""
-    ropes = {f"{name}: rope": (name, rope) for name, rope in scenario.ropes.items()}
     found = {}
-    for figure, (name, rope) in (ropes or {"rope": ("tension", scenario.cable)}).items():
-        factor = output.figures.limit(f"{figure} safety factor")
+    for name, rope in scenario.cables.items():
+        factor = output.figures.limit("rope_safety_factor", f"ropes.{name}")
         if factor is not None and rope.breaking_force is not None:
-            found[name] = rope.breaking_force / factor
+            found[name if scenario.ropes else "tension"] = rope.breaking_force / factor
     return found
 
 

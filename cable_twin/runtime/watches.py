@@ -7,7 +7,7 @@ from typing import Any
 
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
 from cable_twin.messages import Status
 from cable_twin.messages.figure_messages import OK, WARNING, describe, figure_statuses
 from cable_twin.recording.recorder import CAPACITY, Recorder
@@ -29,7 +29,7 @@ class FigureWatch:
     def __init__(self, figures: KeyFigures) -> None:
         self._figures = figures
         self._lock = threading.Lock()  # so that value, time and place of an extreme belong together
-        self._exceeded: dict[str, KeyFigure] = {}  # by name, with the first value beyond the limit
+        self._exceeded: dict[FigureId, KeyFigure] = {}  # with the first value beyond the limit
         self._contacts: dict[tuple[str, str], float] = {}  # pair of vehicles -> time (s) of its last reported contact
         self._messages: list[str] = []
 
@@ -43,11 +43,11 @@ class FigureWatch:
         with self._lock:
             self._figures.command(applied)
 
-    def limit(self, name: str) -> float | None:
-        """Limit of the key figure of a name, in its unit; None without such a figure or limit."""
+    def limit(self, quantity: str, subject: str) -> float | None:
+        """Limit of the key figure of a quantity and a subject, in its unit; None without such a figure or limit."""
         with self._lock:
             figures = self._figures.figures()
-        return next((figure.limit for figure in figures if figure.name == name), None)
+        return next((one.limit for one in figures if one.id[:2] == (quantity, subject)), None)
 
     def statuses(self) -> list[Status]:
         """Status of each key figure: a warning for an exceeded limit."""
@@ -58,8 +58,8 @@ class FigureWatch:
                 self._contacts[touch.vehicle, touch.other] = touch.time
                 self._messages.append(str(touch))
         for figure in figures:
-            if figure.kept is False and figure.name not in self._exceeded:
-                self._exceeded[figure.name] = figure
+            if figure.kept is False and figure.id not in self._exceeded:
+                self._exceeded[figure.id] = figure
                 self._messages.append(f"limit exceeded: {figure.name}: {describe(figure)}")
         return figure_statuses(figures)
 

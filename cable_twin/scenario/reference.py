@@ -176,7 +176,10 @@ def _entries(model: type[BaseModel]) -> Iterator[Entry]:
     """Entries of the keys of one model."""
     for name, field in model.model_fields.items():
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-        unit, source = str(extra.get("unit", "")), str(extra.get("source", ""))
+        unit, source = (
+            str(extra.get("unit", "")),
+            ", ".join(str(extra[key]) for key in ("source", "clause") if key in extra),
+        )
         meaning = (field.description or "").removesuffix(f" ({unit})")
         sourced = f"{meaning}; {source}" if source else meaning
         yield Entry(name, unit, _default(field), allowed(field, unit=False), sourced)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from named_figures import named
 
-from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.check import refined
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import load_scenario
@@ -22,9 +22,9 @@ from cable_twin.scenario import load_scenario
     ],
 )
 def test_a_verdict_within_its_own_uncertainty_is_none(value, uncertainty, verdict):
-    figure = KeyFigure("acceleration", value, "m/s^2", 1.0, limit=1.5, uncertainty=uncertainty)
+    figure = named("acceleration", value, "m/s^2", 1.0, limit=1.5, uncertainty=uncertainty)
     assert figure.verdict == verdict
-    assert KeyFigure("acceleration", value, "m/s^2", 1.0, uncertainty=uncertainty).verdict == ""
+    assert named("acceleration", value, "m/s^2", 1.0, uncertainty=uncertainty).verdict == ""
 
 
 @pytest.mark.parametrize("elements", [40, {"target": 20.0, "at_towers": 5.0, "growth": 1.44}])

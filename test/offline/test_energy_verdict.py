@@ -7,12 +7,13 @@ import json
 import pytest
 from small_tramway import IN_SPACE, TRAMWAY
 
-from cable_twin.key_figures import ENERGY_LOST, KeyFigures
+from cable_twin.key_figures import QUANTITIES, KeyFigures
 from cable_twin.offline import review, simulate
 from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
+ENERGY_LOST = QUANTITIES["energy_lost"].name
 BEGIN, DURATION = 0.5, 12.0  # s
 
 
@@ -29,7 +30,7 @@ def test_a_running_twin_and_the_log_of_its_run_have_one_verdict(tramway, tmp_pat
     assert review.main([str(run), "--no-viewer", "--json", str(tmp_path / "run.json")]) == 0
     assert ENERGY_LOST not in capsys.readouterr().err
     (reviewed,) = json.loads((tmp_path / "run.json").read_text())["runs"]
-    (found,) = [figure for figure in reviewed["key_figures"] if figure["key_figure"] == ENERGY_LOST]
+    (found,) = [figure for figure in reviewed["key_figures"] if figure["id"] == "energy_lost/solver/highest"]
 
     simulation = Simulation(scenario)
     watch, levels = FigureWatch(KeyFigures(scenario)), set()

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from bags import NO_BAGS, alter, bag, cut_short
 from matplotlib.image import imread
+from named_figures import named
 from rich.console import Console
 from twin_process import environment, write_quick_scenario
 
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.key_figures import KeyFigure
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
 from cable_twin.offline.difference_table import print_differences
@@ -241,8 +241,8 @@ def test_on_a_narrow_terminal_differing_signals_have_their_names(runs, capsys):
 
 
 def test_what_is_below_the_resolution_of_its_unit_is_zero(capsys):
-    noise = KeyFigure("cabin: drive power", 1.442e-7, "W", 1.0, limit=9e5, uncertainty=1.1e-7)
-    small = KeyFigure("cabin: speed", 2.5e-6, "m/s", 1.0)
+    noise = named("cabin: drive power", 1.442e-7, "W", 1.0, limit=9e5, uncertainty=1.1e-7)
+    small = named("cabin: speed", 2.5e-6, "m/s", 1.0)
     print_figures(Console(width=160), [[noise, small]])
     told = capsys.readouterr().out
     assert re.search(r"drive power +0 +kW +at most 900 +kept, ± 0 ", told)
@@ -250,7 +250,7 @@ def test_what_is_below_the_resolution_of_its_unit_is_zero(capsys):
 
 
 def test_notes_are_filled_below_their_text(capsys):
-    noted = KeyFigure("rope tension", 1.0, "N", 1.0, limit=2.0, source="many words " * 12)
+    noted = named("rope tension", 1.0, "N", 1.0, limit=2.0, source="many words " * 12)
     print_figures(Console(width=60), [[noted]])
     note = capsys.readouterr().out.partition("  (1) ")[2].partition("\n\n")[0].splitlines()
     assert len(note) > 2

@@ -8,9 +8,9 @@ from math import atan2, sqrt, tan
 
 import numpy as np
 import pytest
+from named_figures import named
 from ruamel.yaml import YAML
 
-from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.simulate import main
 from cable_twin.offline.sweep_limits import limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import window_lines
@@ -197,7 +197,7 @@ def test_values_and_short_keys():
 def swept(values, **limited):
     """Runs at values, each with figures NAME=(function of the value, limit, bound)."""
     return [
-        SweptRun(value, [KeyFigure(name, read(value), "m", 0.0, limit=limit, bound=bound)
+        SweptRun(value, [named(name, read(value), "m", 0.0, limit=limit, bound=bound)
                          for name, (read, limit, bound) in limited.items() if read(value) is not None])
         for value in values
     ]  # fmt: skip
@@ -254,7 +254,7 @@ def test_limits_that_are_passed_first_come_first_and_say_where_they_are_passed_m
 
 def test_a_limit_that_is_swept_itself_is_met_where_the_figure_has_it():
     values = (1.0, 2.0, 3.0)
-    runs = [SweptRun(one, [KeyFigure("sag", 2.4, "m", 0.0, limit=one)]) for one in values]
+    runs = [SweptRun(one, [named("sag", 2.4, "m", 0.0, limit=one)]) for one in values]
     (figure,) = limited_figures(runs)
     (window,) = windows_of(runs, [figure])
     assert window.low.value == pytest.approx(2.4)
@@ -263,9 +263,9 @@ def test_a_limit_that_is_swept_itself_is_met_where_the_figure_has_it():
 
 def test_limits_that_are_passed_from_the_start_and_those_of_runs_that_have_no_figures():
     def run(value, swing, clearance=None):
-        figures = [KeyFigure("swing", swing, "rad", 0.0, limit=1.0)]
+        figures = [named("swing", swing, "rad", 0.0, limit=1.0)]
         if clearance is not None:
-            figures.append(KeyFigure("clearance", clearance, "m", 0.0, limit=0.0, bound="at least"))
+            figures.append(named("clearance", clearance, "m", 0.0, limit=0.0, bound="at least"))
         return SweptRun(value, figures)
 
     runs = [run(0.0, 0.5, 2.0), run(10.0, 0.8, 1.0), SweptRun(20.0, (), "failed"), run(30.0, 0.9, -1.0)]

@@ -150,13 +150,13 @@ def test_roll_and_key_figures_count_and_the_way_has_an_end(plans, wind_law):
     law.roll.take(0.0, math.radians(12.0))
     assert law(plans.Motion(0.1, 100.0, 0.0, {})) == 0.0
 
-    def status(name, value):
-        values = [SimpleNamespace(key="value", value=str(value)), SimpleNamespace(key="limit", value="0.2")]
-        return SimpleNamespace(name=name, values=values)
+    def status(quantity, value):
+        texts = {"value": str(value), "limit": "0.2", "id": f"{quantity}/carriages.cabin/highest"}
+        return SimpleNamespace(name=quantity, values=[SimpleNamespace(key=k, value=v) for k, v in texts.items()])
 
-    law.judged("cabin", SimpleNamespace(status=[status("cabin: speed", 9.0), status("cabin: swing across", 0.15)]))
+    law.judged("cabin", SimpleNamespace(status=[status("speed", 9.0), status("lateral_swing", 0.15)]))
     assert law.allowed(0.0) == 7.0
-    law.judged("cabin", SimpleNamespace(status=[status("cabin: swing across", 0.17)]))
+    law.judged("cabin", SimpleNamespace(status=[status("lateral_swing", 0.17)]))
     assert law.allowed(0.0) == 2.0
     law.roll.take(1.0, 0.0)
     place, speed, time = 480.0, 0.0, 50.0

@@ -44,15 +44,22 @@ def look_at_ground(ground, rope, attached, body_position, body_angles):
         body_position: (bodies, 3) m.
         body_angles: (bodies, 3) roll, pitch, yaw in rad.
     """
-    lowest = ground.lowest
-    lowest[0, 0] = nan
-    find_lowest(ground.terrain, rope, rope.shape[0], lowest[0])
+    ground.lowest[0, 0] = nan
+    find_lowest(ground.terrain, rope, rope.shape[0], ground.lowest[0])
     for vehicle in range(attached.size):
-        lowest[1 + vehicle, 0] = nan
+        ground.lowest[1 + vehicle, 0] = nan
         if attached[vehicle] != 0.0:
-            for body in range(ground.first_body[vehicle], ground.first_body[vehicle + 1]):
-                count = place_outline(ground, body, body_position[body], body_angles[body, 1])
-                find_lowest(ground.terrain, ground.line, count, lowest[1 + vehicle])
+            look_from_vehicle(ground, vehicle, body_position, body_angles)
+
+
+@kernel
+def look_from_vehicle(ground, vehicle, body_position, body_angles):
+    """Write the least height of one vehicle over the ground to its row of `ground.lowest`."""
+    lowest = ground.lowest[1 + vehicle]
+    lowest[0] = nan
+    for body in range(ground.first_body[vehicle], ground.first_body[vehicle + 1]):
+        count = place_outline(ground, body, body_position[body], body_angles[body, 1])
+        find_lowest(ground.terrain, ground.line, count, lowest)
 
 
 @inlined_kernel
@@ -143,20 +150,27 @@ def look_around(around, rope, attached, body_position, body_orientation):
     """
     around.lowest[:, 0] = nan
     around.nearest[:] = nan
-    ground = around.middle.shape[0] > 0
-    if ground:
+    if around.middle.shape[0] > 0:
         find_least(around, rope, rope.shape[0], around.lowest[0])
     for vehicle in range(attached.size):
-        if attached[vehicle] == 0.0:
-            continue
-        for body in range(around.first_body[vehicle], around.first_body[vehicle + 1]):
-            for side in range(-1, 2):
-                if side != 0 and around.half_width[body] == 0.0:
-                    continue
-                count = place_outline_in_space(around, body, side, body_position[body], body_orientation[body])
-                if ground:
-                    find_least(around, around.line, count, around.lowest[1 + vehicle])
-                find_nearest(around.masts, around.line, count, around.nearest[vehicle])
+        if attached[vehicle] != 0.0:
+            look_around_vehicle(around, vehicle, around.masts, body_position, body_orientation)
+
+
+@kernel
+def look_around_vehicle(around, vehicle, masts, body_position, body_orientation):
+    """Write the least clearances of one vehicle, with distances from masts (n, 4), to its rows of the surroundings."""
+    lowest, nearest = around.lowest[1 + vehicle], around.nearest[vehicle]
+    lowest[0], nearest[0], nearest[1] = nan, nan, nan
+    ground = around.middle.shape[0] > 0
+    for body in range(around.first_body[vehicle], around.first_body[vehicle + 1]):
+        for side in range(-1, 2):
+            if side != 0 and around.half_width[body] == 0.0:
+                continue
+            count = place_outline_in_space(around, body, side, body_position[body], body_orientation[body])
+            if ground:
+                find_least(around, around.line, count, lowest)
+            find_nearest(masts, around.line, count, nearest)
 
 
 @kernel

@@ -1,8 +1,11 @@
-"""Limits of key figures: one table with unit, bound, default and the source of each."""
+"""Limits of key figures: one table with unit, bound, default, source and clause of each.
+
+The table of all quantities, `key_figures/quantities.py`, refers to it by key.
+"""
 
 from __future__ import annotations
 
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, cast
 
 from pydantic import Field
 
@@ -10,7 +13,7 @@ from cable_twin.scenario.sections.quantities import Section
 
 Bound = Literal["at most", "at least"]
 SAFETY = "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope"
-VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550), section 6"
+VORARLBERG = "Vorarlberg's ordinance on ropeways (RIS LVB20000550)"
 TOUCHES = "assumed: nothing may touch the ground"
 
 
@@ -21,6 +24,7 @@ def limit(
     *,
     bound: Bound = "at most",
     source: str = "",
+    clause: str = "",
     **bounds: float,
 ) -> Any:
     """Schema field for the limit of a key figure; null without a limit.
@@ -30,13 +34,14 @@ def limit(
         description: what it is; the unit is added.
         default: value where none is given.
         bound: on which side of it the figure has to be.
-        source: of the default: a standard with its clause, or that it is assumed and why.
+        source: of the default: a standard, or that it is assumed and why.
+        clause: paragraph of the standard, with its number.
         **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
 
     Returns:
         The pydantic field.
     """
-    extra: dict[str, Any] = {"unit": unit, "bound": bound, "source": source}
+    extra: dict[str, Any] = {"unit": unit, "bound": bound, "source": source} | ({"clause": clause} if clause else {})
     return Field(default, description=f"{description} ({unit})", json_schema_extra=extra, **cast(Any, bounds))
 
 
@@ -51,7 +56,12 @@ class KeyFigureLimits(Section):
         ge=0,
     )
     haul_rope_safety_factor: float | None = limit(
-        "-", "the same of haul ropes beside others", 4.5, bound="at least", source=SAFETY, gt=0
+        "-",
+        "lowest breaking force over tension of a haul rope beside track ropes",
+        4.5,
+        bound="at least",
+        source=SAFETY,
+        gt=0,
     )
     tension_per_transverse_load: float | None = limit(
         "-",
@@ -69,14 +79,15 @@ class KeyFigureLimits(Section):
         gt=0,
     )
     lateral_swing: float | None = limit(
-        "rad", "highest swing across the track, in space", 0.2, source=f"{VORARLBERG}: 20 % across", gt=0
+        "rad", "highest swing across the track, in space", 0.2, source=VORARLBERG, clause="section 6: 20 % across", gt=0
     )
     tower_clearance: float | None = limit(
         "m",
         "least distance of a vehicle from a mast, in space",
         0.5,
         bound="at least",
-        source=f"{VORARLBERG}: 0.5 m to the side",
+        source=VORARLBERG,
+        clause="section 6: 0.5 m to the side",
         ge=0,
     )
     vehicle_separation: float | None = limit(
@@ -131,18 +142,25 @@ class KeyFigureLimits(Section):
     )
 
 
-def bound_of(key: str) -> Bound:
-    """Bound of a key of `limits`: "at most" or "at least"."""
-    return cast(Bound, _extra(key)["bound"])
+class LimitRow(NamedTuple):
+    """Row of the table of limits."""
+
+    meaning: str
+    unit: str
+    bound: Bound
+    default: float | None
+    source: str
+    clause: str = ""
+
+    @property
+    def text(self) -> str:
+        """Source of the default with its clause; empty without a default."""
+        return ", ".join(filter(None, (self.source, self.clause)))
 
 
-def source_of(key: str) -> str:
-    """Source of the default of a limit; empty without a default."""
-    return cast(str, _extra(key)["source"])
-
-
-def _extra(key: str) -> dict[str, Any]:
-    return cast(dict[str, Any], KeyFigureLimits.model_fields[key].json_schema_extra)
-
-
-__all__ = ["Bound", "KeyFigureLimits", "bound_of", "source_of"]
+def limit_row(key: str) -> LimitRow:
+    """Row of a key of `limits`."""
+    field = KeyFigureLimits.model_fields[key]
+    extra = cast(dict[str, Any], field.json_schema_extra)
+    meaning = str(field.description).removesuffix(f" ({extra['unit']})")
+    return LimitRow(meaning, default=field.default, **extra)

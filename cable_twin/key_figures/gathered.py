@@ -1,0 +1,464 @@
+"""Key figures of a run from frame to frame: of ropes, supports, drives, vehicles, bullwheels and couplings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from math import atan2, degrees, hypot, inf, isnan, nan, sqrt
+
+import numpy as np
+
+from cable_twin.frame.records import AppliedCommand, Touch
+from cable_twin.frame.snapshot import DERAILED as WAYS_OUT
+from cable_twin.frame.snapshot import ENDS, Layout, Snapshot
+from cable_twin.geometry.ground import ground_of, surroundings_of
+from cable_twin.key_figures.dissipation import Dissipation
+from cable_twin.key_figures.extremes import (
+    PLACE,
+    ROPE,
+    TIME,
+    VALUE,
+    WIND,
+    constants_of,
+    masts_of,
+    no_extremes,
+    ropes_of,
+    supports_of,
+)
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure
+from cable_twin.key_figures.measures import (
+    CLEARANCE_PERIOD,
+    MEAN,
+    take_frame,
+    take_heights,
+    take_passing,
+    take_surroundings,
+)
+from cable_twin.key_figures.passing import boxes_of, no_passing_extremes, pairs_of
+from cable_twin.key_figures.stops import CarriedStops, DriveStops, Group, SeatStops, groups_of
+from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.sections.drives import Limits
+
+EVERY_STEP = "sampled at every solver step"
+LOOKS = f"samples taken every {CLEARANCE_PERIOD:g} s"
+UNFILTERED = "sampled at every frame, unfiltered; EN 50318 filters it with a low-pass of 20 Hz"
+# assumed: ropeway standards specify no filter; anything shorter than 0.2 s is felt as a shock
+MEANS = (
+    f"smoothed twice with a moving average over {MEAN:g} s (-3 dB at {0.319 / MEAN:.1f} Hz); assumed, as no ropeway "
+    "standard specifies a filter"
+)
+ASSUMED_RATIO = "assumed: flanks of 45 degrees with a friction of 0.3 hold up to 0.54 (Nadal)"
+IN_PLACE = "assumed: the rope stays on its towers"
+SIDES = ("onto it", "off it")  # of the strand that comes to a bullwheel, and of that which leaves it
+BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` says how far"
+STILL = 1e-3  # m, of slip, below which there was none
+
+
+class KeyFigures:
+    """Key figures of one run, updated frame by frame.
+
+    Args:
+        scenario: scenario of the run; its `limits` and the limits of its drives are those of the figures.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario, self._ropes, self._rope_names = scenario, ropes_of(scenario), list(scenario.cables)
+        self._vehicles, self._supports = list(scenario.vehicles), supports_of(scenario)
+        self._drives, self._sheaves = list(scenario.drives), list(scenario.sheaves)
+        self._constants, self._extremes = constants_of(scenario), no_extremes(scenario)
+        self._packed = pack(self._extremes), pack(self._constants)
+        self._layout: Layout | None = None  # of the frames so far
+        self._next_look = -inf  # s, at which clearances are due
+        in_space = scenario.dim == 3
+        self._look = take_surroundings if in_space else take_heights
+        looks = in_space or scenario.terrain
+        self._around = pack(surroundings_of(scenario) if in_space else ground_of(scenario)) if looks else None
+        passes = in_space and len(scenario.ropes) > 1 and len(scenario.vehicles) > 1
+        self._passing = no_passing_extremes(scenario) if passes else None
+        self._packed_passing = (pack(self._passing), pack(boxes_of(scenario))) if passes else None
+        self._masts = masts_of(scenario) if in_space else []
+        self._last, self._period = nan, nan  # s, time of the last frame and from one to the next
+        self._groups = groups_of(scenario)
+        driven = {
+            name: Subject(f"carriages.{name}", name)
+            for name, one in scenario.carriages.items()
+            if one.joint == "sliding" and not one.clamped_to
+        }
+        subjects = driven | {name: Subject(f"drives.{name}", name) for name in self._drives}
+        on_bullwheels = {name for name, one in scenario.drives.items() if one.sheave}
+        self._stops = DriveStops(subjects, self._motion, on_bullwheels)
+        self._carried, self._seats = CarriedStops(scenario), SeatStops(scenario)
+        self._dissipation = Dissipation(scenario)
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take in one snapshot, in order of time.
+
+        Raises:
+            ValueError: its layout is not that of the scenario.
+        """
+        if snapshot.layout is not self._layout:
+            self._take_layout(snapshot.layout)
+        self._carried.update(snapshot)
+        self._seats.update(snapshot)
+        time = snapshot.time
+        passed = time - self._last
+        if passed > 0.0 and not passed >= self._period:
+            self._period = passed
+        self._last = time
+        self._dissipation.update(time, snapshot.solver)
+        self._numbers[:] = snapshot.numbers
+        take_frame(*self._packed, self._arc_lengths, self._first_sample, self._packed_columns)
+        if self._around is not None and time >= self._next_look:
+            self._next_look = time + CLEARANCE_PERIOD * (1.0 - 1e-9)
+            self._look(*self._packed, self._around, self._first_sample, self._packed_columns)
+            if self._packed_passing is not None:
+                take_passing(*self._packed_passing, self._packed_columns)
+        self._stops.update(time)
+
+    def _take_layout(self, layout: Layout) -> None:
+        """Allocate the columns that each frame of a layout is copied into."""
+        scenario = self._scenario
+        names = {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()}
+        others = [*scenario.pantographs, *scenario.connectors]
+        own = names, [one.name for one in self._supports], self._drives, self._sheaves, others
+        theirs = layout.vehicles, [*layout.supports], [*layout.drives], [*layout.sheaves]
+        if own != (*theirs, [*layout.pantographs, *layout.connectors]):
+            raise ValueError("snapshots of another scenario: its vehicles, supports or drives have other names")
+        self._layout, self._arc_lengths = layout, layout.arc_lengths
+        self._first_sample = np.array([0, *(part.stop for part in layout.ropes.values())], np.int64)
+        self._numbers = np.empty(layout.size)
+        self._columns = layout.columns(self._numbers)
+        self._packed_columns = pack(self._columns)
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Take in a command at the time of its effect."""
+        if applied.command.kind == "reset":  # nothing before it is a part of the motion
+            self._extremes.passed_time[:] = nan
+        for stops in (self._stops, self._carried, self._seats):
+            stops.command(applied)
+
+    def touches(self) -> list[Touch]:
+        """Return the last touch of each vehicle with a vehicle after it on its rope."""
+        return [self._touch(row, touch) for row, touch in enumerate(self._extremes.touch) if not isnan(touch[0])]
+
+    def figures(self) -> list[KeyFigure]:
+        """Return all figures with a value so far."""
+        if self._layout is None:
+            return []
+        frames = "" if isnan(self._period) else f"samples taken every {self._period:.4g} s"
+        found = []
+        for rope in range(len(self._ropes)):
+            of_rope = [
+                *self._of_rope(rope),
+                *self._of_supports(rope),
+                *(one for name in self._drives if not self._sheaves for one in self._of_drive(name)),
+                *(
+                    one
+                    for group in self._groups
+                    if self._told_by(group, rope)
+                    for one in self._of_vehicles(group, rope)
+                ),
+                *self._of_buffers(rope),
+            ]
+            found += [one if one.band else replace(one, band=frames) for one in of_rope]
+        if self._sheaves:
+            found += [one for name in self._drives for one in self._of_drive(name)]
+            found += [one for row, name in enumerate(self._sheaves) for one in self._of_sheave(row, name)]
+            found += self._of_loads()
+        found += [one.limited_by(self._scenario) for one in self._carried.figures()]
+        found += [*self._seats.figures(), *self._of_couplings(), *self._of_passing()]
+        found.append(self._dissipation.figure(self._last))
+        return [one for one in found if not isnan(one.value)]
+
+    def _motion(self, name: str) -> tuple[float, float]:
+        """Position (m) and speed (m/s) of a drive or a driven vehicle in the last frame."""
+        c = self._columns
+        if name in self._drives:
+            index = self._drives.index(name)
+            return float(c.drive_position[index]), float(c.drive_speed[index])
+        index = self._vehicles.index(name)
+        return float(c.arc_length[index]), float(c.speed[index])
+
+    def _rope(self, rope: int, place: str = "") -> Subject:
+        """Subject of figures of a rope or a part of it, with the name of the rope among several."""
+        name = self._rope_names[rope]
+        return Subject(f"ropes.{name}{place}", name if self._scenario.ropes else "")
+
+    def _of_rope(self, rope: int) -> Iterator[KeyFigure]:
+        scenario, subject, extremes = self._ropes[rope], self._rope(rope), self._extremes
+        highest = extreme("rope_tension", subject, "highest", extremes.tension[rope])
+        yield highest
+        yield extreme("rope_tension", subject, "lowest", extremes.lowest_tension[rope])
+        breaking_force, first, reached = scenario.cable.breaking_force, extremes.first_tension[rope], highest.time
+        if breaking_force is not None and highest.value > 0.0:
+            factor = breaking_force / highest.value
+            one = figure("rope_safety_factor", subject, "lowest", factor, reached, highest.place)
+            yield one.limited_by(scenario)
+        if first > 0.0:
+            ratio = highest.value / float(first)
+            one = figure("dynamic_amplification", subject, "highest", ratio, reached, highest.place)
+            yield one.limited_by(scenario)
+        spans = list(pairwise(["start", *scenario.towers, "end"]))
+        for number, (start, end) in enumerate(spans, self._constants.first_support[rope]):
+            span = self._rope(rope, f".{start}+{end}")
+            detail = "" if len(spans) == 1 else f", {start} to {end}"
+            yield extreme("sag", span, "highest", extremes.sag[number], "x", detail=detail).limited_by(scenario)
+        clearance = extreme("rope_clearance", subject, "lowest", extremes.rope_clearance[rope], "x")
+        yield replace(clearance.limited_by(scenario), band=LOOKS)
+
+    def _of_supports(self, rope: int) -> Iterator[KeyFigure]:
+        scenario, extremes = self._ropes[rope], self._extremes
+        first, last = self._constants.first_support[rope : rope + 2]
+        for row in range(first, last):
+            subject, end = self._supports[row], ENDS[row - first] if row - first < len(ENDS) else ""
+            load = extreme("support_load", subject, "highest", extremes.load[row])
+            yield load.limited_by(scenario)
+            yield extreme("support_load", subject, "lowest", extremes.lowest_load[row])
+            margin = extreme("deropement_margin", subject, "lowest", extremes.margin[row])
+            if margin.value == 0.0 and load.value == 0.0:
+                margin = replace(margin, place="does not touch")
+            yield replace(margin.limited_by(scenario), band=EVERY_STEP)
+            roller = extreme("roller_load", subject, "lowest", extremes.roller_load[row])
+            count = int(self._constants.rollers[row])
+            touches = f"mean of {count} rollers" if count > 1 else "one roller"
+            roller = replace(roller, place="does not touch" if load.value == 0.0 else touches)
+            yield replace(roller.limited_by(scenario), band=EVERY_STEP)
+            if self._constants.in_space and not end:
+                yield from self._of_groove(subject, row, scenario)
+            travel = getattr(scenario.cable, end).travel if end else None
+            low, high = travel or (None, None)
+            source = f"scenario: {self._scenario.rope_key(self._rope_names[rope])}.{end}.travel"
+            yield extreme("counterweight_travel", subject, "highest", extremes.travel[row]).limited(high, source)
+            yield extreme("counterweight_travel", subject, "lowest", extremes.lowest_travel[row]).limited(low, source)
+
+    def _of_groove(self, subject: Subject, row: int, scenario: Scenario) -> Iterator[KeyFigure]:
+        """Figures of the groove of a tower in space."""
+        extremes, name = self._extremes, subject.name
+        tower = scenario.towers[name]
+        yield extreme("lateral_force", subject, "highest", extremes.lateral[row])
+        ratio = extreme("lateral_ratio", subject, "highest", extremes.lateral_ratio[row])
+        own = tower.derailment_ratio != type(tower).model_fields["derailment_ratio"].default
+        source = f"scenario: towers.{name}.derailment_ratio" if own else ASSUMED_RATIO
+        yield replace(ratio.limited(tower.derailment_ratio, source), band=EVERY_STEP)
+        way, time = extremes.derailed[row, VALUE], float(extremes.derailed[row, TIME])
+        if way > 0.0:
+            x, y, z = scenario.vector(tower.position)
+            place = f"x {x:.1f}, y {y:.1f}, z {z:.1f} m, {WAYS_OUT[int(way)]}, {wind_at(extremes.derailed[row])}"
+            one = figure("derailed", subject, "highest", 1.0, time, place).limited(0.0, IN_PLACE)
+            yield replace(one, band=EVERY_STEP)
+
+    def _of_drive(self, name: str) -> Iterator[KeyFigure]:
+        """Figures of a drive of ropes."""
+        subject, source = Subject(f"drives.{name}", name), f"scenario: drives.{name}.limits"
+        row, limits = len(self._vehicles) + self._drives.index(name), self._scenario.drives[name].limits
+        yield from self._of_motion(subject, row, limits, source, "rope travel")
+        yield from (one.limited_by(self._scenario) for one in self._stops.figures(name))
+
+    def _of_motion(
+        self, subject: Subject, row: int, limits: Limits, source: str, at: str = "arc length"
+    ) -> Iterator[KeyFigure]:
+        """Figures of a driven vehicle or a drive against its limits; `at` names the coordinate of the place."""
+        extremes, least = self._extremes, None if limits.power is None else -limits.power
+        yield extreme("speed", subject, "highest", extremes.speed[row], at).limited(limits.speed, f"{source}.speed")
+        force = extreme("drive_force", subject, "highest", extremes.force[row], at)
+        yield force.limited(limits.force, f"{source}.force")
+        power = extreme("drive_power", subject, "highest", extremes.power[row], at)
+        yield power.limited(limits.power, f"{source}.power")
+        braking = extreme("drive_power", subject, "lowest", extremes.lowest_power[row], at)
+        yield braking.limited(least, f"{source}.power")
+
+    def _told_by(self, group: Group, rope: int) -> bool:
+        """Whether the figures of a group come with those of a rope: carriers, who ride several, with the last."""
+        name = group.subject.name
+        if group.subject.key == "carriers":
+            return rope == max(number for number, one in enumerate(self._ropes) if one.carriers is not None)
+        return name in self._ropes[rope].carriages
+
+    def _of_vehicles(self, group: Group, rope: int) -> Iterator[KeyFigure]:
+        """Figures of a carriage, or of the worst vehicle of a group."""
+        scenario, subject, extremes = self._ropes[rope], group.subject, self._extremes
+        carriage = scenario.carriages.get(subject.name)
+        if carriage is None or carriage.joint == "clamped":
+            yield self._worst("speed", group, "highest", extremes.speed)
+        else:
+            source = f"scenario: carriages.{subject.name}.drive.limits"
+            yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source)
+        acceleration = self._worst("acceleration", group, "highest", extremes.acceleration)
+        yield replace(acceleration.limited_by(scenario), band=MEANS)
+        yield self._worst("swing", group, "highest", extremes.swing).limited_by(scenario)
+        if self._constants.in_space:
+            yield self._worst("lateral_swing", group, "highest", extremes.roll).limited_by(scenario)
+            clearance = self._worst("tower_clearance", group, "lowest", extremes.mast_clearance, "mast")
+            yield replace(clearance.limited_by(scenario), band=LOOKS)
+        yield self._worst("contact_force", group, "highest", extremes.contact_force)
+        yield self._worst("haul_force", group, "highest", extremes.haul_force)
+        ratio = self._worst("tension_per_transverse_load", group, "lowest", extremes.tension_ratio)
+        yield ratio.limited_by(scenario, clamped=bool(self._constants.clamped[group.rows[0]]))
+        height = self._worst("vehicle_clearance", group, "lowest", extremes.clearance, "x")
+        yield replace(height.limited_by(scenario), band=LOOKS)
+        if carriage is not None:
+            yield from (one.limited_by(scenario) for one in self._stops.figures(subject.name))
+
+    def _worst(
+        self, quantity: str, group: Group, statistic: str, extremes: FloatArray, at: str = "arc length"
+    ) -> KeyFigure:
+        """Figure of the worst vehicle of a group, with its name in a group of several and its rope among several."""
+        row = worst_of(extremes, group.rows, statistic)
+        found, mast = extreme(quantity, group.subject, statistic, extremes[row], at), extremes[row, PLACE]
+        if isnan(found.value):
+            return found
+        place = found.place
+        if at == "mast":
+            place = ", ".join(filter(None, (self._masts[int(mast)], wind_at(extremes[row]))))
+        place = place if len(group.rows) == 1 else f"{self._vehicles[row]}, {place}"
+        if group.subject.key == "carriers" and self._scenario.ropes:
+            place = f"{self._rope_names[int(extremes[row, ROPE])]}: {place}"
+        return replace(found, place=place)
+
+    def _touch(self, row: int, touch: FloatArray) -> Touch:
+        """Touch of a vehicle with a vehicle after it on its rope."""
+        other, place, speed, time = touch.tolist()
+        return Touch(self._vehicles[row], self._vehicles[self._row_on_rope(row, int(other))], time, place, speed)
+
+    def _row_on_rope(self, row: int, number: int) -> int:
+        """Row of a vehicle by its number on the rope of another one."""
+        assert self._layout is not None
+        joints = self._layout.joints
+        rope = joints[joints[:, 1] == row, 0][0]
+        return int(joints[joints[:, 0] == rope, 1][number])
+
+    def _of_buffers(self, rope: int) -> Iterator[KeyFigure]:
+        """Highest buffer force of each pair of vehicles of a rope in contact so far."""
+        for row in np.flatnonzero(~np.isnan(self._extremes.push[:, VALUE])).tolist():
+            if max(self._constants.vehicle_rope[row], 0) != rope:
+                continue
+            touch = self._touch(row, self._extremes.push_touch[row])
+            keys = [f"carriages.{name}" for name in (touch.vehicle, touch.other)]
+            subject = Subject("+".join(keys), f"{touch.vehicle} and {touch.other}")
+            place = f"met at {touch.speed:.3g} m/s at {touch.time:.2f} s, arc length {touch.place:.1f} m"
+            one = extreme("buffer_force", subject, "highest", self._extremes.push[row])
+            yield replace(one, place=place, band=EVERY_STEP)
+
+    def _of_sheave(self, row: int, name: str) -> Iterator[KeyFigure]:
+        """Figures of a bullwheel."""
+        extremes, sheave, subject = self._extremes, self._scenario.sheaves[name], Subject(f"sheaves.{name}", name)
+        for side, (joined, where) in enumerate(zip(sheave.joins, SIDES, strict=True)):
+            rope = joined.partition(".")[0]
+            strand = Subject(f"sheaves.{name}.{rope}", name)
+            for kept, which in ((extremes.side_tension, "highest"), (extremes.lowest_side_tension, "lowest")):
+                one = extreme("strand_tension", strand, which, kept[row, side], detail=rope)
+                yield replace(one, place=f"runs {where}")
+        adhesion = extreme("adhesion_used", subject, "highest", extremes.adhesion[row])
+        source = f"scenario: sheaves.{name}, friction {sheave.friction:g} times wrap {sheave.wrap:.4g} rad: {BEYOND}"
+        yield adhesion.limited(1.0, source)
+        slip = extreme("rope_slip", subject, "highest", extremes.slip[row])
+        if slip.value > STILL:
+            yield slip
+        if sheave.rollback is not None:
+            one = extreme("rollback", subject, "highest", extremes.rolled_back[row])
+            source = f"scenario: sheaves.{name}.rollback of {sheave.rollback:g} m"
+            yield replace(one, place="1 stands for yes, 0 for no").limited(0.0, source)
+        if any(drive.sheave == name for drive in self._scenario.drives.values()):
+            yield extreme("drive_torque", subject, "highest", extremes.torque[row])
+        if sheave.tensioning is not None:
+            low, high = sheave.tensioning.travel
+            kind = "counterweight" if sheave.counterweight else "hydraulics"
+            source = f"scenario: sheaves.{name}.{kind}.travel"
+            yield extreme(f"{kind}_travel", subject, "highest", extremes.sheave_travel[row]).limited(high, source)
+            yield extreme(f"{kind}_travel", subject, "lowest", extremes.lowest_sheave_travel[row]).limited(low, source)
+
+    def _of_loads(self) -> Iterator[KeyFigure]:
+        """Figures of the load of carriers on each strand that they hang from."""
+        if self._scenario.carriers is not None:
+            for row, rope in enumerate(self._scenario.ropes):
+                if rope not in self._scenario.carriers.tracks:  # else they hang from its track
+                    load = extreme("carried_load", self._rope(row), "highest", self._extremes.carried[row])
+                    yield replace(load, place="carriers and payload")
+
+    def _of_couplings(self) -> Iterator[KeyFigure]:
+        """Figures of pantographs, of clamps on haul ropes and of connectors between ropes."""
+        extremes, scenario, last = self._extremes, self._scenario, self._last
+        for row, name in enumerate(scenario.pantographs):
+            frames, subject = float(extremes.frames[row]), Subject(f"pantographs.{name}", name)
+            if not frames:
+                continue
+            mean, deviation = float(extremes.mean_force[row]), sqrt(extremes.square_force[row] / frames)
+            share = 100.0 * float(extremes.lost[row]) / frames
+            found = [
+                figure("pantograph_force", subject, "mean", mean, last),
+                figure("pantograph_force", subject, "standard deviation", deviation, last),
+                extreme("pantograph_force", subject, "highest", extremes.pantograph_force[row], "x"),
+                extreme("pantograph_force", subject, "lowest", extremes.lowest_pantograph_force[row], "x"),
+                figure("contact_loss", subject, "mean", share, last),
+            ]
+            yield from (replace(one, band=UNFILTERED) for one in found)
+        rides_tracks = scenario.carriers is not None and scenario.carriers.tracks
+        for group in self._groups:
+            carriage = scenario.carriages.get(group.subject.name)
+            if carriage.clamped_to if carriage is not None else rides_tracks:
+                row = worst_of(extremes.force, group.rows, "highest")
+                detail, which = ("the", f"{self._vehicles[row]}, ") if len(group.rows) > 1 else ("its", "")
+                one = extreme("clamp_force", group.subject, "highest", extremes.force[row], detail=detail)
+                yield replace(one, place=f"{which}{one.place}")
+        if scenario.connectors:
+            names, subject = list(scenario.connectors), Subject("connectors", "connectors")
+            most, longest = worst_of(extremes.pull, range(len(names)), "highest"), int(np.argmax(extremes.slack))
+            yield replace(extreme("connector_force", subject, "highest", extremes.pull[most]), place=names[most])
+            slack = float(extremes.slack[longest])
+            yield figure("connector_slack", subject, "highest", slack, last, names[longest])
+
+    def _of_passing(self) -> Iterator[KeyFigure]:
+        """Clearance of each pair of groups of vehicles that came near each other."""
+        if self._passing is None:
+            return
+        for row, one, other in pairs_of(self._scenario):
+            if not self._passing.clearance[row, VALUE] >= 0.0:
+                continue
+            both = [self._groups[number].subject for number in dict.fromkeys((one, other))]
+            subject, names = Subject("+".join(each.key for each in both)), " and ".join(each.name for each in both)
+            found = extreme("vehicle_separation", subject, "lowest", self._passing.clearance[row], detail=names)
+            who, beside = (self._vehicles[number] for number in self._passing.pair[row].tolist())
+            place = f"{who} at {found.place}" if one != other else f"{who} and {beside}, {found.place}"
+            yield replace(replace(found, place=place).limited_by(self._scenario), band=LOOKS)
+
+
+def compile_figures(scenario: Scenario, first: Snapshot) -> None:
+    """Compile the kernels of the key figures on the first snapshot of a run, before its frames are due."""
+    KeyFigures(scenario).update(first)
+
+
+def extreme(
+    quantity: str, subject: Subject, statistic: str, row: FloatArray, at: str = "arc length", *, detail: str = ""
+) -> KeyFigure:
+    """Key figure of one extreme, without a limit; NaN without a value so far.
+
+    Args:
+        quantity: row of `QUANTITIES`.
+        subject: it is of.
+        statistic: highest or lowest.
+        row: (EXTREME,) the extreme.
+        at: name of the coordinate of its place.
+        detail: for the {} of the name.
+    """
+    where = "" if isnan(row[PLACE]) else f"{at} {round(float(row[PLACE]), 1) + 0.0:.1f} m"
+    place = ", ".join(filter(None, (where, wind_at(row))))
+    return figure(quantity, subject, statistic, float(row[VALUE]), float(row[TIME]), place, detail=detail)
+
+
+def wind_at(row: FloatArray) -> str:
+    """Wind at the time of an extreme, as text: speed and heading from the track to its left; empty without a value."""
+    x, y, z = row[WIND:].tolist()
+    speed = hypot(x, y, z)
+    if isnan(speed) or speed == 0.0:
+        return "" if isnan(speed) else "no wind"
+    return f"wind {speed:.1f} m/s to {degrees(atan2(y, x)):.0f} deg"
+
+
+def worst_of(extremes: FloatArray, rows: Sequence[int], statistic: str) -> int:
+    """Row with the most extreme value; of equal ones that on the first rope, then the first."""
+    among = np.asarray(rows, np.intp)
+    values = extremes[among, VALUE] * (1.0 if statistic == "lowest" else -1.0)
+    return int(among[np.lexsort((extremes[among, ROPE], values))[0]])

@@ -1,0 +1,450 @@
+"""Extremes from a frame, in a single kernel call of a few microseconds; clearances in another one, less often."""
+
+from __future__ import annotations
+
+from math import inf, isnan, log, nan, sqrt
+
+from cable_twin.key_figures.extremes import NO_ROPE, PLACE, PLACES, ROPE, TIME, VALUE, WIND
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import copy_array
+from cable_twin.mechanics.readout.clearances import (
+    box_distance,
+    find_least,
+    find_lowest,
+    look_around_vehicle,
+    look_from_vehicle,
+)
+
+CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at clearances
+MEAN = 0.2  # s over which accelerations are means of means: what is shorter is a shock, and of the mesh
+LOOK = 0.05  # s between two positions that accelerations are made of, in frames that come more often
+NEAR = 30.0  # m between the joints of two vehicles, below which their distance is taken
+SLACK = 1.0  # N, of a strand with less: so that the ratio of both tensions is a number
+
+
+@inlined_kernel
+def store(extremes, index, value, time, place, rope):
+    """Write an extreme: value, time (s), place and number of the rope."""
+    row = extremes[index]
+    row[VALUE], row[TIME], row[PLACE], row[ROPE] = value, time, place, rope
+
+
+@inlined_kernel
+def highest(extremes, index, value, time, place, rope):
+    """Take in a value of one object for its highest value; the first of equal values is kept, NaN is ignored."""
+    if value > extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
+        store(extremes, index, value, time, place, rope)
+
+
+@inlined_kernel
+def lowest(extremes, index, value, time, place, rope):
+    """Take in a value of one object for its lowest value; the first of equal values is kept, NaN is ignored."""
+    if value < extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
+        store(extremes, index, value, time, place, rope)
+
+
+@kernel
+def highest_in_wind(extremes, index, value, time, place, rope, wind):
+    """Take in a value for a highest value with the wind (3,) in m/s at its time; NaN in a plane."""
+    if value > extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
+        store(extremes, index, value, time, place, rope)
+        for axis in range(3):
+            extremes[index, WIND + axis] = wind[axis]
+
+
+@kernel
+def lowest_in_wind(extremes, index, value, time, place, rope, wind):
+    """Take in a value for a lowest value with the wind (3,) in m/s at its time; NaN in a plane."""
+    if value < extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
+        store(extremes, index, value, time, place, rope)
+        for axis in range(3):
+            extremes[index, WIND + axis] = wind[axis]
+
+
+@kernel
+def take_frame(extremes, constants, arc_lengths, first_sample, columns):
+    """Take in the columns of a frame, in order of time.
+
+    Args:
+        extremes: result.
+        constants: of the scenario.
+        arc_lengths: (samples,) m, of the samples of all ropes.
+        first_sample: (ropes + 1,) number of the first sample of each rope.
+        columns: the frame.
+    """
+    time = columns.time[0]
+    if constants.in_space:
+        copy_array(columns.wind, extremes.wind)
+    for rope in range(constants.length.size):
+        high, low = columns.highest_tension[rope], columns.lowest_tension[rope]
+        highest(extremes.tension, rope, high[0], time, high[1], rope)
+        lowest(extremes.lowest_tension, rope, low[0], time, low[1], rope)
+        if isnan(extremes.first_tension[rope]):
+            extremes.first_tension[rope] = extremes.tension[rope, VALUE]
+        take_sag(extremes, constants, time, rope, first_sample, columns)
+    take_supports(extremes, constants, time, columns)
+    vehicles = columns.arc_length.size
+    for drive in range(columns.drive_position.size):
+        position, speed = columns.drive_position[drive], columns.drive_speed[drive]
+        take_drive(extremes, vehicles + drive, time, position, NO_ROPE, speed, columns.moving_cable_force[drive])
+    take_vehicles(extremes, constants, time, arc_lengths, first_sample, columns)
+    take_sheaves(extremes, constants, time, columns)
+    take_couplings(extremes, time, columns)
+    extremes.last_time[0] = time
+
+
+@inlined_kernel
+def rope_of(constants, columns, vehicle):
+    """Number of the rope on which a vehicle is; NO_ROPE where the frame does not say it."""
+    rope = constants.vehicle_rope[vehicle]
+    if rope != NO_ROPE or isnan(columns.vehicle_rope[vehicle]):
+        return rope
+    return int(columns.vehicle_rope[vehicle])
+
+
+@kernel
+def take_sag(extremes, constants, time, rope, first_sample, columns):
+    """Take in the sag of one rope below the chord of each span between supports; an upright rope has no sag.
+
+    Deepest of all is where a vehicle hangs, which is between points. A span without a point takes the next one, so that
+    no span goes without.
+    """
+    points, corner = columns.rope_position, extremes.corner
+    first, last = first_sample[rope], first_sample[rope + 1] - 1
+    start, end = constants.first_support[rope], constants.first_support[rope + 1] - 1  # corners of the rope
+    corner[start, 0], corner[start, 1] = points[first, 0], points[first, 2]
+    corner[end, 0], corner[end, 1] = points[last, 0], points[last, 2]
+    way = corner[end, 0] - corner[start, 0]
+    if not abs(way) > 0.0:
+        return
+    span, seen = start, start  # `seen`: first span without a point so far
+    for point in range(first, last + 1):
+        x = points[point, 0]
+        while span + 1 < end and way * (x - corner[span + 1, 0]) >= 0.0:
+            span += 1
+        depth = below_chord(corner, span, x, points[point, 2])
+        for above in range(min(seen, span), span + 1):
+            highest(extremes.sag, above, depth, time, x, rope)
+        seen = span + 1
+    for vehicle in range(columns.attached.size):
+        if columns.attached[vehicle] != 0.0 and rope_of(constants, columns, vehicle) == rope:
+            x, z, span = columns.joint_position[vehicle, 0], columns.joint_position[vehicle, 2], start
+            while span + 1 < end and way * (x - corner[span + 1, 0]) >= 0.0:
+                span += 1
+            highest(extremes.sag, span, below_chord(corner, span, x, z), time, x, rope)
+
+
+@inlined_kernel
+def below_chord(corner, span, x, z):
+    """Depth (m) of a point below the chord of a span."""
+    rise = (corner[span + 1, 1] - corner[span, 1]) / (corner[span + 1, 0] - corner[span, 0])
+    return corner[span, 1] + rise * (x - corner[span, 0]) - z
+
+
+@kernel
+def take_supports(extremes, constants, time, columns):
+    """Take in loads and margins of all supports, travel of counterweights, and grooves in space."""
+    for support in range(columns.support_travel.size):
+        load, travel = size(columns.support_force[support]), columns.support_travel[support]
+        highest(extremes.load, support, load, time, nan, NO_ROPE)
+        lowest(extremes.lowest_load, support, load, time, nan, NO_ROPE)
+        at_rest, least = columns.tower_rest_load[support], columns.tower_lowest_load[support]
+        if at_rest > 0.0:
+            lowest(extremes.margin, support, least / at_rest, time, nan, NO_ROPE)
+        elif at_rest == 0.0:  # not of an end, which has none
+            lowest(extremes.margin, support, 0.0, time, nan, NO_ROPE)
+        if constants.rollers[support] > 0.0:
+            lowest(extremes.roller_load, support, least / constants.rollers[support], time, nan, NO_ROPE)
+        highest(extremes.travel, support, travel, time, nan, NO_ROPE)
+        lowest(extremes.lowest_travel, support, travel, time, nan, NO_ROPE)
+        if constants.in_space:
+            wind, ratio = extremes.wind, columns.tower_lateral_ratio[support]
+            highest_in_wind(extremes.lateral, support, abs(columns.tower_lateral[support]), time, nan, NO_ROPE, wind)
+            highest_in_wind(extremes.lateral_ratio, support, ratio, time, nan, NO_ROPE, wind)
+            way, out = columns.tower_derailed[support], columns.tower_derailed_time[support]
+            if way > 0.0:
+                highest_in_wind(extremes.derailed, support, way, out, nan, NO_ROPE, wind)
+
+
+@inlined_kernel
+def take_drive(extremes, index, time, place, rope, speed, force):
+    """Take in place (m), speed (m/s) and force (N) of a driven vehicle or a drive."""
+    highest(extremes.speed, index, abs(speed), time, place, rope)
+    highest(extremes.force, index, abs(force), time, place, rope)
+    highest(extremes.power, index, force * speed, time, place, rope)
+    lowest(extremes.lowest_power, index, force * speed, time, place, rope)
+
+
+@kernel
+def take_vehicles(extremes, constants, time, arc_lengths, first_sample, columns):
+    """Take in speed, swing, forces, acceleration and touches of all vehicles."""
+    looks, wind = begin_look(extremes, time, columns), extremes.wind
+    for vehicle in range(columns.arc_length.size):
+        body, place = constants.first_body[vehicle + 1] - 1, columns.arc_length[vehicle]  # the last body
+        rope, counts = rope_of(constants, columns, vehicle), False
+        if columns.attached[vehicle] != 0.0 and rope != NO_ROPE:
+            force = columns.drive_force[vehicle]
+            take_drive(extremes, vehicle, time, place, rope, columns.speed[vehicle], force)
+            angles = columns.body_angles[body]
+            highest_in_wind(extremes.swing, vehicle, abs(angles[1]), time, place, rope, wind)
+            if constants.in_space:
+                highest_in_wind(extremes.roll, vehicle, abs(angles[0]), time, place, rope, wind)
+            rails = constants.end_element[rope] if constants.clamped[vehicle] else -inf
+            counts = not (place < rails or constants.length[rope] - place < rails)
+        if counts:
+            force = columns.contact_force[vehicle]
+            highest(extremes.contact_force, vehicle, size(force), time, place, rope)
+            highest(extremes.haul_force, vehicle, size(columns.haul_pull[vehicle]), time, place, rope)
+            if not isnan(place):
+                first, last = first_sample[rope], first_sample[rope + 1] - 1
+                ratio = tension_ratio(arc_lengths, first, last, columns, place, force)
+                lowest(extremes.tension_ratio, vehicle, ratio, time, place, rope)
+        if looks:
+            here = extremes.passed[extremes.passed_last[0], vehicle]
+            for axis in range(3):
+                here[axis] = columns.body_position[body, axis] if counts else nan
+            here[3], here[4] = place, rope
+            take_acceleration(extremes, vehicle)
+        if columns.touched[vehicle] > 0.0:
+            take_touch(extremes, vehicle, time, columns)
+
+
+@kernel
+def take_touch(extremes, vehicle, time, columns):
+    """Take in the last touch of a vehicle with a vehicle after it, and the highest force between their buffers."""
+    touch = extremes.touch[vehicle]
+    touch[0], touch[1] = columns.touched[vehicle] - 1.0, columns.touch_place[vehicle]
+    touch[2], touch[3] = columns.touch_speed[vehicle], columns.touch_time[vehicle]
+    push = columns.push_highest[vehicle]
+    if push > 0.0 and not push <= extremes.push[vehicle, VALUE]:
+        store(extremes.push, vehicle, push, time, nan, NO_ROPE)
+        copy_array(touch, extremes.push_touch[vehicle])
+
+
+@kernel
+def begin_look(extremes, time, columns):
+    """Store the time of a frame with positions as the newest of `passed` once a look is due; returns whether it did."""
+    newest = extremes.passed_last[0]
+    if time < extremes.passed_time[newest] + LOOK * (1.0 - 1e-6):
+        return False
+    for body in range(columns.body_position.shape[0]):
+        if not isnan(columns.body_position[body, 0]):
+            newest = (newest + 1) % PLACES
+            extremes.passed_last[0], extremes.passed_time[newest] = newest, time
+            return True
+    return False
+
+
+@kernel
+def take_acceleration(extremes, vehicle):
+    """Take in the acceleration of a vehicle: difference of mean velocities over two successive times `MEAN`."""
+    newest = extremes.passed_last[0]
+    middle = latest(extremes, extremes.passed_time[newest] - MEAN)
+    if middle < 0:
+        return
+    first = latest(extremes, extremes.passed_time[middle] - MEAN)
+    if first < 0:
+        return
+    after = extremes.passed_time[newest] - extremes.passed_time[middle]
+    before = extremes.passed_time[middle] - extremes.passed_time[first]
+    if max(after, before) > 1.5 * MEAN:
+        return
+    passed = extremes.passed
+    here, there, start = passed[newest, vehicle], passed[middle, vehicle], passed[first, vehicle]
+    if here[4] != there[4] or there[4] != start[4]:  # it has changed ropes
+        return
+    square = 0.0
+    for axis in range(3):
+        change = (here[axis] - there[axis]) / after - (there[axis] - start[axis]) / before
+        square += change * change
+    value = sqrt(square) / (0.5 * (after + before))
+    highest(extremes.acceleration, vehicle, value, extremes.passed_time[middle], there[3], there[4])
+
+
+@kernel
+def latest(extremes, time):
+    """Index of the newest stored position up to a time (s); -1 without one."""
+    found = -1
+    for number in range(PLACES):
+        at = extremes.passed_time[number]
+        if at <= time + 1e-6 * MEAN and (found < 0 or at > extremes.passed_time[found]):
+            found = number
+    return found
+
+
+@kernel
+def tension_ratio(arc_lengths, first, last, columns, place, force):
+    """Tension over the transverse part of a force (3,) in N on a rope at an arc length (m); NaN without a force.
+
+    `first` and `last` are numbers of samples of the rope. The tension is that of the slacker side, as the samples
+    beside the force have it: it jumps where a load is.
+    """
+    points, tensions = columns.rope_position, columns.rope_tension
+    count = last - first
+    after = first + int(place / arc_lengths[last] * count)  # a guess, right where they are equally spaced
+    after = last if after > last else first + 1 if after < first + 1 else after
+    while after < last and arc_lengths[after] < place:
+        after += 1
+    while after > first + 1 and arc_lengths[after - 1] >= place:
+        after -= 1
+    # beside the kink at the joint, from the point before to the one after
+    start, end = points[after - 1], points[after + 1 if after < last else last]
+    along, square = 0.0, 0.0
+    for axis in range(3):
+        part = end[axis] - start[axis]
+        along += part * force[axis]
+        square += part * part
+    rest = 0.0
+    for axis in range(3):
+        part = force[axis] - along / square * (end[axis] - start[axis])
+        rest += part * part
+    tension = min(tensions[after - 1], tensions[after])
+    return tension / sqrt(rest) if rest > 0.0 else nan
+
+
+@kernel
+def take_sheaves(extremes, constants, time, columns):
+    """Take in tensions, adhesion, slip and travel of all bullwheels, and the load of carriers on each strand."""
+    for sheave in range(constants.radius.size):
+        tensions, travel = columns.sheave_tension[sheave], columns.sheave_travel[sheave]
+        for side in range(2):
+            highest(extremes.side_tension[sheave], side, tensions[side], time, nan, NO_ROPE)
+            lowest(extremes.lowest_side_tension[sheave], side, tensions[side], time, nan, NO_ROPE)
+        used = abs(log(max(tensions[0], SLACK) / max(tensions[1], SLACK))) / constants.available[sheave]
+        highest(extremes.adhesion, sheave, used, time, nan, NO_ROPE)
+        torque = abs(columns.sheave_force[sheave]) * constants.radius[sheave]
+        highest(extremes.torque, sheave, torque, time, nan, NO_ROPE)
+        highest(extremes.slip, sheave, abs(columns.sheave_slip[sheave]), time, nan, NO_ROPE)
+        highest(extremes.rolled_back, sheave, columns.sheave_rolled_back[sheave], time, nan, NO_ROPE)
+        highest(extremes.sheave_travel, sheave, travel, time, nan, NO_ROPE)
+        lowest(extremes.lowest_sheave_travel, sheave, travel, time, nan, NO_ROPE)
+    if constants.radius.size > 0:
+        extremes.carried_now[:] = 0.0
+        for vehicle in range(constants.empty.size):
+            rope = rope_of(constants, columns, vehicle)
+            if columns.attached[vehicle] == 1.0 and rope != NO_ROPE:
+                extremes.carried_now[rope] += constants.empty[vehicle] + columns.payload[vehicle]
+        for rope in range(extremes.carried_now.size):
+            highest(extremes.carried, rope, extremes.carried_now[rope], time, nan, NO_ROPE)
+
+
+@kernel
+def take_couplings(extremes, time, columns):
+    """Take in forces of pantographs and connectors."""
+    elapsed = time - extremes.last_time[0]
+    for number in range(columns.pantograph_force.size):
+        force, x = columns.pantograph_force[number], columns.pantograph_position[number, 0]
+        if isnan(force):
+            continue
+        extremes.frames[number] += 1.0
+        apart = force - extremes.mean_force[number]
+        extremes.mean_force[number] += apart / extremes.frames[number]  # Welford 1962
+        extremes.square_force[number] += apart * (force - extremes.mean_force[number])
+        if force <= 0.0:
+            extremes.lost[number] += 1.0
+        highest(extremes.pantograph_force, number, force, time, x, NO_ROPE)
+        lowest(extremes.lowest_pantograph_force, number, force, time, x, NO_ROPE)
+    for number in range(columns.connector_force.size):
+        highest(extremes.pull, number, columns.connector_force[number], time, nan, NO_ROPE)
+        if elapsed > 0.0 and columns.connector_force[number] <= 0.0:
+            extremes.slack[number] += elapsed
+
+
+@kernel
+def take_heights(extremes, constants, ground, first_sample, columns):
+    """Take in the clearances of ropes and vehicles over the ground in a plane."""
+    time, least, wind = columns.time[0], ground.lowest[0], extremes.wind
+    for rope in range(constants.length.size):
+        first, last = first_sample[rope], first_sample[rope + 1]
+        least[0] = nan
+        find_lowest(ground.terrain, columns.rope_position[first:last], last - first, least)
+        lowest_in_wind(extremes.rope_clearance, rope, least[0], time, least[1], rope, wind)
+    for vehicle in range(columns.attached.size):
+        rope = rope_of(constants, columns, vehicle)
+        if columns.attached[vehicle] != 0.0 and rope != NO_ROPE:
+            look_from_vehicle(ground, vehicle, columns.body_position, columns.body_angles)
+            least_of_it = ground.lowest[1 + vehicle]
+            lowest_in_wind(extremes.clearance, vehicle, least_of_it[0], time, least_of_it[1], rope, wind)
+
+
+@kernel
+def take_surroundings(extremes, constants, around, first_sample, columns):
+    """Take in the clearances of ropes and vehicles over the ground and from the masts of their rope in space."""
+    time, least, wind = columns.time[0], around.lowest[0], extremes.wind
+    for rope in range(constants.length.size if around.middle.shape[0] > 0 else 0):
+        first, last = first_sample[rope], first_sample[rope + 1]
+        least[0] = nan
+        find_least(around, columns.rope_position[first:last], last - first, least)
+        lowest_in_wind(extremes.rope_clearance, rope, least[0], time, least[1], rope, wind)
+    for vehicle in range(columns.attached.size):
+        rope = rope_of(constants, columns, vehicle)
+        if columns.attached[vehicle] != 0.0 and rope != NO_ROPE:
+            first, last = constants.first_mast[rope], constants.first_mast[rope + 1]
+            masts = around.masts[first:last]
+            look_around_vehicle(around, vehicle, masts, columns.body_position, columns.body_orientation)
+            height, mast = around.lowest[1 + vehicle], around.nearest[vehicle]
+            lowest_in_wind(extremes.clearance, vehicle, height[0], time, height[1], rope, wind)
+            lowest_in_wind(extremes.mast_clearance, vehicle, mast[0], time, first + mast[1], rope, wind)
+
+
+@kernel
+def take_passing(extremes, boxes, columns):
+    """Take in the columns of a frame for the clearances of passing vehicles, in order of time."""
+    time = columns.time[0]
+    joints, groups = columns.joint_position, boxes.group[-1] + 1
+    for one in range(columns.attached.size):
+        for other in range(one + 1, columns.attached.size):
+            if columns.vehicle_rope[one] == columns.vehicle_rope[other]:
+                continue
+            if columns.attached[one] == 0.0 or columns.attached[other] == 0.0:
+                continue
+            square = 0.0
+            for axis in range(3):
+                square += (joints[one, axis] - joints[other, axis]) ** 2
+            if not square < NEAR * NEAR:
+                continue
+            row = boxes.group[one] * groups + boxes.group[other]
+            before = extremes.clearance[row, VALUE]
+            before = inf if isnan(before) else before
+            found, place = vehicle_distance(boxes, columns, one, other, before), columns.arc_length[one]
+            if found < before:
+                lowest_in_wind(extremes.clearance, row, found, time, place, NO_ROPE, columns.wind)
+                extremes.pair[row, 0], extremes.pair[row, 1] = one, other
+
+
+@kernel
+def vehicle_distance(boxes, columns, one, other, least):
+    """Distance (m) between two vehicles, capped at `least` (m)."""
+    for body in range(boxes.first_body[one], boxes.first_body[one + 1]):
+        place_box(boxes, columns, body, 0)
+        for beside in range(boxes.first_body[other], boxes.first_body[other + 1]):
+            place_box(boxes, columns, beside, 1)
+            apart, reach, others_reach = 0.0, 0.0, 0.0
+            for axis in range(3):
+                apart += (boxes.centre[0, axis] - boxes.centre[1, axis]) ** 2
+                reach += boxes.half[0, axis] ** 2
+                others_reach += boxes.half[1, axis] ** 2
+            if apart**0.5 - reach**0.5 - others_reach**0.5 < least:
+                least = min(least, box_distance(boxes.centre, boxes.axes, boxes.half, boxes.corners))
+    return least
+
+
+@kernel
+def place_box(boxes, columns, body, side):
+    """Place the bounding box of one body at its position and orientation in the frame."""
+    turn, axes = columns.body_orientation[body], boxes.axes[side]
+    i, j, k, w = turn[0], turn[1], turn[2], turn[3]
+    axes[0, 0], axes[0, 1], axes[0, 2] = 1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j - k * w), 2.0 * (i * k + j * w)
+    axes[1, 0], axes[1, 1], axes[1, 2] = 2.0 * (i * j + k * w), 1.0 - 2.0 * (i * i + k * k), 2.0 * (j * k - i * w)
+    axes[2, 0], axes[2, 1], axes[2, 2] = 2.0 * (i * k - j * w), 2.0 * (j * k + i * w), 1.0 - 2.0 * (i * i + j * j)
+    for row in range(3):
+        place = columns.body_position[body, row]
+        for axis in range(3):
+            place += axes[row, axis] * boxes.middle[body, axis]
+        boxes.centre[side, row], boxes.half[side, row] = place, boxes.body_half[body, row]
+
+
+@inlined_kernel
+def size(vector):
+    """Length of a vector (3,)."""
+    return sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])

@@ -1,0 +1,148 @@
+"""Table of the quantities that key figures are values of, and the limits of these."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.sections.limits import Bound, LimitRow, limit_row
+
+TRACK_ROPE_SAFETY_FACTOR, HAUL_ROPE_SAFETY_FACTOR = 3.15, 4.5  # -
+TENSION_PER_TRANSVERSE_LOAD = 10.0  # -, of carriages that roll on a rope
+# keys whose usual limit depends on the rope or the vehicle: null in a scenario stands for that, 0 for no limit
+BY_KIND = ("rope_safety_factor", "tension_per_transverse_load")
+
+
+class Quantity(NamedTuple):
+    """Row of the table: a quantity with its unit, and the key of `limits` that holds its limit.
+
+    Attributes:
+        quantity: the first part of a figure's id.
+        name: printed; {} stands for a detail such as the span. Which statistic it is of several follows.
+        meaning: in plain words; of a quantity with a limit, the description of that.
+        unit: SI unit, "-" for a plain number.
+        statistics: those that there are figures of.
+        limit: key of `limits` for the first of these; empty where no limit can be given there.
+    """
+
+    quantity: str
+    name: str
+    meaning: str
+    unit: str
+    statistics: tuple[str, ...]
+    limit: str = ""
+
+    @property
+    def limit_row(self) -> LimitRow | None:
+        """Bound, default, source and clause of the limit; None without one."""
+        return limit_row(self.limit) if self.limit else None
+
+
+HIGHEST, LOWEST = ("highest",), ("lowest",)
+BOTH = HIGHEST + LOWEST
+
+
+def bound_of(statistic: str) -> Bound:
+    """Side on which figures of a statistic have to be of their limit: "at least" for lowest values."""
+    return "at least" if statistic == "lowest" else "at most"
+
+
+def _limited(name: str, limit: str, statistics: tuple[str, ...], quantity: str = "") -> Quantity:
+    """Quantity with a limit of the scenario; called as the key of that unless given."""
+    row = limit_row(limit)
+    return Quantity(quantity or limit, name, row.meaning, row.unit, statistics, limit)
+
+
+_ROWS = (
+    Quantity("rope_tension", "rope tension", "tension of a rope", "N", BOTH),
+    _limited("rope safety factor", "rope_safety_factor", LOWEST),
+    _limited("dynamic amplification, tension over that at the start", "dynamic_amplification", HIGHEST),
+    _limited("sag below the chord{}", "sag", HIGHEST),
+    _limited("rope clearance over the terrain", "rope_clearance", LOWEST),
+    _limited("support load", "support_load", BOTH),
+    Quantity("load_along_track", "load along the track", "force of a rope at rest on a support along x", "N", BOTH),
+    Quantity("load_downwards", "load downwards", "force of a rope at rest on a support downwards", "N", BOTH),
+    _limited("deropement margin, load over that at rest", "deropement_margin", LOWEST),
+    _limited("load of a roller, lowest", "roller_load", LOWEST),
+    Quantity(
+        "lateral_force", "lateral rope force", "force of the rope on the groove of a tower, sideways", "N", HIGHEST
+    ),
+    Quantity("lateral_ratio", "lateral over normal force", "lateral over normal force in a groove", "-", HIGHEST),
+    Quantity("derailed", "derailed", "1 for a tower whose grooves the rope has left", "-", HIGHEST),
+    Quantity("counterweight_travel", "counterweight travel", "travel of a counterweight as it falls", "m", BOTH),
+    Quantity("hydraulics_travel", "hydraulics travel", "travel of a hydraulic tensioner as it pulls", "m", BOTH),
+    Quantity("speed", "speed", "speed of a vehicle or a drive, in either direction", "m/s", HIGHEST),
+    Quantity("drive_force", "drive force", "force of a drive, in either direction", "N", HIGHEST),
+    Quantity("drive_power", "drive power", "power of a drive, negative as it brakes", "W", BOTH),
+    _limited("stopping distance", "stopping_distance", HIGHEST),
+    _limited("stopping time", "stopping_time", HIGHEST),
+    Quantity(
+        "passenger_stopping_distance",
+        "passenger's stopping distance",
+        "travel of the load of a vehicle after a command to stop, swing included",
+        "m",
+        HIGHEST,
+    ),
+    _limited("vehicle acceleration", "acceleration", HIGHEST),
+    _limited("swing along the track", "swing", HIGHEST),
+    _limited("swing across the track", "lateral_swing", HIGHEST),
+    _limited("clearance to towers", "tower_clearance", LOWEST),
+    Quantity("contact_force", "contact force", "force of the rope on a vehicle", "N", HIGHEST),
+    Quantity("haul_force", "haul force", "force of a haul rope on a vehicle", "N", HIGHEST),
+    _limited("tension over transverse load", "tension_per_transverse_load", LOWEST),
+    _limited("clearance over the terrain", "vehicle_clearance", LOWEST),
+    _limited("clearance between {}, least", "vehicle_separation", LOWEST),
+    Quantity("buffer_force", "buffer force, highest", "force between the buffers of two vehicles", "N", HIGHEST),
+    Quantity(
+        "clamp_force", "pull of {} clamp along the track, highest", "force of a haul rope on a clamp", "N", HIGHEST
+    ),
+    Quantity("connector_force", "pull, highest", "pull of a connector between ropes", "N", HIGHEST),
+    Quantity("connector_slack", "slack, longest in all", "time that a connector is slack", "s", HIGHEST),
+    Quantity(
+        "pantograph_force",
+        "contact force",
+        "force of a pantograph on its rope",
+        "N",
+        ("mean", "standard deviation", "highest", "lowest"),
+    ),
+    Quantity("contact_loss", "loss of contact, share of the time", "share of time without contact", "%", ("mean",)),
+    Quantity("carried_load", "load of carriers, highest", "mass of carriers and payload on a rope", "kg", HIGHEST),
+    Quantity("strand_tension", "tension of '{}'", "tension of a strand at a bullwheel", "N", BOTH),
+    Quantity(
+        "adhesion_used",
+        "adhesion used of available",
+        "logarithm of the ratio of tensions at a bullwheel over friction times wrap",
+        "-",
+        HIGHEST,
+    ),
+    Quantity("rope_slip", "slip of the rope", "distance that the rope has slipped on a bullwheel", "m", HIGHEST),
+    Quantity("rollback", "rollback device triggered", "1 where a rollback device has stopped the lift", "-", HIGHEST),
+    Quantity("drive_torque", "drive torque, highest", "torque of the drive of a bullwheel", "N m", HIGHEST),
+    _limited("energy lost by the solver, relative", "energy_lost", HIGHEST),
+)
+QUANTITIES = {row.quantity: row for row in _ROWS}
+
+
+def usual_limit(scenario: Scenario, key: str, *, clamped: bool = False) -> float | None:
+    """Limit of a key of `limits` where the scenario gives none, for some keys by the kind of rope or vehicle."""
+    if key == "rope_safety_factor":
+        return HAUL_ROPE_SAFETY_FACTOR if scenario.drives or scenario.strand else TRACK_ROPE_SAFETY_FACTOR
+    if key == "tension_per_transverse_load":
+        return None if clamped else TENSION_PER_TRANSVERSE_LOAD
+    return limit_row(key).default
+
+
+def limit_of(scenario: Scenario, quantity: str, *, clamped: bool = False) -> tuple[float | None, str]:
+    """Limit of a quantity and its source: that of the scenario, else the usual one; None where there is none.
+
+    Args:
+        scenario: of one rope with its vehicles, for quantities of these.
+        quantity: of the table, with a limit.
+        clamped: whether it is of vehicles that are clamped to the rope.
+    """
+    key = QUANTITIES[quantity].limit
+    if key == "rope_safety_factor" and scenario.hauls:  # beside a track rope, whose factor is not enough for it
+        key = "haul_rope_safety_factor"
+    given, usual = getattr(scenario.limits, key), usual_limit(scenario, key, clamped=clamped)
+    limit = (usual if given is None else given or None) if key in BY_KIND else given
+    return limit, limit_row(key).text if limit == usual else f"scenario: limits.{key}"
