@@ -25,6 +25,7 @@ FORCE = 1  # drive mode: a given force on the axis
 SPEED = 2  # drive mode: the axis follows a reference position, its multiplier is the drive force
 JOINT, DRUM = 0, 1  # axis of a vehicle's drive: its joint, or the drum of its haul rope, which pulls a free joint
 
+ALONE = -1  # number of a rope by itself
 INTEGRATORS = ("generalized_alpha", "runge_kutta")  # modules of `solution`
 
 START, END = 0, 1  # stations of a track
@@ -275,7 +276,7 @@ class Solver(NamedTuple):
 
 @by_reference
 class System(NamedTuple):
-    """All constant parameters of one rope with its vehicles and supports."""
+    """All constant parameters of one rope with its supports, and of the vehicles that may be on it."""
 
     cable: Cable
     carriages: Carriages
@@ -286,3 +287,4 @@ class System(NamedTuple):
     solver: Solver
     moving_cable: MovingCable = STANDING
     buffers: VehicleBuffers = NO_BUFFERS
+    number: int = ALONE  # of the rope among several

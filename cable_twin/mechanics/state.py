@@ -107,6 +107,7 @@ class State(NamedTuple):
     ]  # on each body, of what its joint holds; none in a plane
     clamp_holds: Annotated[BoolArray, Of("vehicle")]  # by a clamp to another rope now
     clamp_force: Annotated[FloatArray, Of("vehicle", "dim", unit="N")]  # of that rope on the carriage
+    vehicle_rope: Annotated[IntArray, Of("vehicle"), Range(0, "last rope")]  # of each, or of its station
     attached: Annotated[
         BoolArray, Of("vehicle", first=1)
     ]  # on the cable; only what is clamped to a moving one ever is not
@@ -278,6 +279,7 @@ def allocate_state(system: System) -> State:
     held = system.carriages.fixed | system.carriages.clamped
     state.axis[:] = np.where((system.haul_ropes.axial_stiffness > 0.0) & ~held, DRUM, JOINT)
     state.drives.mode[held] = SPEED
+    state.vehicle_rope[:] = max(system.number, 0)
     state.rope_drive.mode[:] = SPEED if system.moving_cable.moving else FREE
     if len(system.cable.gravity) == 3:
         state.bodies.position[:, 6] = 1.0  # upright

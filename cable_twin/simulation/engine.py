@@ -13,7 +13,7 @@ from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.declared import Kept, arrays_of, clone, write
-from cable_twin.mechanics.parameters import CONTINUUM, System
+from cable_twin.mechanics.parameters import ALONE, CONTINUUM, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.sections import allocate_sections
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Couplings, Rope
@@ -306,7 +306,8 @@ class Engine:
 
 def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]:
     """Ropeway of each rope, from its scenario and its system."""
-    whole = leave_out_absent([with_buffers(*pair) for pair in zip(systems, scenarios, strict=True)])
+    numbered = [system._replace(number=number) for number, system in enumerate(systems)]
+    whole = leave_out_absent([with_buffers(*pair) for pair in zip(numbered, scenarios, strict=True)])
     return [Ropeway(*pair) for pair in zip(scenarios, whole, strict=True)]
 
 
@@ -314,12 +315,15 @@ def leave_out_absent(systems: list[System]) -> list[System]:
     """Systems of one common type, for kernels compiled without the features that none of these systems has.
 
     There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
-    may be left out, and with a rope by itself also what lets it go by, and vehicles meet.
+    may be left out, and of a rope by itself its number, and its motion and contacts of vehicles if there are none.
     """
     if all(system.cable.elastic_model == CONTINUUM for system in systems):
         known = Known(CONTINUUM)
         systems = [system._replace(cable=system.cable._replace(elastic_model=known)) for system in systems]
-    if len(systems) == 1 and not systems[0].moving_cable.moving and not systems[0].buffers.present:
+    if len(systems) > 1:
+        return systems
+    systems = [systems[0]._replace(number=Known(ALONE))]
+    if not systems[0].moving_cable.moving and not systems[0].buffers.present:
         system, absent = systems[0], cast(bool, Known(False))
         still, apart = system.moving_cable._replace(moving=absent), system.buffers._replace(present=absent)
         systems = [system._replace(moving_cable=still, buffers=apart)]

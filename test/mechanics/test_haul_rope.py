@@ -164,10 +164,10 @@ def test_energy_is_what_the_forces_and_masses_say():
 
 def test_what_the_track_rope_moves_along_itself_is_taken_up_at_the_sheave():
     """The way is counted from the arc length again; the force, which is of the difference, stays."""
-    _, state, _ = setup(damping_ratio=np.zeros(1))
+    system, state, _ = setup(damping_ratio=np.zeros(1))
     state.reference.position[:] = state.drums.position
     ahead = state.drums.position - state.hauled.position
-    take_up(state)
+    take_up(system, state)
     np.testing.assert_array_equal(state.hauled.position, state.joints.position)
     np.testing.assert_allclose(state.drums.position - state.hauled.position, ahead, atol=1e-14)
     np.testing.assert_array_equal(state.reference.position, state.drums.position)

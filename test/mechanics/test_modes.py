@@ -7,7 +7,7 @@ from systems import changed, difference
 from test_equilibrium import loaded_span, prepare
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.rotations import move_bodies
+from cable_twin.mechanics.language.rotations import move_body
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.solution import modes
 from cable_twin.mechanics.solution.equations_of_motion import solve_accelerations
@@ -20,7 +20,8 @@ from verification.statics import CANTILEVER, LEVEL_SPAN
 
 @kernel
 def move(positions, increments, like):
-    move_bodies(positions, increments, like)
+    for body in range(positions.shape[0]):
+        move_body(positions[body], increments[body], like)
 
 
 STIFF = {"cable.axial_stiffness": 1e9, "cable.bending_stiffness": 1e5, "cable.elements": 4, "gravity": 9.81}

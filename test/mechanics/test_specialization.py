@@ -108,9 +108,9 @@ def test_ropes_of_one_scenario_are_of_one_type():
     paper = system._replace(cable=system.cable._replace(elastic_model=1))
     moving = system._replace(moving_cable=system.moving_cable._replace(moving=True))
     for systems, fields in (
-        ([system], {"elastic_model", "moving", "present"}),
-        ([paper], {"moving", "present"}),
-        ([moving], {"elastic_model"}),
+        ([system], {"elastic_model", "moving", "number", "present"}),
+        ([paper], {"moving", "number", "present"}),
+        ([moving], {"elastic_model", "number"}),
         ([system, moving], {"elastic_model"}),
         ([system, paper], set()),
     ):

@@ -23,6 +23,7 @@ from math import sqrt
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, store
 from cable_twin.mechanics.on_rope.chain import carriage_mass, pivot_position
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, END, SPEED
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
@@ -104,7 +105,7 @@ def haul_direction(system, state, carriage):
 def leave_place(system, state, work):
     """Store the position of each hauled carriage at the start of a step, before prediction."""
     for carriage in range(state.axis.size):
-        if state.axis[carriage] == DRUM:
+        if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             place = joint_position(system.cable, state, carriage)
             if has_joint_compliance(system.cable):
                 first = system.carriages.body_offset[carriage]
@@ -117,17 +118,17 @@ def leave_place(system, state, work):
 def direct_haul(system, state, work):
     """Set direction and origin of w of each haul rope for a step, from the predicted configuration."""
     for carriage in range(state.axis.size):
-        if state.axis[carriage] == DRUM:
+        if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             d = haul_direction(system, state, carriage)
             store(d, work.haul_direction[carriage])
             work.haul_origin[carriage] -= dot(d, load(work.haul_place[carriage], d))
 
 
 @kernel
-def take_up(state):
+def take_up(system, state):
     """Reset w of each haul rope to the arc length of its carriage, and shift drum and reference alike."""
     for carriage in range(state.axis.size):
-        if state.axis[carriage] == DRUM:
+        if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             slid = state.hauled.position[carriage] - state.joints.position[carriage]
             state.hauled.position[carriage] = state.joints.position[carriage]
             state.drums.position[carriage] -= slid
@@ -204,7 +205,7 @@ def haul_energies(system, state):
     """Kinetic and elastic energy (J) of all haul ropes and drives."""
     kinetic, elastic = 0.0, 0.0
     for carriage in range(state.axis.size):
-        if state.axis[carriage] == DRUM:
+        if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             u_dot, w_dot = state.drums.velocity[carriage], state.hauled.velocity[carriage]
             length, _ = rope_length(system, carriage, state.drums.position[carriage])
             rope = system.haul_ropes.mass_per_length[carriage] * length / 6.0

@@ -9,6 +9,7 @@ from cable_twin.mechanics.drives.reference import advance_reference, follow, for
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import move_chain
+from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
     compliance_of_joint,
     driven_force,
@@ -25,6 +26,8 @@ def move_drives(system, state, duration):
     if system.moving_cable.moving:
         move_rope(system, state, duration)
     for carriage in range(system.carriages.fixed.size):
+        if not belongs(system, state, carriage):
+            continue
         if state.drives.braking[carriage]:
             state.drives.braking_time[carriage] += duration
         if state.drives.mode[carriage] == SPEED and not system.carriages.clamped[carriage]:
@@ -32,12 +35,12 @@ def move_drives(system, state, duration):
 
 
 @kernel
-def prescribe(state):
+def prescribe(system, state):
     """Set all driven joints and drums to their references."""
     reference = state.reference
     for carriage in range(state.axis.size):
         driven = state.drums if state.axis[carriage] == DRUM else state.joints
-        if state.drives.mode[carriage] == SPEED:
+        if state.drives.mode[carriage] == SPEED and belongs(system, state, carriage):
             driven.position[carriage] = reference.position[carriage]
             driven.velocity[carriage] = reference.velocity[carriage]
             driven.acceleration[carriage] = driven.algorithmic[carriage] = reference.acceleration[carriage]
@@ -57,6 +60,8 @@ def find_saturated(system, state, before, work):
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
+        if not belongs(system, before, carriage):
+            continue
         if before.drives.mode[carriage] == SPEED and not system.carriages.clamped[carriage]:
             force = drive_force(system, state, carriage)
             limit = force_limit(system.carriages, state, carriage, before.reference.velocity[carriage])
@@ -95,7 +100,7 @@ def take_over(state, carriage):
 def report_forces(system, state):
     """Store in `drives.force` the force of each drive following its reference."""
     for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage] and state.drives.mode[carriage] == SPEED:
+        if rides(system, state, carriage) and state.drives.mode[carriage] == SPEED:
             state.drives.force[carriage] = drive_force(system, state, carriage)
 
 

@@ -12,6 +12,7 @@ from cable_twin.mechanics.drives.reference import follow, ramp
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load
+from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint, joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.ale import flow_integrals, transport_velocity
@@ -33,7 +34,7 @@ def moving_rope_force(system, state):
     _, squared, by_acceleration, by_rate = flow_integrals(cable, state)
     force = by_acceleration + rate * squared + 2.0 * speed * by_rate
     for carriage in range(system.carriages.fixed.size):
-        if system.carriages.clamped[carriage] and state.attached[carriage]:
+        if system.carriages.clamped[carriage] and rides(system, state, carriage):
             r_x = joint_tangent(cable, state, carriage)
             pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             force += dot(pull, r_x)
@@ -78,7 +79,7 @@ def carry_clamped(system, state):
     """
     moving, cable = system.moving_cable, system.cable
     for carriage in range(system.carriages.fixed.size):
-        if system.carriages.clamped[carriage]:
+        if system.carriages.clamped[carriage] and belongs(system, state, carriage):
             place = loop_coordinate(system, state, carriage)
             moved = abs(place - state.joints.position[carriage])
             if state.attached[carriage] and place <= cable.unstrained_length and moved < 0.5 * moving.loop_length:

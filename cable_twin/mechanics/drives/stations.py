@@ -11,6 +11,7 @@ from cable_twin.mechanics.drives.reference import follow
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_point,
     joint_tangent,
@@ -66,7 +67,7 @@ def attach_carriers(system, state):
     """
     cable = system.cable
     for carriage in range(system.carriages.fixed.size):
-        if system.carriages.clamped[carriage] and not state.attached[carriage]:
+        if system.carriages.clamped[carriage] and not state.attached[carriage] and belongs(system, state, carriage):
             place = loop_coordinate(system, state, carriage)
             if place <= cable.unstrained_length:
                 attach(system, state, carriage, place)

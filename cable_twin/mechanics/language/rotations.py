@@ -240,13 +240,12 @@ def _half_heading(along):
 
 
 @kernel
-def move_bodies(positions: Any, increments: Any, like: Vector) -> None:
-    """Add increments (bodies, dim + turns) in m and rad to the coordinates of bodies."""
-    for body in range(positions.shape[0]):
-        for axis in range(3):
-            positions[body, axis] += increments[body, axis]
-        if len(like) == 3:
-            turn_row(positions[body], load(increments[body, 3:], like))
+def move_body(position: Any, increment: Any, like: Vector) -> None:
+    """Add an increment (dim + turns,) in m and rad to the coordinates of a body."""
+    for axis in range(3):
+        position[axis] += increment[axis]
+    if len(like) == 3:
+        turn_row(position, load(increment[3:], like))
 
 
 @kernel

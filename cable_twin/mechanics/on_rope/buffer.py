@@ -20,6 +20,7 @@ from math import inf, sqrt
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, apply, dot, load, outer, scale, subtract
 from cable_twin.mechanics.on_rope.friction import friction_force
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.rope.point import point_on, slope, value
 
 
@@ -120,6 +121,8 @@ def predict_contacts(system, state, rate_factor, stiffness_factor, work):
     buffers, any_pressed = system.buffers, False
     for carriage in range(work.pressed.size):
         work.pressed[carriage], work.foreseen[carriage, 2] = False, 0.0
+        if not belongs(system, state, carriage):
+            continue
         for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
             depth, rate, _ = press(system, state, carriage, entry)
             force, by_depth, by_rate = pressed_force(buffers, entry, depth, rate)
@@ -216,6 +219,8 @@ def settle_buffers(system, state):
     """End a step: store buffer forces and touches of each vehicle with the vehicles after it on the rope."""
     buffers = system.buffers
     for carriage in range(state.push.shape[0]):
+        if not belongs(system, state, carriage):
+            continue
         total, closing, speed, partner = 0.0, 0.0, 0.0, -1
         for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
             if buffers.side[entry] > 0.0:

@@ -35,6 +35,7 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.buffer import push_on, stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
+from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.tangent_hinge import (
     add_tangent_hinge,
     spin_rate_by_velocities,
@@ -303,10 +304,11 @@ def freeze_compliance(system, state, work):
         state.slackness[0] = slackness(system.cable, state, work)
         clear_array(state.kink_length)
         for carriage in range(system.carriages.fixed.size):
-            along = joint_along(system.cable, state, carriage)
-            store(along, work.joint_along[carriage])
-            if state.attached[carriage]:
-                take_kink_length(system, state, carriage, along)
+            if belongs(system, state, carriage):
+                along = joint_along(system.cable, state, carriage)
+                store(along, work.joint_along[carriage])
+                if rides(system, state, carriage):
+                    take_kink_length(system, state, carriage, along)
 
 
 @kernel

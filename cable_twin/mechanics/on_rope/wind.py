@@ -39,6 +39,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.parameters import OPERATING_GUST, FloatArray
 from cable_twin.mechanics.state import State
 
@@ -67,7 +68,7 @@ def update_wind(system, state, h):
         gust = field.gust if number == wind.gusts.shape[0] else wind.gusts[number]
         share = share_of_gust(gust, time)
         x, y, z = x + share * gust[0], y + share * gust[1], z + share * gust[2]
-    nodes, bodies = state.nodes.position, state.bodies.position
+    nodes = state.nodes.position
     for element in range(system.cable.element_count):
         start, end = nodes[element, 0], nodes[element + 1, 0]
         across = 0.5 * (start[1] + end[1]) if dim == 3 else 0.0
@@ -76,14 +77,23 @@ def update_wind(system, state, h):
         field.along_rope[0, element], field.along_rope[dim - 1, element] = here[0], here[2]
         if dim == 3:
             field.along_rope[1, element] = here[1]
-    for body in range(field.at_bodies.shape[0]):
-        place = bodies[body, 0], bodies[body, 1] if dim == 3 else 0.0, bodies[body, dim - 1]
-        here = wind_at(wind, field, place, (x, y, z))
-        field.at_bodies[body, 0], field.at_bodies[body, dim - 1] = here[0], here[2]
-        if dim == 3:
-            field.at_bodies[body, 1] = here[1]
-    for body in range(wind.shedding.shape[0]):
-        update_shedding(wind, state, body, h)
+    for vehicle in range(state.vehicle_rope.size):
+        if belongs(system, state, vehicle):
+            for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
+                write_wind_at(wind, state, body, (x, y, z))
+                if wind.shedding.shape[0] > 0:
+                    update_shedding(wind, state, body, h)
+
+
+@kernel
+def write_wind_at(wind, state, body, even):
+    """Write the wind at a body, from the `even` one (3,) in m/s."""
+    field, bodies, dim = state.wind_field, state.bodies.position, state.wind.size
+    place = bodies[body, 0], bodies[body, 1] if dim == 3 else 0.0, bodies[body, dim - 1]
+    here = wind_at(wind, field, place, even)
+    field.at_bodies[body, 0], field.at_bodies[body, dim - 1] = here[0], here[2]
+    if dim == 3:
+        field.at_bodies[body, 1] = here[1]
 
 
 @kernel

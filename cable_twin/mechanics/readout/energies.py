@@ -10,6 +10,7 @@ from cable_twin.mechanics.language.vectors import dot, load, product
 from cable_twin.mechanics.on_rope.buffer import buffers_energy
 from cable_twin.mechanics.on_rope.chain import axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
+from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_along, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
 from cable_twin.mechanics.rope.ale import flow_energy, rest_stretch
@@ -48,9 +49,9 @@ def energies(system, state):
     if system.moving_cable.moving:
         kinetic += flow_energy(cable, state)
     for carriage in range(carriages.fixed.size):
+        if not rides(system, state, carriage):
+            continue
         for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-            if not state.attached[carriage]:
-                continue
             v = state.bodies.velocity[body]
             velocity, spin = load(v, like), spin_of(state.bodies.velocity, body, like)
             kinetic += 0.5 * carriages.mass[body] * dot(velocity, velocity)
@@ -58,7 +59,7 @@ def energies(system, state):
             kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
             elastic += spring_energy(system, state, carriage, body)
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
-        if has_joint_compliance(cable) and state.attached[carriage]:
+        if has_joint_compliance(cable):
             contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
             along, element = joint_along(cable, state, carriage), state.joint_element[carriage]
             elastic += compliance_energy(cable, element, place, contact, along, state.slackness[0])

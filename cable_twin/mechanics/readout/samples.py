@@ -10,6 +10,7 @@ from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, store, subtract
+from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint
 from cable_twin.mechanics.parameters import Cable, FloatArray, IntArray
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
@@ -84,7 +85,7 @@ def sample_shape(system, state, places, positions):
     cable, arc_lengths, rising = system.cable, places.arc_length, places.rising
     sample_positions(cable, state, places, positions)
     for carriage in range(system.carriages.fixed.size if has_joint_compliance(cable) else 0):
-        if state.attached[carriage]:
+        if rides(system, state, carriage):
             way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
             place, reach = (
                 state.joints.position[carriage],
@@ -127,7 +128,7 @@ def joint_place(system, state, carriage):
     """Position (dim,) in m of the joint of a vehicle, at its sharp kink on the rope."""
     cable = system.cable
     place = position_on_cable(cable, state, state.joints.position[carriage])
-    if has_joint_compliance(cable) and state.attached[carriage]:
+    if has_joint_compliance(cable) and rides(system, state, carriage):
         way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
         place = subtract(place, way)
     return place

@@ -24,6 +24,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, store, subtract
+from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import tangent_moment_force
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
@@ -87,7 +88,7 @@ def own_place(system, state, number):
     if number < loads:
         return system.cable.load_arc_length[number]
     if number < loads + carriages:
-        return state.joints.position[number - loads] if state.attached[number - loads] else nan
+        return state.joints.position[number - loads] if rides(system, state, number - loads) else nan
     return state.contact_arc_length[number - loads - carriages]
 
 
@@ -123,7 +124,7 @@ def recover_sections(system, state, sections):
             store(own_force(system, state, own), sections.force[number])
             add_point_load(cable, sections, number)
     for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage]:
+        if rides(system, state, carriage):
             element = state.joint_element[carriage]
             accumulate(tangent_moment_force(system, state, carriage, 0), sections.node_force[element])
             if element == last:
@@ -280,7 +281,7 @@ def end_force(system, state, end):
             if point.element == element and share != 0.0:
                 total = add_scaled(share, own_force(system, state, own), total)
     for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage] and state.joint_element[carriage] == element:
+        if rides(system, state, carriage) and state.joint_element[carriage] == element:
             total = add_scaled(1.0, tangent_moment_force(system, state, carriage, row), total)
     return scale(-1.0, total)
 

@@ -22,6 +22,7 @@ from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.language.vectors import product as times
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of
+from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.elastic_models import combine
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
@@ -51,7 +52,7 @@ def numerical_loss(system, before, after, c, h):
         here, there = counterweight_loss(system, before.nodes, after.nodes, end, factors)
         lost, moved = lost + here, moved + there
     for carriage in range(system.carriages.fixed.size):
-        if before.attached[carriage] and after.attached[carriage]:
+        if rides(system, before, carriage) and rides(system, after, carriage):
             for body in range(system.carriages.body_offset[carriage], system.carriages.body_offset[carriage + 1]):
                 here, there = body_loss(system, before, after, body, factors)
                 lost, moved = lost + here, moved + there
@@ -71,7 +72,7 @@ def trapezoidal_error(system, before, after):
     cable = system.cable
     lost = stretching_error(cable, before, after)
     for carriage in range(system.carriages.fixed.size):
-        if before.attached[carriage] and after.attached[carriage]:
+        if rides(system, before, carriage) and rides(system, after, carriage):
             lost -= 0.5 * joint_work(system, before, before, after, carriage)
             lost -= 0.5 * joint_work(system, after, before, after, carriage)
     return lost

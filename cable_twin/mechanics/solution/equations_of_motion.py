@@ -38,6 +38,7 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.buffer import predict_contacts
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
     direction_above,
@@ -66,7 +67,7 @@ def measure_gaps(system, state, work, place):
     With `place` true, joints are first put on the element that holds them. What a joint yields is a part of its gap.
     """
     for carriage in range(system.carriages.fixed.size):
-        if not state.attached[carriage]:
+        if not rides(system, state, carriage):
             leave_out(system.carriages, carriage, work)
             continue
         if place:
@@ -83,7 +84,7 @@ def largest_gap(system, state, work, place):
     cable, worst = system.cable, 0.0
     for carriage in range(system.carriages.fixed.size):
         first = system.carriages.body_offset[carriage]
-        if has_joint_compliance(cable) and state.attached[carriage]:
+        if has_joint_compliance(cable) and rides(system, state, carriage):
             contact, along = joint_forces(system, state, carriage)[0], load(work.joint_along[carriage], cable.gravity)
             element, place = state.joint_element[carriage], state.joints.position[carriage]
             bent = joint_compliance(cable, element, place, contact, along, state.slackness[0])
@@ -142,7 +143,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
     if system.air.present:
         drag_bodies(system.air, state, cable.gravity, rate_factor, stiffness_factor, work)
     for carriage in range(carriages.fixed.size):
-        if state.attached[carriage]:
+        if rides(system, state, carriage):
             above = direction_above(system, state, carriage)
             condense_chain(
                 carriages, cable.gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work
@@ -151,7 +152,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
     if system.buffers.present:
         predict_contacts(system, state, rate_factor, stiffness_factor, work)
     for carriage in range(carriages.fixed.size):
-        if state.attached[carriage]:
+        if rides(system, state, carriage):
             add_joint(system, state, carriage, rate_factor, stiffness_factor, work)
     add_towers(cable, system.towers, state, rate_factor, stiffness_factor, work)
     add_counterweights(system.counterweights, cable, state, mass_factor, rate_factor, stiffness_factor, work)
@@ -234,7 +235,7 @@ def solve(system, state, work):
 def recover(system, state, work):
     """Increments of all eliminated unknowns, from the nodal increments."""
     for carriage in range(system.carriages.fixed.size):
-        if state.attached[carriage]:
+        if rides(system, state, carriage):
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
             if has_joint_compliance(system.cable):

@@ -21,7 +21,7 @@ FIRST_STEP = 1e-2  # s, of the first iteration of ropes together
 LONGEST_WAY_TOGETHER = 0.2  # m, that a point goes in one
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
-GIVEN = {"joints.position", "axis", "drives.mode", "attached", "wind", "clock"}  # what a start is asked to have
+GIVEN = {"joints.position", "axis", "drives.mode", "attached", "vehicle_rope", "wind", "clock"}  # what a start has
 GIVEN |= {"rope.position"}
 GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
 

@@ -226,7 +226,8 @@ class Hanging(NamedTuple):
 
 def hanging_carriages(system: System, state: State) -> list[Hanging]:
     """Mass and stiffness of all carriages on the cable, at an equilibrium."""
-    return [_hanging(system, state, int(number)) for number in np.flatnonzero(state.attached)]
+    riding = state.attached & (state.vehicle_rope == system.number)
+    return [_hanging(system, state, int(number)) for number in np.flatnonzero(riding)]
 
 
 def _hanging(system: System, state: State, carriage: int) -> Hanging:

@@ -5,14 +5,15 @@ The auxiliary acceleration a goes with position and velocity: (1 - α_m) a' + α
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import direct_haul, leave_place
 from cable_twin.mechanics.drives.motion import prescribe
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.rotations import grow_turn, turn_row
-from cable_twin.mechanics.language.vectors import Vector
+from cable_twin.mechanics.language.vectors import load
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import freeze_compliance
 
 
@@ -53,13 +54,12 @@ def predict(c, h, kind):
 
 
 @inlined_kernel
-def predict_massless(c, h, kind):
-    """Predict coordinates without inertia by a constant auxiliary acceleration."""
-    for i in range(kind.position.size):
-        a = kind.algorithmic[i]
-        kind.position[i] += h * (kind.velocity[i] + 0.5 * h * a)
-        kind.velocity[i] += h * a
-        kind.acceleration[i] = (a - c.alpha_f * kind.acceleration[i]) / (1.0 - c.alpha_f)
+def predict_massless(c, h, kind, number):
+    """Predict one coordinate without inertia by a constant auxiliary acceleration."""
+    a = kind.algorithmic[number]
+    kind.position[number] += h * (kind.velocity[number] + 0.5 * h * a)
+    kind.velocity[number] += h * a
+    kind.acceleration[number] = (a - c.alpha_f * kind.acceleration[number]) / (1.0 - c.alpha_f)
 
 
 @kernel
@@ -78,60 +78,77 @@ def correct(c, h, increments, kind):
         q_ddot[i] += by_acceleration * delta[i]
 
 
-@kernel
-def predict_bodies(c: Coefficients, h: float, kind: Any, turned: Any, like: Vector) -> None:
-    """Predict bodies; in space, `turned` (bodies, 3) receives the rotation vectors of the step."""
-    if len(like) == 2:
-        predict(c, h, kind)
-    else:
-        _predict_in_space(c, h, kind, turned)
+@inlined_kernel
+def predict_one(c, h, kind, number):
+    """Predict one coordinate with the acceleration of the previous step, like `predict`."""
+    a = kind.algorithmic[number]
+    after = (kind.acceleration[number] - c.alpha_m * a) / (1.0 - c.alpha_m)
+    kind.position[number] += h * (kind.velocity[number] + h * ((0.5 - c.beta) * a + c.beta * after))
+    kind.velocity[number] += h * ((1.0 - c.gamma) * a + c.gamma * after)
+    kind.algorithmic[number] = after
 
 
 @kernel
-def _predict_in_space(c, h, kind, turned):
-    """Predict bodies in space; orientations advance by exp(Δ), Δ by Newmark's formula (Brüls, Cardona, Arnold 2012)."""
+def predict_vehicles(c, h, system, state, work):
+    """Predict the vehicles of one rope: bodies, joints, haul ropes and drums."""
+    for vehicle in range(state.vehicle_rope.size):
+        if belongs(system, state, vehicle):
+            for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
+                predict_body(c, h, state.bodies, body, work.turned, system.cable.gravity)
+            predict_massless(c, h, state.joints, vehicle)
+            predict_massless(c, h, state.hauled, vehicle)
+            predict_one(c, h, state.drums, vehicle)
+
+
+@kernel
+def predict_body(c, h, kind, body, turned, like):
+    """Predict one body; in space `turned` (bodies, 3) receives the rotation vector Δ of the step.
+
+    Orientations advance by exp(Δ), with Δ by Newmark's formula (Brüls, Cardona, Arnold 2012).
+    """
     x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
-    for body in range(v.shape[0]):
-        for axis in range(6):
-            after = (q_ddot[body, axis] - c.alpha_m * a[body, axis]) / (1.0 - c.alpha_m)
-            moved = h * (v[body, axis] + h * ((0.5 - c.beta) * a[body, axis] + c.beta * after))
-            if axis < 3:
-                x[body, axis] += moved
-            else:
-                turned[body, axis - 3] = moved
-            v[body, axis] += h * ((1.0 - c.gamma) * a[body, axis] + c.gamma * after)
-            a[body, axis] = after
-        turn_row(x[body], (turned[body, 0], turned[body, 1], turned[body, 2]))
+    for axis in range(v.shape[1]):
+        after = (q_ddot[body, axis] - c.alpha_m * a[body, axis]) / (1.0 - c.alpha_m)
+        moved = h * (v[body, axis] + h * ((0.5 - c.beta) * a[body, axis] + c.beta * after))
+        if axis < 3:
+            x[body, axis] += moved
+        else:
+            turned[body, axis - 3] = moved
+        v[body, axis] += h * ((1.0 - c.gamma) * a[body, axis] + c.gamma * after)
+        a[body, axis] = after
+    if len(like) == 3:
+        turn_row(x[body], load(turned[body], like))
 
 
 @kernel
-def correct_bodies(c: Coefficients, h: float, increments: Any, kind: Any, turned: Any, like: Vector) -> None:
-    """Apply Newton increments (m, rad) to bodies."""
-    if len(like) == 2:
-        correct(c, h, increments, kind)
-    else:
-        _correct_in_space(c, h, increments, kind, turned)
+def correct_bodies(c, h, system, state, work):
+    """Apply Newton increments (m, rad) to the bodies of one rope."""
+    for vehicle in range(state.vehicle_rope.size):
+        if belongs(system, state, vehicle):
+            for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
+                correct_body(c, h, state.bodies, body, work.body_increment, work.turned, system.cable.gravity)
 
 
 @kernel
-def _correct_in_space(c, h, increments, kind, turned):
-    """Apply Newton increments to bodies in space; rates change by the growth of the rotation vector of the step."""
+def correct_body(c, h, kind, body, increments, turned, like):
+    """Apply Newton increments to one body; in space its spin changes by the growth of the rotation vector."""
     x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
     by_velocity = c.gamma / (c.beta * h)
     by_algorithmic = 1.0 / (c.beta * h * h)
     by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
-    for body in range(v.shape[0]):
+    delta = like
+    if len(like) == 3:
         delta = grow_turn(turned[body], increments[body, 3:])
-        turn_row(x[body], (increments[body, 3], increments[body, 4], increments[body, 5]))
-        for axis in range(6):
-            if axis < 3:
-                x[body, axis] += increments[body, axis]
-                grown = increments[body, axis]
-            else:
-                grown = delta[axis - 3]
-            v[body, axis] += by_velocity * grown
-            a[body, axis] += by_algorithmic * grown
-            q_ddot[body, axis] += by_acceleration * grown
+        turn_row(x[body], load(increments[body, 3:], like))
+    for axis in range(v.shape[1]):
+        if axis < 3:
+            x[body, axis] += increments[body, axis]
+            grown = increments[body, axis]
+        else:
+            grown = delta[axis - 3]
+        v[body, axis] += by_velocity * grown
+        a[body, axis] += by_algorithmic * grown
+        q_ddot[body, axis] += by_acceleration * grown
 
 
 @inlined_kernel
@@ -139,11 +156,8 @@ def predict_rope(c, h, system, state, work):
     """Predict all coordinates of one rope and its vehicles, and prepare constraints for the iteration."""
     leave_place(system, state, work)
     predict(c, h, state.nodes)
-    predict_bodies(c, h, state.bodies, work.turned, system.cable.gravity)
-    predict_massless(c, h, state.joints)
-    predict_massless(c, h, state.hauled)
-    predict(c, h, state.drums)
-    prescribe(state)
+    predict_vehicles(c, h, system, state, work)
+    prescribe(system, state)
     freeze_compliance(system, state, work)
     direct_haul(system, state, work)
 
@@ -152,7 +166,7 @@ def predict_rope(c, h, system, state, work):
 def correct_rope(c, h, system, state, work):
     """Apply the Newton increments of one rope and its vehicles."""
     correct(c, h, work.right_side, state.nodes)
-    correct_bodies(c, h, work.body_increment, state.bodies, work.turned, system.cable.gravity)
+    correct_bodies(c, h, system, state, work)
     correct(c, h, work.sliding_increment, state.joints)
     correct(c, h, work.haul_increment, state.hauled)
     correct(c, h, work.drum_increment, state.drums)

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import brief_kernel, kernel
 from cable_twin.mechanics.language.memory import combine_arrays, copy_array
-from cable_twin.mechanics.language.rotations import move_bodies
+from cable_twin.mechanics.language.rotations import move_body
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, freeze_compliance, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
 from cable_twin.mechanics.on_rope.wind import update_wind
@@ -34,6 +35,8 @@ def hang_carriages(system, state):
     """Place all bodies upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
+        if not belongs(system, state, carriage):
+            continue
         place_joint(system.cable, state, carriage)
         point = joint_point(system.cable, state, carriage)
         place = value(state.nodes.position, point, system.cable.gravity)
@@ -47,7 +50,8 @@ def hang_carriages(system, state):
 def store_equilibrium(system, state):
     """Store the equilibrium: holding force of each joint, origins of friction, and extremes of tower loads."""
     for carriage in range(state.axis.size):
-        state.drives.force[carriage] = driven_force(system, state, carriage)
+        if belongs(system, state, carriage):
+            state.drives.force[carriage] = driven_force(system, state, carriage)
     for contact in range(state.contact_origin.size):
         state.contact_origin[contact] = rope_before(system.cable, state, state.contact_arc_length[contact])
     settle_towers(system.cable, system.towers, state)
@@ -68,7 +72,10 @@ def move_relaxed(system, state, work):
     turn = sharpest_turn(work, system.cable.gravity)
     combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
     combine_arrays(state.joints.position, 1.0, work.sliding_increment, state.joints.position)
-    move_bodies(state.bodies.position, work.body_increment, system.cable.gravity)
+    for vehicle in range(state.vehicle_rope.size):
+        if belongs(system, state, vehicle):
+            for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
+                move_body(state.bodies.position[body], work.body_increment[body], system.cable.gravity)
     return turn
 
 

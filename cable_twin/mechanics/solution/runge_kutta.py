@@ -127,7 +127,7 @@ def classical_step(system, state, start, total, h, work):
     copy_place(total.bodies, state.bodies)
     make_unit(state.bodies.position, like)
     copy_place(total.joints, state.joints)
-    prescribe(state)
+    prescribe(system, state)
     return True
 
 

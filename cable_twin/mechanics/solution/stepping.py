@@ -15,6 +15,7 @@ from cable_twin.mechanics.drives.stations import attach_carriers
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import settle_buffers
 from cable_twin.mechanics.on_rope.friction import settle_friction
+from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.tower import derail, settle_towers
 from cable_twin.mechanics.on_rope.wind import update_wind
 from cable_twin.mechanics.parameters import INTEGRATORS
@@ -51,7 +52,7 @@ def end_step(system, state, work):
     """End a step: store friction and contacts, attach carriers entering the rope; returns the largest gap (m)."""
     gap = largest_gap(system, state, work, True)
     settle(system, state)
-    take_up(state)
+    take_up(system, state)
     if system.moving_cable.moving:
         attach_carriers(system, state)
     return gap
@@ -61,7 +62,8 @@ def end_step(system, state, work):
 def settle(system, state):
     """Store the mobilised friction, buffer contacts and tower loads as the start of the next step."""
     for carriage in range(system.carriages.fixed.size):
-        settle_friction(system.carriages, state, carriage)
+        if belongs(system, state, carriage):
+            settle_friction(system.carriages, state, carriage)
     if system.buffers.present:
         settle_buffers(system, state)
     settle_towers(system.cable, system.towers, state)

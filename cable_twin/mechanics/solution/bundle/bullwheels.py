@@ -450,7 +450,7 @@ def propagate_wheels(bundle, motion, system, state):
         if own.moving_cable.over_bullwheels:
             here = record_at(bundle.records[rope, STATE], state)
             carry_clamped(own, here)
-            prescribe(here)
+            prescribe(own, here)
 
 
 @kernel

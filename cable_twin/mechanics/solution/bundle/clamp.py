@@ -33,6 +33,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
+from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
 from cable_twin.mechanics.on_rope.tower import nearest
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
@@ -88,7 +89,7 @@ def find_clamps(bundle, moving, system, state, h):
                 found, found_place = rope, place
         own = record_at(bundle.records[clamps.rope[clamp], SYSTEM], system)
         track, carriage = record_at(bundle.records[clamps.rope[clamp], STATE], state), clamps.carriage[clamp]
-        if not track.attached[carriage]:
+        if not rides(own, track, carriage):
             found = -1
         taken = found != moving.clamp_rope[clamp]
         moving.clamp_rope[clamp], moving.clamp_place[clamp] = found, found_place
@@ -282,7 +283,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
     carriage, loop_length = clamps.carriage[clamp], clamps.loop_length[clamp]
     s = clamp_coordinate(strand, strand_state, place, loop_length)
     length, ridden = strand.cable.unstrained_length, track.cable.unstrained_length
-    attached = track_state.attached[carriage]
+    attached = rides(track, track_state, carriage)
     if 0.0 < s < length:
         found = track_state.joints.position[carriage]
         if not attached:
