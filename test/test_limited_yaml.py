@@ -62,7 +62,7 @@ def test_files_without_end_are_not_read_to_it(suffix, tmp_path):
 
 @pytest.mark.parametrize("text", ["&a [*a]", "x: &a {y: [1, *a]}", "&a {<<: *a}"])
 def test_an_alias_within_itself_is_refused(text):
-    with pytest.raises(UnreadableYamlError, match="an alias within what it stands for"):
+    with pytest.raises(UnreadableYamlError, match="an alias within its own anchor"):
         read_yaml(text)
 
 

@@ -1,6 +1,6 @@
-"""YAML of files and messages, read within limits of bytes, depth, and values with all aliases expanded.
+"""YAML of files and messages, read within limits of bytes, depth, and values with all aliases expanded; YAML of data.
 
-A few lines of aliases stand for a great many values, and are refused before there is any of them.
+A few lines of aliases stand for a great many values: they are counted before any of these is made.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class UnreadableYamlError(ValueError):
     """Text that is not valid YAML or exceeds the limits: fault in a line, allowed range, and place.
 
     Attributes:
-        where: the number of the line as in ":12", or nothing.
+        where: number of the line as in ":12", or empty.
     """
 
     def __init__(self, reason: str, line: int | None = None) -> None:
@@ -84,7 +84,7 @@ def read_yaml(text: str) -> Document:
         reason = getattr(error, "problem", None) or getattr(error, "context", None) or str(error)
         line = mark.line + 1 if mark else None
         raise UnreadableYamlError(f"not YAML ({' '.join(str(reason).split())}); allowed: YAML 1.2", line) from None
-    except Exception as error:  # the library has many for a value that is none of its kind
+    except Exception as error:  # the library raises many kinds for invalid values
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableYamlError(f"holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
 
@@ -117,7 +117,7 @@ class _LimitedComposer(Composer):
         self._above -= 1
         if is_alias:
             if id(node) not in self._sizes:
-                raise UnreadableYamlError("an alias within what it stands for; allowed: of what is complete", line)
+                raise UnreadableYamlError("an alias within its own anchor; allowed: an alias after it", line)
             inner, below = self._sizes[id(node)]
             self._count += inner
             self._deepest = max(self._deepest, self._above + below)

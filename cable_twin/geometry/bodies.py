@@ -57,7 +57,7 @@ def outline_from_pivots(
     """Return an outline of a body from its pivots and inertia alone.
 
     A body that carries another one is a line from pivot to pivot through the centre of mass. The last body of a
-    chain is a slender rod where its inertia is that of one, else the square box of that inertia, hung from its
+    chain is a slender rod if its inertia is that of a rod, else the square box of its inertia, hung from its
     pivot.
 
     Args:
@@ -80,7 +80,7 @@ def outline_from_pivots(
     return np.vstack([top, box])
 
 
-THICK = 0.06  # of its length, how thick a bar is drawn
+THICK = 0.06  # thickness of a bar over its length
 LEAST = 1e-9  # m, of a bar
 SIDES = np.array([sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)])  # normals of a box
 

@@ -16,7 +16,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ELASTIC_MODELS = ("continuum", "element_frame")  # each stands for its number
+ELASTIC_MODELS = ("continuum", "element_frame")  # by number
 CONTINUUM = 0  # elastic_model: W = (EA strain^2 + EI curvature^2) / 2 on the arc itself
 ELEMENT_FRAME = 1  # elastic_model: the paper's, strains in the frame of each element's chord
 
@@ -29,8 +29,8 @@ ALONE = -1  # number of a rope by itself
 INTEGRATORS = ("generalized_alpha", "runge_kutta")  # modules of `solution`
 
 START, END = 0, 1  # stations of a track
-IN_GROOVE, OUT_LEFT, OUT_RIGHT, LIFTED = 0, 1, 2, 3  # the rope on a tower in space, and how it has left that
-NO_RATIO = -1.0  # of forces on a tower on which the rope has never lain
+IN_GROOVE, OUT_LEFT, OUT_RIGHT, LIFTED = 0, 1, 2, 3  # the rope on a tower in space, or derailed, by its side
+NO_RATIO = -1.0  # of forces on a tower without contact so far
 SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drum, one on the track rope
 
 
@@ -42,7 +42,7 @@ class Cable(NamedTuple):
     element_length: FloatArray  # l, (elements,) m, unstrained
     node_arc_length: FloatArray  # (nodes,) m
     cell_length: float  # m, of the even grid by which the element at an arc length is looked up
-    cell_element: IntArray  # (cells,) the element at the start of each of its cells
+    cell_element: IntArray  # (cells,) element at the start of each cell
     unstrained_length: float  # L, m
     rounding: FloatArray  # (elements, 3, 9) of x / l, powers falling: c_0 m/N, d_0 m/N³, k m/N of `joint_compliance`
     rounding_limit: float  # b_0 of it, 1/N²
@@ -54,8 +54,8 @@ class Cable(NamedTuple):
     elastic_model: int  # CONTINUUM or ELEMENT_FRAME
     gravity: tuple[float, ...]  # (dim,) m/s^2
     end_position: FloatArray  # (2, dim) m, of start and end (of a counterweight at travel 0); NaN where free
-    end_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto what is free
-    end_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN where there is none
+    end_projector: FloatArray  # (2, 2, dim²) of start and end, of r and r_x: onto the free directions
+    end_direction: FloatArray  # (2, dim) unit vectors of the cable in a clamp; NaN without a clamp
     load_arc_length: FloatArray  # (loads,) m
     load_force: FloatArray  # (loads, dim) N
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
@@ -96,19 +96,19 @@ class Carriages(NamedTuple):
     roll_damping: FloatArray  # (bodies,) N m s/rad, of a damper of its roll in space
     held: IntArray  # (bodies,) angles that the joint above holds in space: 1 the heading, 2 the roll as well
     centre_offset: FloatArray  # (bodies, dim) m, of the centre of mass with its payload from that without
-    fixed: NDArray[np.bool_]  # (carriages,) clamped to its arc length for good
-    clamped: NDArray[np.bool_]  # (carriages,) goes with a moving cable, also round the rest of its loop
-    loop_place: FloatArray  # (carriages,) m, of what is clamped: place on the loop when no cable has gone by yet
+    fixed: NDArray[np.bool_]  # (carriages,) fixed at its arc length
+    clamped: NDArray[np.bool_]  # (carriages,) clamped to a moving cable, also on the rest of its loop
+    loop_place: FloatArray  # (carriages,) m, initial position on the loop of a clamped carriage
     rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
     viscous_friction: FloatArray  # (carriages,) N s/m
-    presliding: FloatArray  # (carriages,) m, how far a joint yields before it slides
-    speed_limit: FloatArray  # (carriages,) m/s, inf where there is none
+    presliding: FloatArray  # (carriages,) m, elastic displacement of a joint before it slides
+    speed_limit: FloatArray  # (carriages,) m/s, inf without a limit
     acceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference
     deceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference towards rest
     emergency_deceleration: FloatArray  # (carriages,) m/s^2, of the drive reference in an emergency stop
-    jerk_limit: FloatArray  # (carriages,) m/s^3, inf where there is none
-    force_limit: FloatArray  # (carriages,) N, inf where there is none
-    power_limit: FloatArray  # (carriages,) W, force times speed, inf where there is none
+    jerk_limit: FloatArray  # (carriages,) m/s^3, inf without a limit
+    force_limit: FloatArray  # (carriages,) N, inf without a limit
+    power_limit: FloatArray  # (carriages,) W, force times speed, inf without a limit
     drive_stops: NDArray[np.bool_]  # (carriages,) an emergency stop is the drive's, at its emergency deceleration
     brake_force: FloatArray  # (carriages, 3) N, of the brakes that an emergency stop applies, 0 of all others
     brake_rise_time: FloatArray  # (carriages, 3) s, from release to full force
@@ -125,17 +125,17 @@ class Towers(NamedTuple):
     contact_tower: IntArray  # (contacts,)
     top: FloatArray  # (towers, dim) m, where the middle of the saddle or of the sheaves touches the rope
     position: FloatArray  # (contacts, dim) m
-    normal: FloatArray  # (contacts, dim) unit vectors to the side on which the rope is
+    normal: FloatArray  # (contacts, dim) unit vectors towards the rope
     stiffness: FloatArray  # (contacts,) N/m, normal to the rope
     damping: FloatArray  # (contacts,) s/m, of the normal force, per unit of its elastic part
     friction: FloatArray  # (contacts,) - , limit of the force along the rope per normal force
-    presliding: FloatArray  # (contacts,) m, how far the rope yields before it slides
+    presliding: FloatArray  # (contacts,) m, elastic displacement of the rope before it slides
     toe: FloatArray  # (contacts,) m, depth over which the stiffness sets in
-    groove: FloatArray  # (contacts,) 1/m, in space: force sideways over normal force, by the way off the middle
-    groove_friction: FloatArray  # (contacts,) -, in space: friction sideways over normal force
+    groove: FloatArray  # (contacts,) 1/m, in space: lateral over normal force, per offset from the middle
+    groove_friction: FloatArray  # (contacts,) -, in space: lateral friction over normal force
     left: FloatArray  # (towers, dim) in space: unit vectors across the grooves to the left of the track
-    derailment_ratio: FloatArray  # (towers,) -, the same ratio of a whole tower at which the rope leaves its grooves
-    groove_height: FloatArray  # (towers,) m, how high the rope lifts until it has left them
+    derailment_ratio: FloatArray  # (towers,) -, lateral over normal force of a whole tower at which the rope derails
+    groove_height: FloatArray  # (towers,) m, lift at which the rope has left its grooves
 
 
 @by_reference
@@ -155,11 +155,11 @@ class MovingCable(NamedTuple):
     """Axially moving cable between fixed ends: its drive, and its loop as a single strand."""
 
     moving: bool
-    loop_length: float  # m, unstrained; what is beyond the cable's own length is not simulated
+    loop_length: float  # m, unstrained; the part beyond the cable's own length is not simulated
     acceleration_limit: float  # m/s^2, of the drive reference
     emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
-    jerk_limit: float  # m/s^3, inf where there is none
-    over_bullwheels: bool = False  # its ends go as bullwheels do, which it shares with other strands
+    jerk_limit: float  # m/s^3, inf without a limit
+    over_bullwheels: bool = False  # its ends move with bullwheels, shared with other strands
 
 
 STANDING = MovingCable(
@@ -180,9 +180,9 @@ class HaulRopes(NamedTuple):
     damping_ratio: FloatArray  # (carriages,) -, of carriage and rope on a drum that is held
     station: IntArray  # (carriages,) START or END, where the drum is
     beyond_track: FloatArray  # (carriages,) m of rope between the end of the track and the drum
-    pretension: FloatArray  # (carriages,) N, pull of the counter rope: with how much the rope can push at most
+    pretension: FloatArray  # (carriages,) N, pull of the counter rope, up to which the rope can push
     drive_inertia: FloatArray  # (carriages,) kg, all that turns or runs with the drum, reduced to the rope
-    present: bool  # whether there is any
+    present: bool  # whether any carriage has one
 
 
 @by_reference
@@ -190,12 +190,12 @@ class VehicleBuffers(NamedTuple):
     """Possible buffer contacts of vehicles on the rope; carriage c has the entries offset[c] to offset[c + 1]."""
 
     offset: IntArray  # (carriages + 1,)
-    other: IntArray  # (entries,) the carriage that it can meet
-    side: FloatArray  # (entries,) 1 where that is after it on the rope, -1 where it is before
-    room: FloatArray  # (entries,) m between their joints where the buffers touch
+    other: IntArray  # (entries,) carriage of the possible contact
+    side: FloatArray  # (entries,) 1 if the other one is after it on the rope, -1 if before
+    room: FloatArray  # (entries,) m between their joints at first contact of the buffers
     stiffness: FloatArray  # (entries,) N/m, of both buffers in series
     damping: FloatArray  # (entries,) s/m, of their force, per unit of its elastic part
-    present: bool  # whether there are any
+    present: bool  # whether there is an entry
 
 
 NO_BUFFERS = VehicleBuffers(
@@ -213,21 +213,21 @@ NO_BUFFERS = VehicleBuffers(
 class Wind(NamedTuple):
     """Variation of the wind in space and time; vectors are x, y, z, in a plane too."""
 
-    exponent: float  # -, of the power law of height; 0: the same at each
-    reference_height: float  # m above the ground, where the wind is as given
-    ground: FloatArray  # (n,) m, its height, evenly along x; one number where it is level
+    exponent: float  # -, of the power law of height; 0: uniform
+    reference_height: float  # m above the ground, of the given wind
+    ground: FloatArray  # (n,) m, z of the ground, evenly along x; one number for level ground
     ground_start: float  # m, x of the first
     ground_step: float  # m
     gusts: FloatArray  # (gusts, 6): x, y, z in m/s, start and duration in s, shape: ONE_COSINE or OPERATING_GUST
     intensity: float  # -, standard deviation along the wind over its mean speed; 0: no turbulence
     turbulence: FloatArray  # (points, samples, 3): along the wind, to its left and up, for a deviation of 1 along it
-    sample_spacing: float  # m of wind gone by, from sample to sample; after the last one comes the first
+    sample_spacing: float  # m of wind path from sample to sample; the first follows the last
     points: FloatArray  # (points, 3) m, evenly from start to end of the cable
-    shedding: FloatArray  # (bodies, 2): eddies per metre of wind gone by, kg/m of their force; (0, 2) where none sheds
+    shedding: FloatArray  # (bodies, 2): eddies per metre of wind path, kg/m of their force; (0, 2) without shedding
 
 
 ONE_COSINE, OPERATING_GUST = 0, 1  # shapes of a gust, see `on_rope.wind`
-GUSTS = ("one_minus_cosine", "operating_gust")  # each stands for its number
+GUSTS = ("one_minus_cosine", "operating_gust")  # by number
 STRONGEST_WIND = 100.0  # m/s, more than in any hurricane: 96 m/s in Patricia, 2015, a mean of a minute
 STEADY = Wind(
     exponent=0.0,
@@ -250,8 +250,8 @@ class Air(NamedTuple):
 
     rope_drag: float  # kg/m^2, half of density, drag coefficient and diameter multiplied; 0 for none
     body_drag: FloatArray  # (bodies, dim²) kg/m, half of density and drag areas, a diagonal matrix in the axes of each
-    present: bool  # whether there is any force
-    varies: bool = False  # whether the wind may differ from place to place or from moment to moment
+    present: bool  # whether there is any coefficient
+    varies: bool = False  # whether the wind varies in space or time
     wind: Wind = STEADY
 
 
@@ -259,7 +259,7 @@ class Air(NamedTuple):
 class Payloads(NamedTuple):
     """Loading place of each carriage: body and position."""
 
-    body: IntArray  # (carriages,) number of the body, -1 where there is no room
+    body: IntArray  # (carriages,) number of the body, -1 without a payload
     position: FloatArray  # (carriages, 2) m, from the centre of mass of the empty body in its axes
 
 
@@ -271,7 +271,7 @@ class Solver(NamedTuple):
     spectral_radius: float  # rho_inf of generalized-alpha, -
     tolerance: float  # m, estimated error of a position at which the Newton iteration ends
     max_iterations: int  # Newton iterations before a step is halved
-    max_halvings: int  # how often a step may be halved before it fails
+    max_halvings: int  # halvings of a step before it fails
 
 
 @by_reference

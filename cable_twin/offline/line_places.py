@@ -11,7 +11,7 @@ from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Columns, Snapshot
 from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of
 from cable_twin.scenario import Scenario, build_system, load_scenario
-from cable_twin.scenario.command_limits import sense_of, way_between_stops
+from cable_twin.scenario.command_limits import sense_of, travel_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
 
 # quantities of a motion, of which there is none
@@ -125,7 +125,7 @@ def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, floa
     """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel
-    ways = [way_between_stops(scenario, name) for name in hauled]
+    ways = [travel_between_stops(scenario, name) for name in hauled]
     return max(way.low for way in ways), min(way.high for way in ways)
 
 

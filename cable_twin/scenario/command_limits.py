@@ -43,14 +43,14 @@ def limits_of(scenario: Scenario, name: str) -> CommandLimits | None:
 
 
 def command_fault(scenario: Scenario, kind: str, unit: str, name: str, value: float) -> str | None:
-    """Why a twin refuses a speed or force for a drive or carriage, in a line; None where it takes it.
+    """Reason in a line for refusing a speed or force of a drive or carriage; None if it is allowed.
 
     Args:
-        scenario: what runs.
+        scenario: scenario of the twin.
         kind: "speed" or "force".
         unit: of the value, m/s or N.
-        name: what is commanded.
-        value: what it is told.
+        name: name of a drive or carriage.
+        value: commanded value.
     """
     if (limits := limits_of(scenario, name)) is None:
         return _not_commanded(scenario, name)
@@ -87,8 +87,8 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
     """Range (m) of position commands: arc lengths between the end stops, or rope travel of a drive.
 
     Args:
-        scenario: what runs.
-        name: of a drive or carriage.
+        scenario: scenario of the twin.
+        name: name of a drive or carriage.
 
     Returns:
         The lowest and the highest; infinite of a drive without `travel`.
@@ -98,7 +98,7 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
     carriage = scenario.carriages[name]
     if carriage.joint == "fixed":
         return carriage.arc_length, carriage.arc_length
-    alone = scenario.of_rope(carriage.rope or next(iter(scenario.cables)))
+    alone = scenario.of_rope(scenario.rope_of(carriage))
     stroke = stop_stroke(alone, carriage)
     return stroke, alone.cable.unstrained_length - stroke
 
@@ -106,7 +106,7 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
 def most_by_friction(scenario: Scenario, name: str) -> float:
     """Force (N) on a bullwheel above which the rope slips at its highest permissible tension."""
     sheave = scenario.sheaves[str(scenario.drives[name].sheave)]
-    ropes = [scenario.ropes[end.partition(".")[0]] for end in sheave.joins]
+    ropes = [scenario.ropes[name] for name in sheave.ropes]
     breaking = [BREAKING_STRAIN * rope.axial_stiffness for rope in ropes]
     breaking += [rope.breaking_force for rope in ropes if rope.breaking_force is not None]
     return min(breaking) / SAFETY * (1.0 - exp(-sheave.friction * sheave.wrap))
@@ -116,26 +116,26 @@ def _or_none(limit: float | None) -> float:
     return inf if limit is None else limit
 
 
-class Way(NamedTuple):
-    """Range of travel of a haul rope between the end stops of a carriage at both ends of its track."""
+class TravelRange(NamedTuple):
+    """Travel of a haul rope from the start on, with a carriage at the end stops of its track."""
 
-    low: float  # m of haul rope gone by since the start
-    high: float
+    low: float  # m
+    high: float  # m
 
 
-def way_between_stops(scenario: Scenario, name: str) -> Way:
+def travel_between_stops(scenario: Scenario, name: str) -> TravelRange:
     """Travel of the haul rope between the end stops of a carriage clamped to it, for inextensible ropes."""
     carriage = scenario.carriages[name]
-    track = carriage.rope or next(iter(scenario.ropes))
+    track = scenario.rope_of(carriage)
     stroke, length = stop_stroke(scenario.of_rope(track), carriage), scenario.ropes[track].unstrained_length
     ends = (sense_of(scenario, name) * (end - carriage.arc_length) for end in (stroke, length - stroke))
-    return Way(*sorted(ends))
+    return TravelRange(*sorted(ends))
 
 
 def sense_of(scenario: Scenario, name: str) -> float:
     """Sense of the track rope of a carriage relative to its haul rope: 1 for equal directions, else -1."""
     carriage = scenario.carriages[name]
     haul = scenario.ropes[next(iter(carriage.clamped_to))]
-    track = scenario.ropes[carriage.rope or next(iter(scenario.ropes))]
-    ways = [rope.end.position[0] - rope.start.position[0] for rope in (track, haul)]
-    return 1.0 if ways[0] * ways[1] >= 0.0 else -1.0
+    track = scenario.ropes[scenario.rope_of(carriage)]
+    lengths = [rope.end.position[0] - rope.start.position[0] for rope in (track, haul)]
+    return 1.0 if lengths[0] * lengths[1] >= 0.0 else -1.0

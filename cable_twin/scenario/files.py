@@ -24,8 +24,8 @@ from cable_twin.scenario.overrides import (
 )
 from cable_twin.scenario.schema import Scenario
 
-LONGEST_DESCRIPTION = 400  # characters of it in a list
-LONGEST_NAME = 200  # characters of that of a file, where a scenario has none
+LONGEST_DESCRIPTION = 400  # characters in a list
+LONGEST_NAME = 200  # characters of the name of a file that becomes that of a scenario
 SUFFIXES = (".yaml", ".yml")
 
 
@@ -33,7 +33,7 @@ class ScenarioError(ValueError):
     """Error of an invalid scenario; its text has one line per fault.
 
     Attributes:
-        faults: the lines: file, key path, what was given, what is allowed, unit.
+        faults: lines with file, key path, given and allowed value, and unit.
     """
 
     def __init__(self, *faults: str) -> None:
@@ -53,7 +53,7 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
             an axis or a number from 0 on, and a whole thing with a name may be new.
 
     Returns:
-        The scenario, with defaults for what it leaves open.
+        The scenario, with defaults for keys that are not given.
 
     Raises:
         ScenarioError: with every fault of the scenario, one line each.
@@ -82,8 +82,10 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         written = Written(data)
         given = {full_key(str(key)): value for key, value in overrides.items()}
         values = {key: _plain(value, tuple(key.split(".")), faults) for key, value in given.items()}
-        values = dict(sorted(values.items(), key=lambda one: written.depth(one[0])))  # the whole, then what is in it
-        unknown: list[Fault] = []  # keys of overrides, or what they would be in
+        values = dict(
+            sorted(values.items(), key=lambda one: written.depth(one[0]))
+        )  # whole sections before keys in them
+        unknown: list[Fault] = []  # of overrides whose keys do not exist
         others = []
         for key, value in values.items():
             with _kept(unknown):
@@ -223,7 +225,11 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
 def _lines(label: str, faults: Iterable[Fault], written: Written, unknown: Sequence[Fault] = ()) -> list[str]:
     """One line per fault, without repetition for the copies of a tower of several ropes.
 
-    Those that are `unknown` are of overrides, wherever what they name would be.
+    Args:
+        label: name of the source.
+        faults: all faults.
+        written: keys of the file and of overrides.
+        unknown: faults of overrides whose keys do not exist.
     """
     lines = []
     for fault in faults:

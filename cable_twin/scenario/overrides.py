@@ -20,7 +20,7 @@ class UnknownKeyError(ValueError):
     """Error of a dotted key that does not exist in a scenario.
 
     Attributes:
-        fault: the key, and what is allowed there.
+        fault: fault with the key and the allowed ones.
     """
 
     def __init__(self, fault: Fault) -> None:
@@ -32,7 +32,7 @@ def assignment(text: str) -> tuple[str, Any]:
     """Parse KEY=VALUE into key and value, the value in YAML.
 
     Raises:
-        ValueError: one line with what was given and what is allowed.
+        ValueError: one line with the given text and the allowed form.
     """
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
@@ -55,18 +55,18 @@ def full_key(key: str) -> str:
 def override(data: dict[str, Any], key: str, value: Any) -> KeyPath:
     """Set one value by its dotted key; in a list, the key ends with an axis or an index from 0 on.
 
-    Carriages, bodies and other things with names must be there, or are given whole; other sections are made.
+    Carriages, bodies and other named things have to exist, or are given whole; other sections are made.
 
     Args:
-        data: a scenario as plain data; what is changed in it is a copy.
-        key: dotted, in full.
-        value: as plain data.
+        data: a scenario as plain data; changed parts of it are copies.
+        key: full dotted key.
+        value: plain data.
 
     Returns:
-        Path of what changed: the key, or the list in which it ends.
+        Key path of the changed value, or of the list in which the key ends.
 
     Raises:
-        UnknownKeyError: there is no such place.
+        UnknownKeyError: the key does not exist.
     """
     parts = key.split(".")
     data.update(_in_model(data, Scenario, parts, value, ()))
@@ -82,13 +82,13 @@ def put_into_list(items: Sequence[Any], parts: Sequence[str], value: Any, path: 
     """Copy of a list with one value set; setting y turns a vector of two numbers into one of three.
 
     Args:
-        items: numbers, or lists of them; they stay as they are.
-        parts: of the key below the list.
-        value: as plain data.
-        path: of the list.
+        items: numbers, or lists of them; not changed.
+        parts: parts of the key below the list.
+        value: plain data.
+        path: key path of the list.
 
     Raises:
-        UnknownKeyError: it has no such place.
+        UnknownKeyError: the list has no such index or axis.
     """
     part, *rest = parts
     items = list(items)
@@ -159,7 +159,7 @@ def _in_names(node: Any, model: type[BaseModel] | None, parts: Sequence[str], va
     return {**node, part: _in_model(node[part], model, rest, value, (*path, part))}
 
 
-OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, what only a file has below its things
+OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, the key that exists in a file only
 
 
 class _Place(NamedTuple):
@@ -174,7 +174,7 @@ class Written:
     """Keys of a file before `expand_bullwheels` rewrites drives at bullwheels and towers of several ropes.
 
     Args:
-        data: what the file has, as plain dicts; overrides of such keys are put into it.
+        data: content of the file as plain dicts; overrides of such keys are put into it.
     """
 
     def __init__(self, data: dict[str, Any]) -> None:
@@ -184,10 +184,10 @@ class Written:
     def put(self, key: str, value: Any) -> bool:
         """Set a key that exists in the file only; returns whether the key is of this kind.
 
-        That is what is below `sheaves.NAME.drive` or `towers.NAME.ropes`, a whole sheave or tower, and all of them.
+        Such keys are those below `sheaves.NAME.drive` and `towers.NAME.ropes`, a whole sheave or tower, or all.
 
         Raises:
-            UnknownKeyError: the key ends in a list that has no such place.
+            UnknownKeyError: the key ends in a list without such an index or axis.
         """
         self._given.add(key)
         section, *below = key.split(".")

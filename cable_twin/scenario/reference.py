@@ -34,7 +34,7 @@ HEAD = f"""\
 
 Every key of a scenario file, written from the schema by `python -m cable_twin.scenario.reference`. `{NAME}` is a name
 that the file chooses, `{NUMBER}` the place in a list. `simulate --explain KEY` prints one entry, or those of a section.
-[scenarios.md](scenarios.md) shows how they go together.
+[scenarios.md](scenarios.md) has examples.
 
 Editors check a file while it is written where its first line names the JSON schema, as those in `config/` do:
 
@@ -65,7 +65,7 @@ TOWER_OF_ROPES = Entry(
     "",
     "null",
     "null, or a mapping of keys of a tower",
-    "for each rope that runs over it what is another there; each becomes a tower, called as both",
+    "keys that differ, by rope; each rope has a tower with the names of both",
 )
 
 
@@ -128,7 +128,7 @@ def json_schema() -> dict[str, Any]:
     definitions |= drive.pop("$defs", {}) | {"BullwheelDrive": drive}
     definitions["Sheave"]["properties"]["drive"] = _or_null("BullwheelDrive")
     definitions["Tower"]["properties"]["ropes"] = {"type": "object", "additionalProperties": _or_null("Tower")}
-    definitions["Tower"].pop("required", None)  # what it needs may stand below its `ropes`
+    definitions["Tower"].pop("required", None)  # its needed keys may be below `ropes`
     schema.pop("required", None)
     schema["anyOf"] = [{"required": ["cable"]}, {"required": ["ropes"]}]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
@@ -149,7 +149,7 @@ def write(directory: Path) -> list[Path]:
 def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
     """Models at a key and at all keys below."""
     yield place, model
-    if model is Sheave:  # in a file alone, as what `TOWER_OF_ROPES` says: `expand_bullwheels` writes both otherwise
+    if model is Sheave:  # a key of files only, as `TOWER_OF_ROPES`: `expand_bullwheels` rewrites both
         yield from _sections(_join(place, "drive"), BullwheelDrive)
     for name, field in model.model_fields.items():
         for below, inner in _models(field.annotation):

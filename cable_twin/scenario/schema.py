@@ -1,7 +1,7 @@
 """Scenario schema with sensors, solver and limits; other sections are in the imported files.
 
-The models say what a value may be by itself. What values may not be together, and what this release cannot run yet,
-is in `checks/`; use `load_scenario`, which applies both.
+The models have the allowed values of each key. Combinations that are not allowed, or that this release cannot run yet,
+are in `checks/`; use `load_scenario`, which applies both.
 """
 
 from __future__ import annotations
@@ -36,26 +36,33 @@ from cable_twin.scenario.sections.quantities import (
 )
 from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind, Carriers, Payload
 
-Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # whatever the mechanics have
+Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # those of the mechanics
 
 CABLE = "cable"  # name of the rope of a scenario that has one cable and no `ropes`
 ACROSS = 1e-9  # of its length: a track that goes less than that along x goes along y
 
 
 class Sensor(Section):
-    """Sensor of the plant, published beside the true value below `sensors/`."""
+    """Sensor with noise, bias, resolution and delay, published below `sensors/` beside the true value."""
 
     kind: Literal["encoder", "load_cell", "inclinometer", "imu"] = Field(
-        description="what it measures: m along the cable, N, rad of pitch, or m/s^2 and rad/s"
+        description="measured quantity: position along the cable (m), force (N), pitch (rad), or acceleration and "
+        "angular velocity (m/s^2, rad/s)"
     )
-    of: str = Field(description="vehicle or drive (encoder), support (load_cell), vehicle or VEHICLE/BODY (others)")
-    rate: float = quantity("Hz", "how often, at most every frame", 50.0, gt=0)
+    of: str = Field(
+        description="measured object: vehicle or drive (encoder), support (load_cell), vehicle or VEHICLE/BODY (others)"
+    )
+    rate: float = quantity("Hz", "sampling rate, at most that of frames", 50.0, gt=0)
     noise: float = quantity(OF_KIND, "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)
     bias: float = quantity(OF_KIND, "constant error", 0.0)
-    quantum: float = quantity(OF_KIND, "step of what it can tell; 0: none", 0.0, ge=0)
-    rate_noise: float = quantity("rad/s", "standard deviation of the rate of turn of an imu", 0.0, ge=0)
-    rate_bias: float = quantity("rad/s", "constant error of that", 0.0)
-    delay: float = quantity("s", "time from the measurement, which the stamp has, to its arrival", 0.0, ge=0, le=60)
+    quantum: float = quantity(OF_KIND, "resolution, to which values are rounded; 0: none", 0.0, ge=0)
+    rate_noise: float = quantity(
+        "rad/s", "standard deviation of white noise of the angular velocity of an imu", 0.0, ge=0
+    )
+    rate_bias: float = quantity("rad/s", "constant error of the angular velocity of an imu", 0.0)
+    delay: float = quantity(
+        "s", "time from the measurement, which is the time stamp, to its publication", 0.0, ge=0, le=60
+    )
     seed: int = quantity("-", "seed of its noise", 0, ge=0, le=2**63 - 1)
 
 
@@ -67,11 +74,16 @@ class Solver(Section):
     )
     step: float = quantity("s", "time step", 0.001, ge=1e-6, le=10)
     spectral_radius: float = quantity(
-        "-", "what is left of the highest frequencies in a step; more than 0.8 fails now and then", 0.7, ge=0, le=1
+        "-",
+        "spectral radius of generalized-alpha: share of the highest frequencies that is left after a step; more than "
+        "0.8 fails now and then",
+        0.7,
+        ge=0,
+        le=1,
     )
     tolerance: float = quantity("m", "estimated error of a position at which the Newton iteration ends", 1e-9, gt=0)
     max_iterations: int = quantity("-", "Newton iterations before a step is halved", 12, ge=1, le=1000)
-    max_halvings: int = quantity("-", "how often a step may be halved before it fails", 6, ge=0, le=30)
+    max_halvings: int = quantity("-", "halvings of a step before it fails", 6, ge=0, le=30)
 
 
 class Scenario(Section):
@@ -79,32 +91,37 @@ class Scenario(Section):
 
     name: OneLine = Field(
         default="custom",
-        description="what the run is called; the name of the file by default",
+        description="name of the run; by default that of the file",
         min_length=1,
         max_length=200,
         json_schema_extra={"allowed": "a text of 1 to 200 characters that can be printed"},
     )
     description: Description = Field(
         default="",
-        description="one line about it",
+        description="description of the scenario in one line",
         max_length=2000,
         json_schema_extra={"allowed": "a text of up to 2000 characters that can be printed"},
     )
     gravity: float = quantity("m/s^2", "gravity, downwards", 9.81, ge=0)
     space: Literal[2, 3] | None = Field(
-        default=None, description="2 for a plane, 3 for space; null: as many as the positions of supports have numbers"
+        default=None,
+        description="dimension: 2 for a plane, 3 for space; null: the most coordinates of a position of a support",
     )
-    cable: Cable = Field(description="the cable; where there are several `ropes` instead, the first of those")
+    cable: Cable = Field(description="the cable; of several `ropes`, the first one")
     ropes: dict[str, Cable] = Field(default_factory=dict, description="several ropes by name, instead of one cable")
     sheaves: dict[str, Sheave] = Field(default_factory=dict, description="bullwheels that join ropes to loops, by name")
-    connectors: dict[str, Connector] = Field(default_factory=dict, description="what hangs between ropes, by name")
+    connectors: dict[str, Connector] = Field(
+        default_factory=dict, description="rods between ropes, such as droppers, by name"
+    )
     pantographs: dict[str, Pantograph] = Field(
-        default_factory=dict, description="what pushes a rope from below and moves along it, by name"
+        default_factory=dict, description="pantographs by name, which push a rope from below and move along it"
     )
     towers: dict[str, Tower] = Field(default_factory=dict, description="towers by name, in order along the cable")
     carriages: dict[str, Carriage] = Field(default_factory=dict, description="carriages by name")
     drives: dict[str, RopeDrive] = Field(default_factory=dict, description="the drive of a moving cable, by name")
-    carriers: Carriers | None = Field(default=None, description="carriages of one kind, all round a moving cable")
+    carriers: Carriers | None = Field(
+        default=None, description="vehicles of one kind or several, at equal distances round a moving cable or a loop"
+    )
     air: Air = Field(default_factory=Air, description="wind and drag")
     terrain: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground under the track, points x, z", ())
     terrain_sides: TerrainSides | None = Field(default=None, description="ground beside the track, in space")
@@ -119,7 +136,7 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _first_of_ropes(cls, data: Any) -> Any:
-        """Set the cable to the first of several ropes."""
+        """Use the first of several ropes as the cable."""
         ropes = data.get("ropes") if isinstance(data, dict) else None
         if isinstance(ropes, dict) and ropes and "cable" not in data:
             return {**data, "cable": next(iter(ropes.values()))}

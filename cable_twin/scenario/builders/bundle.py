@@ -100,7 +100,7 @@ def build_pantographs(scenario: Scenario) -> Pantographs:
     count = len(given[0].stages) if given else 1
     stages = columns(Pantographs, Stage, [stage for one in given for stage in one.stages])
     stages = {name: column.reshape(-1, count) for name, column in stages.items()}
-    # at rest, the springs between head and last stage have yielded, and the last one has what is left
+    # in equilibrium the springs above the last one carry the uplift force; it has the rest of the height
     base = [
         one.uplift_force + float(row[-1]) * (one.height + one.uplift_force * float(np.sum(1.0 / row[:-1])))
         for one, row in zip(given, stages["stiffness"], strict=True)

@@ -19,7 +19,7 @@ from cable_twin.scenario.sections.line import Cable, EndSupport, Grading, Tower
 TOWER_FRICTION = {"sheaves": 0.03, "saddle": 0.1}  # -, rolling of lined sheaves, sliding on a greased saddle
 OF_TOWERS = ("derailment_ratio", "groove_height")  # constants of a whole tower, and not of a contact
 TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
-BUFFER = 0.05  # m, what the buffers of a counterweight yield under its pull
+BUFFER = 0.05  # m, compression of the buffers of a counterweight under its pull
 
 
 def build_system(scenario: Scenario, marks: FloatArray | None = None) -> parameters.System:
@@ -27,7 +27,7 @@ def build_system(scenario: Scenario, marks: FloatArray | None = None) -> paramet
 
     Args:
         scenario: a scenario from `load_scenario`, of one rope.
-        marks: arc lengths (marks,) in m at which the mesh has a node whatever happens.
+        marks: arc lengths (marks,) in m of additional nodes, such as those of connectors.
 
     Returns:
         Cable, carriages and solver; the bodies are in the order of the file.

@@ -13,14 +13,14 @@ from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.drives import Brake, Drive, HaulRope, Limits
 from cable_twin.scenario.sections.vehicles import Body, Carriage, EndStop, Friction, VehicleBuffer
 
-PRESLIDING = 1e-3  # m, how far a joint with rolling friction yields before it slides
+PRESLIDING = 1e-3  # m, elastic displacement of a joint with rolling friction before it slides
 DEFAULT_STROKE = 0.005  # of the cable's length
 NO_BRAKE = Brake.model_construct(force=0.0, rise_time=0.0)
 NO_HAUL_ROPE = HaulRope.model_construct(
     axial_stiffness=0.0, mass_per_length=0.0, damping_ratio=0.0, station="start", beyond_track=1.0, drive_inertia=0.0
 )
 BRAKES = ("service_brake", "emergency_brake", "track_rope_brake")  # in the columns of `parameters`
-BUFFER_DEPTH = 0.2  # m, by which a buffer between vehicles gives way at the speed limit; assumed
+BUFFER_DEPTH = 0.2  # m, compression of a buffer between vehicles at the speed limit; assumed
 USED_STROKE = 0.6  # of the stroke, to stop the carriage at the reference speed without damping
 
 
@@ -35,9 +35,9 @@ def stop_stroke(scenario: Scenario, carriage: Carriage) -> float:
 def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, float]:
     """Stroke (m), stiffness (N/m) and damping (s/m) of the end stops of a carriage.
 
-    What is not given follows from the reference speed v: the drive's limit, or sqrt(g L) / 2 without one. The
-    stiffness stops the whole carriage from v within 60 % of the stroke, and holds its whole weight there as well,
-    which counts only for slow drives; the damping is 0.5 / v. What is clamped to a moving cable goes through.
+    Defaults follow from the reference speed v: the drive's limit, or sqrt(g L) / 2 without one. The stiffness stops
+    the whole carriage from v within 60 % of the stroke, and holds its whole weight there as well, which counts only
+    for slow drives; the damping is 0.5 / v. Vehicles that are clamped to a moving cable have no end stops.
     """
     if carriage.joint == "clamped" or scenario.riding is not None:
         return 0.0, 0.0, 0.0
@@ -48,7 +48,7 @@ def end_stop(scenario: Scenario, carriage: Carriage) -> tuple[float, float, floa
 def vehicle_buffer(scenario: Scenario, carriage: Carriage, length: float) -> tuple[float, float]:
     """Stiffness (N/m) and damping (s/m) of the buffer of a carriage of a `length` (m) against others.
 
-    What is not given follows as for end stops; the stiffness of a point is infinite, then the other one's counts.
+    Defaults are those of end stops; a vehicle without length has an infinite stiffness, in series with the other one.
     """
     if length == 0.0 and carriage.buffers.stiffness is None:
         return inf, 0.0

@@ -4,12 +4,12 @@ With n = k L, k the wave number in 1/m along the wind and L the length scale, a 
 
     4 n / (1 + 6 n)^(5/3)             Kaimal et al. 1972, as IEC 61400-1 (2005), B.14, has it: across the wind with
                                       L / 3 and 0.8 σ, upwards with 0.66 / 8.1 L and 0.5 σ,
-    4 n / (1 + 71 n²)^(5/6)           von Karman 1948, along the wind; across it and upwards, with the same L and σ,
+    4 n / (1 + 71 n²)^(5/6)           von Karman 1948, along the wind; across it and upwards, with this L and σ,
     2 n (1 + 71 8/3 n²) / (1 + 71 n²)^(11/6),
 
 and at two points with the distance d across the wind the coherence exp(-12 √((k d)² + (0.12 d / L)²)) of IEC 61400-1,
-B.16, which is taken for all three components. All of that is by wave number: what a mean wind of the speed U brings has
-the spectrum at f = k U, whatever U is.
+B.16, which is used for all three components. Spectra and coherence are functions of the wave number: in a mean wind of
+speed U, the frequency is f = k U.
 
 The samples are those of Shinozuka and Deodatis (1991, 1996): a sum of cosines with random phases, amplitudes by the
 Cholesky factor of the coherence, summed by a fast Fourier transform.
@@ -30,8 +30,8 @@ from cable_twin.scenario.sections.air import Turbulence
 from cable_twin.scenario.sections.quantities import in_space
 
 SAMPLES = 2**14
-PER_LENGTH = 128.0  # samples in a length scale: half of that are the shortest waves
-QUANTUM = 2.0**-20  # of what is kept: a cosine differs from processor to processor by 1e-16
+PER_LENGTH = 128.0  # samples in a length scale, twice as many as the shortest waves
+QUANTUM = 2.0**-20  # m/s, to which samples are rounded: cosines of different processors differ by 1e-16
 CHUNK = 1024  # wave numbers at a time
 KAIMAL = ((1.0, 1.0), (2.7 / 8.1, 0.8), (0.66 / 8.1, 0.5))  # of L and of σ: along the wind, across it, upwards
 
@@ -75,7 +75,7 @@ def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray
 
     Returns:
         Samples (points, SAMPLES, 3) for a deviation of 1 m/s along the wind, across it and upwards; their spacing in m.
-        They go on from the last to the first.
+        The first follows the last.
     """
     spacing = turbulence.length_scale / PER_LENGTH
     step = 1.0 / (SAMPLES * spacing)
@@ -88,7 +88,9 @@ def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray
     waves = np.exp(1j * phases)
     for first in range(0, k.size, CHUNK):
         part = slice(first, first + CHUNK)
-        matrix = coherence(turbulence, k[part], across) + 1e-12 * np.eye(len(points))  # where points see the same
+        matrix = coherence(turbulence, k[part], across) + 1e-12 * np.eye(
+            len(points)
+        )  # for points without distance across the wind
         waves[:, part] = np.einsum("kij,ckj->cki", np.linalg.cholesky(matrix), waves[:, part])
     spectra = np.stack([_amplitudes(spectrum, k, step) for spectrum in components(turbulence)])
     return _summed(spectra[:, :, None] * waves), spacing
@@ -111,7 +113,7 @@ def _summed(waves: NDArray[np.complex128]) -> FloatArray:
     return np.ascontiguousarray(np.round(samples / QUANTUM) * QUANTUM)
 
 
-GROUND_STEP = 1.0  # m, at which the terrain is looked up
+GROUND_STEP = 1.0  # m, spacing of the ground table
 
 
 def build_wind(scenario: Scenario) -> parameters.Wind:
@@ -132,7 +134,7 @@ def build_wind(scenario: Scenario) -> parameters.Wind:
         start, end = (np.array(in_space(end.position)) for end in (scenario.cable.start, scenario.cable.end))
         points = np.linspace(start, end, air.turbulence.points)
         ahead = np.array(in_space(air.wind))
-        if not ahead.any():  # across the track where that can be
+        if not ahead.any():  # in space across the track
             ahead = np.array([0.0, 1.0, 0.0] if scenario.dim == 3 else [1.0, 0.0, 0.0])
         table, spacing = make_turbulence(air.turbulence, points, ahead)
         copied = numbers(parameters.Wind, air.turbulence)

@@ -9,7 +9,7 @@ from math import dist, hypot
 import numpy as np
 
 from cable_twin.scenario.checks.fault import Fault, KeyPath, Phrase, listed, name_faults, refuse, show
-from cable_twin.scenario.command_limits import way_between_stops
+from cable_twin.scenario.command_limits import travel_between_stops
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.couplings import Sheave
 from cable_twin.scenario.sections.quantities import in_space
@@ -270,7 +270,7 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
     for rods in between.values():
         for (_, before, one), (_, after, other) in pairwise(sorted(rods)):
             if after < before:
-                yield refuse(("connectors", other), Phrase(f"across '{one}'"), "the same order on both ropes")
+                yield refuse(("connectors", other), Phrase(f"across '{one}'"), "one order on both ropes")
 
 
 def _clamps(scenario: Scenario) -> Iterator[Fault]:
@@ -322,12 +322,12 @@ def _pantographs(scenario: Scenario) -> Iterator[Fault]:
 def _travel(scenario: Scenario) -> Iterator[Fault]:
     """Faults of drives whose travel pulls a carriage into its end stops, for ropes and clamps without faults."""
     hauled = [name for name, one in scenario.carriages.items() if scenario.strands.keys() & one.clamped_to.keys()]
-    ways = {name: way_between_stops(scenario, name) for name in hauled}
+    ranges = {name: travel_between_stops(scenario, name) for name in hauled}
     loops = sum(strand.offset == 0.0 for strand in scenario.strands.values())
-    if not ways or loops > 1:  # of several loops each would have ranges of its own
+    if not ranges or loops > 1:  # of several loops each would have ranges of its own
         return
-    first, last = max(ways, key=lambda name: ways[name].low), min(ways, key=lambda name: ways[name].high)
-    low, high = ways[first].low, ways[last].high
+    first, last = max(ranges, key=lambda name: ranges[name].low), min(ranges, key=lambda name: ranges[name].high)
+    low, high = ranges[first].low, ranges[last].high
     for name, drive in scenario.drives.items():
         if drive.travel is None or drive.travel[0] > drive.travel[1]:  # a fault of its own
             continue

@@ -38,8 +38,8 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         data: dicts with text keys, lists and scalars.
 
     Returns:
-        The scenario, or None where it has faults, and the faults. What is implausible is found even where other
-        values have faults of their own.
+        The scenario, or None where it has faults, and the faults. Implausible combinations are found even where other
+        values have faults.
     """
     found = {fault.path: fault for fault in _beyond_reason(data)}
     try:
@@ -54,7 +54,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
         salvaged = _salvage(Scenario, data, set(found))
         return None, [*found.values(), *(fault for fault in _implausible(salvaged) if fault.path not in found)]
     faults = list(_implausible(scenario)) or list(equilibrium_faults(scenario))
-    faults.sort(key=lambda fault: "joins" not in fault.path)  # what is joined wrongly has faults elsewhere
+    faults.sort(key=lambda fault: "joins" not in fault.path)  # wrongly joined ends cause other faults
     return (None if faults else scenario), faults
 
 

@@ -1,1 +1,1 @@
-"""The sections of a scenario: what each key may be by itself."""
+"""Sections of a scenario, with meaning, unit and allowed values of each key."""

@@ -11,7 +11,7 @@ from pydantic import Field, create_model
 from cable_twin.scenario.sections.drives import Brake
 from cable_twin.scenario.sections.quantities import FromList, Place, Section, Vector, quantity
 
-EDGE = 0.005  # of a strand, at both ends, where what rides it is in a station at the start
+EDGE = 0.005  # share of a strand, at both ends, where a vehicle starts in a station
 Joined = Annotated[tuple[str, str], FromList]
 
 
@@ -20,8 +20,8 @@ class SheaveCounterweight(Section):
 
     direction: Place = quantity("-", "direction in which it pulls, any length")
     mass: float = quantity("kg", "mass of the counterweight, of both strands together", gt=0)
-    force: float | None = quantity("N", "its pull on the carriage; its weight where none is given", None, gt=0)
-    carriage_mass: float = quantity("kg", "mass of the bullwheel and what it runs on", 0.0, ge=0)
+    force: float | None = quantity("N", "pull on the carriage; null: the weight of the mass", None, gt=0)
+    carriage_mass: float = quantity("kg", "mass of the bullwheel and its carriage", 0.0, ge=0)
     travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
     buffer_damping: float = quantity(
         "s/m", "damping of the buffers at both limits: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
@@ -29,39 +29,41 @@ class SheaveCounterweight(Section):
 
 
 class SheaveHydraulics(Section):
-    """Hydraulic cylinder: moves the carriage of a bullwheel when the pull of both strands has left a band."""
+    """Hydraulic cylinder: moves the carriage of a bullwheel when the pull of both strands leaves a band."""
 
     direction: Place = quantity("-", "direction in which it pulls, any length")
-    force: float = quantity("N", "the pull that it keeps, of both strands together", gt=0)
-    band: float = quantity("N", "by which the pull may be off before it moves", gt=0)
-    rate: float = quantity("m/s", "its speed when it does", 0.01, gt=0)
+    force: float = quantity("N", "set-point of the pull of both strands together", gt=0)
+    band: float = quantity("N", "deviation of the pull at which it moves", gt=0)
+    rate: float = quantity("m/s", "speed of the cylinder", 0.01, gt=0)
     travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
-    locked: bool = Field(default=False, description="it has failed and holds the carriage where it starts")
+    locked: bool = Field(
+        default=False, description="true: it holds the carriage at its initial position, as after a failure"
+    )
 
 
 class Sheave(Section):
     """Bullwheel: turns the rope from the end of one strand to the start of another one."""
 
-    position: Place | None = quantity("m", "its middle; null: midway between the ends that it joins", None)
-    radius: float = quantity("m", "its radius", gt=0)
+    position: Place | None = quantity("m", "centre; null: midway between the joined ends", None)
+    radius: float = quantity("m", "radius at the rope", gt=0)
     joins: Joined = Field(
-        description="the end of one rope and the start of another: [up.end, down.start]",
+        description="joined ends: the end of one rope and the start of another, [up.end, down.start]",
         json_schema_extra={"allowed": "a list of two texts, ROPE.end and ROPE.start"},
     )
-    wrap: float = quantity("rad", "angle over which the rope lies on it", pi, gt=0, le=20)
+    wrap: float = quantity("rad", "wrap angle of the rope", pi, gt=0, le=20)
     friction: float = quantity("-", "friction of the rope on its lining", 0.22, gt=0, le=2)
-    inertia: float = quantity("kg m^2", "moment of inertia of all that turns with it, about its axis", gt=0)
-    resistance: float = quantity("N m", "torque that its bearings take", 0.0, ge=0)
+    inertia: float = quantity("kg m^2", "moment of inertia about its axis, with all rotating parts", gt=0)
+    resistance: float = quantity("N m", "friction torque of the bearings", 0.0, ge=0)
     counterweight: SheaveCounterweight | None = Field(default=None, description="weight that tensions the loop")
     hydraulics: SheaveHydraulics | None = Field(default=None, description="cylinder that tensions the loop")
     brake: Brake | None = Field(
-        default=None, description="brake on it, force at the rim, which an emergency stop applies instead of the drive"
+        default=None, description="brake that an emergency stop applies instead of the drive, with its force at the rim"
     )
 
     rollback: float | None = quantity(
         "m",
-        "way back, against the sense in which its drive turned it last, after which an emergency stop begins where no "
-        "drive holds it to a speed; null: none",
+        "rollback after which an emergency stop begins: travel of the rim against the last direction of its drive "
+        "while no drive holds its speed; null: none",
         None,
         gt=0,
     )
@@ -84,21 +86,21 @@ class Sheave(Section):
 
 
 class Strand(NamedTuple):
-    """Position of a strand on its loop, with the bullwheels at its ends."""
+    """Position of a strand on its loop, and the bullwheels at its ends."""
 
     loop_length: float  # m, unstrained
-    offset: float  # m, place on the loop of its start
-    before: str  # the bullwheel off which rope comes onto its start
-    after: str  # and that onto which its end runs
+    offset: float  # m, position of its start on the loop
+    before: str  # bullwheel at its start
+    after: str  # bullwheel at its end
 
 
 class Riding(NamedTuple):
     """Track rope of carriers: strand of the carriers' clamps, and position of the strand on its loop."""
 
-    strand: str  # to which they are clamped there
-    length: float  # m, of that
+    strand: str  # of their clamps
+    length: float  # m, of the strand, unstrained
     loop_length: float  # m, unstrained
-    offset: float  # m, place on the loop of the start of the strand
+    offset: float  # m, position of the start of the strand on the loop
 
     def on_track(self, place: float) -> bool:
         """Return whether a vehicle at a `place` (m) of the strand is on the track, not in a station."""
@@ -148,18 +150,18 @@ def _end(description: str) -> Any:
     return Field(description=f"{description} (m)", json_schema_extra={"unit": "m", "allowed": allowed})
 
 
-# `from` is a key of the file, and no name that a class can be written with
+# a class cannot be written with the key `from`
 Connector: Any = create_model(
     "Connector",
     __base__=_Rod,
     __doc__=_Rod.__doc__,
     **{
-        "from": (PlaceOnRope, _end("its upper end: a rope and the unstrained arc length there")),
-        "to": (PlaceOnRope, _end("its lower end: the same of another rope")),
+        "from": (PlaceOnRope, _end("upper end: rope and unstrained arc length")),
+        "to": (PlaceOnRope, _end("lower end: another rope and its unstrained arc length")),
         "length": (float, quantity("m", "unstrained length", gt=0)),
-        "stiffness": (float, quantity("N/m", "stiffness when it is longer than that", gt=0)),
-        "compression": (float, quantity("N/m", "stiffness when it is shorter", 0.0, ge=0)),
-        "damping": (float, quantity("N s/m", "damping while it is longer", 0.0, ge=0)),
+        "stiffness": (float, quantity("N/m", "stiffness in tension", gt=0)),
+        "compression": (float, quantity("N/m", "stiffness in compression", 0.0, ge=0)),
+        "damping": (float, quantity("N s/m", "damping in tension", 0.0, ge=0)),
     },  # type: ignore[call-overload]
 )
 
@@ -169,18 +171,18 @@ class Stage(Section):
 
     mass: float = quantity("kg", "mass of the stage; its weight is balanced", gt=0)
     stiffness: float = quantity("N/m", "stiffness of the spring below it", gt=0)
-    damping: float = quantity("N s/m", "damping of that", 0.0, ge=0)
+    damping: float = quantity("N s/m", "damping beside the spring", 0.0, ge=0)
 
 
 class Pantograph(Section):
     """Pantograph: masses on springs, pushed against a rope from below and moved along the track at a given speed."""
 
-    rope: str = Field(description="the rope that it pushes")
-    position: float = quantity("m", "place along the track, x, at the start of the run")
-    speed: float = quantity("m/s", "its speed along the track from the start on", 0.0)
-    height: float = quantity("m", "height of the head, z, at which the force is `uplift_force`", 0.0)
+    rope: str = Field(description="rope above the pantograph")
+    position: float = quantity("m", "initial position along the track, x")
+    speed: float = quantity("m/s", "speed along the track", 0.0)
+    height: float = quantity("m", "height of the head, z, at which the force at rest is `uplift_force`", 0.0)
     uplift_force: float = quantity("N", "force on the rope at rest at that height", gt=0)
-    contact_stiffness: float = quantity("N/m", "stiffness of head and rope, which only push", 50e3, gt=0)
+    contact_stiffness: float = quantity("N/m", "stiffness of the one-sided contact of head and rope", 50e3, gt=0)
     stages: Annotated[tuple[Stage, ...], FromList] = Field(
-        description="its masses from the head down; the last spring stands on the vehicle", min_length=1
+        description="masses from the head down; the last spring stands on the vehicle", min_length=1
     )

@@ -14,7 +14,9 @@ class Limits(Section):
 
     speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
-    deceleration: float | None = quantity("m/s^2", "deceleration of a service stop; null as acceleration", None, gt=0)
+    deceleration: float | None = quantity(
+        "m/s^2", "deceleration of a service stop; null: as the acceleration", None, gt=0
+    )
     jerk: float | None = quantity("m/s^3", "highest rate of the acceleration", None, gt=0)
     force: float | None = quantity("N", "highest drive force along the cable", None, gt=0)
     power: float | None = quantity("W", "highest power, driving or braking: force times speed", None, gt=0)
@@ -26,15 +28,13 @@ class HaulRope(Section):
 
     axial_stiffness: float = quantity("N", "EA of the haul rope", gt=0)
     mass_per_length: float = quantity("kg/m", "mass per length of the haul rope", gt=0)
-    damping_ratio: float = quantity("-", "damping ratio of the carriage's bounce on it", 0.01, ge=0)
-    station: Literal["start", "end"] = Field(default="end", description="end of the track where the drive sheave is")
+    damping_ratio: float = quantity("-", "damping ratio of the carriage oscillating on the haul rope", 0.01, ge=0)
+    station: Literal["start", "end"] = Field(default="end", description="end of the track with the drive sheave")
     beyond_track: float = quantity("m", "rope between the end of the track and the drive sheave", 10.0, gt=0)
     pretension: float = quantity(
-        "N", "pull of the counter rope: with how much the loop can push the carriage; 0 where there is none", 0.0, ge=0
+        "N", "pull of the counter rope, up to which the loop can push the carriage; 0 without one", 0.0, ge=0
     )
-    drive_inertia: float = quantity(
-        "kg", "mass of all that moves with the drive sheave, counter rope too, reduced to the rope", gt=0
-    )
+    drive_inertia: float = quantity("kg", "mass of drive, drive sheave and counter rope, reduced to the rope", gt=0)
 
 
 class Brake(Section):
@@ -50,37 +50,39 @@ StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_bra
 class Drive(Section):
     """Drive and brakes of a carriage along the cable."""
 
-    mode: Literal["free", "speed", "force"] = Field(default="free", description="what moves it until a command comes")
+    mode: Literal["free", "speed", "force"] = Field(
+        default="free", description="mode of the drive before the first command"
+    )
     limits: Limits = Field(default_factory=Limits, description="limits of the drive")
     haul_rope: HaulRope | None = Field(
-        default=None, description="rope through which the drive pulls; without one it acts on the carriage itself"
+        default=None, description="haul rope between drive and carriage; null: the drive is on the carriage"
     )
     service_brake: Brake | None = Field(default=None, description="brake on the drive")
     emergency_brake: Brake | None = Field(default=None, description="second brake on the drive")
     track_rope_brake: Brake | None = Field(default=None, description="brake of the carriage on the cable")
     emergency_stop: Annotated[tuple[StopMeans, ...], FromList] = Field(
-        default=("drive",), description="what an emergency stop applies", min_length=1
+        default=("drive",), description="means of an emergency stop", min_length=1
     )
 
 
 class DriveOfRope(Section):
-    """Common keys of all drives of a rope."""
+    """Keys of all drives of ropes."""
 
-    speed: float = quantity("m/s", "speed at the start of the run, which it keeps until a command", 0.0)
-    limits: Limits = Field(default_factory=Limits, description="limits of the drive; its force is held by friction")
+    speed: float = quantity("m/s", "initial speed, kept until a command", 0.0)
+    limits: Limits = Field(default_factory=Limits, description="limits of the drive; friction limits its force")
     travel: Vector | None = quantity(
-        "m", "least and greatest rope travel since the start, before which the drive of a bullwheel stops", None
+        "m", "range of the rope travel from the start on, within which the drive of a bullwheel stops", None
     )
 
 
 class RopeDrive(DriveOfRope):
     """Drive moving the cable along itself between its held ends; addressed by its name in commands."""
 
-    kind: Literal["moving_cable"] = Field(description="what it drives: the cable")
-    sheave: str | None = Field(default=None, description="the bullwheel that it turns, where there are several ropes")
+    kind: Literal["moving_cable"] = Field(description="kind of drive")
+    sheave: str | None = Field(default=None, description="driven bullwheel, of several ropes")
 
 
 class BullwheelDrive(DriveOfRope):
     """Drive of a bullwheel, written below the bullwheel in a file."""
 
-    name: str | None = Field(default=None, description="what commands call it; null: as the bullwheel")
+    name: str | None = Field(default=None, description="name in commands; null: that of the bullwheel")

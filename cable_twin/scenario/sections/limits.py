@@ -31,9 +31,9 @@ def limit(
 
     Args:
         unit: SI unit, "-" for a plain number.
-        description: what it is; the unit is added.
-        default: value where none is given.
-        bound: on which side of it the figure has to be.
+        description: meaning, without the unit, which is added.
+        default: default value.
+        bound: side of the limit on which the figure has to be.
         source: of the default: a standard, or that it is assumed and why.
         clause: paragraph of the standard, with its number.
         **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
@@ -65,7 +65,7 @@ class KeyFigureLimits(Section):
     )
     tension_per_transverse_load: float | None = limit(
         "-",
-        "lowest tension over load across the rope; null: 10 for carriages that roll on it, no limit for clamped ones; "
+        "lowest tension over transverse load; null: 10 for carriages that roll on the rope, no limit for clamped ones; "
         "0: no limit",
         bound="at least",
         source="CEN practice for carriages that roll on a track rope, at least 10",
@@ -95,7 +95,7 @@ class KeyFigureLimits(Section):
         "least distance of vehicles on different ropes from each other, in space",
         1.0,
         bound="at least",
-        source="assumed: as much as somebody leans out, with a reserve",
+        source="assumed: reach of a passenger who leans out, with a reserve",
         ge=0,
     )
     acceleration: float | None = limit(
@@ -105,10 +105,10 @@ class KeyFigureLimits(Section):
         source="assumed: emergency stops usually have 1 to 1.5 m/s^2",
         gt=0,
     )
-    stopping_distance: float | None = limit("m", "longest way to a standstill", gt=0)
-    stopping_time: float | None = limit("s", "longest time to a standstill", gt=0)
+    stopping_distance: float | None = limit("m", "longest stopping distance", gt=0)
+    stopping_time: float | None = limit("s", "longest stopping time", gt=0)
     sag: float | None = limit("m", "largest depth of the cable below its chord, of each span", gt=0)
-    dynamic_amplification: float | None = limit("-", "highest tension over that at the start", gt=0)
+    dynamic_amplification: float | None = limit("-", "highest tension over the initial tension", gt=0)
     rope_clearance: float | None = limit(
         "m", "least height of the cable over the terrain", 0.0, bound="at least", source=TOUCHES, ge=0
     )
@@ -118,24 +118,24 @@ class KeyFigureLimits(Section):
     support_load: float | None = limit("N", "highest force of the cable on a support", gt=0)
     deropement_margin: float | None = limit(
         "-",
-        "least load of a tower over its load at rest",
+        "least load of a tower over its load in equilibrium",
         0.1,
         bound="at least",
-        source="assumed: a tenth of the load at rest; the cable lifts off at 0",
+        source="assumed: a tenth of the load in equilibrium; the cable lifts off at 0",
         ge=0,
         le=1,
     )
     roller_load: float | None = limit(
         "N",
-        "least load of a roller of a tower, mean of those of the tower",
+        "least load of a sheave of a tower, as the mean of all its sheaves",
         500.0,
         bound="at least",
-        source="assumed: 500 N on each roller, so that a rope that swings does not leave it",
+        source="assumed: 500 N on each sheave, so that a swinging rope stays on it",
         ge=0,
     )
     energy_lost: float | None = limit(
         "-",
-        "largest energy lost by the solver in 5 s over the kinetic energy exchanged",
+        "largest energy lost by the solver in 5 s, over the kinetic energy exchanged",
         0.005,
         source="assumed: equivalent to a damping ratio of 0.08 %, less than that of the rope itself",
         gt=0,

@@ -13,27 +13,34 @@ from cable_twin.scenario.sections.quantities import FromList, Place, Section, Ve
 class EndSupport(Section):
     """Support of one end of the cable."""
 
-    position: Place = quantity("m", "place as x, z, in space x, y, z; only the direction of the start where it is free")
+    position: Place = quantity(
+        "m", "position as x, z, in space x, y, z; of a free end only the direction in which the cable starts"
+    )
     support: Literal["pinned", "clamped", "free", "hydraulic", "counterweight"] = Field(
         default="pinned",
-        description="what of the end is held; a hydraulic tensioning device keeps its length, as a pin does",
+        description="kind of support; a hydraulic tensioning device keeps its length, as a pin does",
     )
     direction: Place | None = quantity(
-        "-", "direction of the cable in a clamp, towards its end; or in which a counterweight pulls; any length", None
+        "-",
+        "direction of any length: of the cable in a clamp, towards its end, or of the pull of a counterweight",
+        None,
     )
     mass: float | None = quantity("kg", "mass of a counterweight", None, gt=0)
-    force: float | None = quantity("N", "pull of a counterweight; its weight where none is given", None, gt=0)
+    force: float | None = quantity("N", "pull of a counterweight; null: its weight", None, gt=0)
     travel: Vector | None = quantity("m", "least and most travel of a counterweight from `position`", None)
     buffer_stiffness: float | None = quantity(
-        "N/m", "stiffness of the buffers at both limits of the travel; null: 5 cm hold the pull", None, gt=0
+        "N/m",
+        "stiffness of the buffers at both limits of the travel; null: compressed by 5 cm under the pull",
+        None,
+        gt=0,
     )
     buffer_damping: float = quantity(
-        "s/m", "damping of these buffers: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
+        "s/m", "damping of the buffers: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
     )
 
 
 MOST_ELEMENTS = 100_000
-ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]  # whatever the mechanics have
+ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]  # those of the mechanics
 
 
 class Load(Section):
@@ -71,7 +78,7 @@ class Cable(Section):
     breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
     bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)
     elements: Elements = Field(
-        description="number of elements, all of one unstrained length (-), or how long they are where",
+        description="number of elements of equal unstrained length (-), or lengths of a graded mesh",
         json_schema_extra={
             "unit": "-",
             "allowed": f"a whole number at least 1 and at most {MOST_ELEMENTS}, or a mapping of target, at_towers (m) "
@@ -80,32 +87,32 @@ class Cable(Section):
     )
     elastic_model: ElasticModel = Field(
         default="continuum",
-        description="strain energy on the arc itself, or in the frame of each element's chord, which on slack ropes "
-        "needs at least four times the elements",
+        description="strain energy on the arc itself, or in the frame of each element's chord, which needs at least "
+        "four times the elements on slack ropes",
     )
     kinks: Literal["rounded", "sharp"] = Field(
         default="rounded",
-        description="the bend of the rope under a vehicle: as its elements round it off, or with what they lack of a "
-        "sharp one as a way of the joint",
+        description="bend of the rope under a vehicle: rounded by the elements, or sharp, with the missing deflection "
+        "as a compliance of the joint",
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
-    mass_damping: float = quantity("1/s", "of a rope among several: damping per mass", 0.0, ge=0)
+    mass_damping: float = quantity("1/s", "damping per mass, of one of several ropes", 0.0, ge=0)
     tension_damping: float = quantity(
-        "s", "of a rope among several: damping per stiffness that the tension at the start gives it", 0.0, ge=0
+        "s", "damping per geometric stiffness of the initial tension, of one of several ropes", 0.0, ge=0
     )
     initial_shape: Literal["equilibrium", "straight"] = Field(
-        default="equilibrium", description="how it starts: in static equilibrium, or unstrained from start towards end"
+        default="equilibrium", description="initial shape: static equilibrium, or unstrained from start towards end"
     )
-    start: EndSupport = Field(description="what holds it at arc length 0")
-    end: EndSupport = Field(description="what holds it at its other end")
+    start: EndSupport = Field(description="support at arc length 0")
+    end: EndSupport = Field(description="support at the other end")
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
     lateral: float = quantity(
         "m",
-        "of a rope among several: y, how far to the left of the track it is, with its towers and what is on it; a "
-        "plane only shows it",
+        "offset y to the left of the track, with towers and vehicles, of one of several ropes; in a plane for views "
+        "only",
         0.0,
     )
-    diameter: float | None = quantity("m", "diameter, for the wind on it; null for no drag", None, gt=0)
+    diameter: float | None = quantity("m", "diameter, for wind loads; null: no drag", None, gt=0)
     drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
     ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
     ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
@@ -124,44 +131,44 @@ class Cable(Section):
 class Tower(Section):
     """Support of the cable between its ends: sheave assembly, or saddle of a track rope; one-sided contact."""
 
-    rope: str | None = Field(default=None, description="the rope that runs over it; null: the first one")
-    position: Place = quantity("m", "where the rope touches its middle, as x, z, in space as x, y, z")
-    kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="what the rope lies on")
-    contacts: int = quantity("-", "sheaves of the train, or points at which the saddle is reckoned", 1, ge=1, le=100)
+    rope: str | None = Field(default=None, description="rope on the tower; null: the first one")
+    position: Place = quantity("m", "position of the rope at its middle, as x, z, in space as x, y, z")
+    kind: Literal["sheaves", "saddle"] = Field(default="sheaves", description="sheave assembly or saddle")
+    contacts: int = quantity("-", "sheaves of the assembly, or contact points of the saddle", 1, ge=1, le=100)
     length: float = quantity("m", "length along the rope, from the first contact to the last", 0.0, ge=0)
     radius: float | None = quantity("m", "radius of the circle of the contacts; null: a straight line", None, gt=0)
-    hold_down: bool = Field(default=False, description="whether it presses the rope down from above")
+    hold_down: bool = Field(default=False, description="true: it holds the rope down from above")
     stiffness: float = quantity("N/m", "stiffness of each contact, normal to the rope", 2e6, gt=0)
     damping: float = quantity("s/m", "damping of each contact: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
     groove: float = quantity(
         "1/m",
-        "in space, force sideways over normal force, by how far the rope is off the middle of its groove",
+        "in space, lateral force over normal force, per offset of the rope from the middle of its groove",
         20.0,
         gt=0,
     )
     derailment_ratio: float = quantity(
         "-",
-        "in space, force sideways over normal force of the tower at which the rope leaves it; assumed: flanks of 45 "
+        "in space, lateral force over normal force of the tower at which the rope derails; assumed: flanks of 45 "
         "degrees and a friction of 0.3 hold up to 0.54 (Nadal)",
         0.5,
         gt=0,
     )
-    groove_friction: float = quantity("-", "in space, friction sideways in the groove per normal force", 0.0, ge=0)
+    groove_friction: float = quantity("-", "in space, lateral friction in the groove per normal force", 0.0, ge=0)
     groove_height: float = quantity(
-        "m", "in space, how high the rope lifts off all contacts until it has left the tower; assumed", 0.05, gt=0
+        "m", "in space, height above all contacts at which the rope has left the tower; assumed", 0.05, gt=0
     )
     groove_direction: Place | None = quantity(
         "-",
-        "in space, where the grooves open, x, y, z of any length; null: upwards, downwards of a hold-down",
+        "in space, direction in which the grooves open, x, y, z of any length; null: upwards, of a hold-down downwards",
         None,
     )
     mast_offset: float | None = quantity(
         "m",
-        "in space, from the rope to the middle of the mast, positive to the left of the track, also of a strand that "
-        "runs back; null: no mast",
+        "in space, offset of the middle of the mast from the rope, positive to the left of the track, also on a "
+        "returning strand; null: no mast",
         None,
     )
-    mast_width: float | None = quantity("m", "in space, width of the mast, which reaches up to the rope", None, gt=0)
+    mast_width: float | None = quantity("m", "in space, width of the mast, which ends at the rope", None, gt=0)
     friction: float | None = quantity(
         "-", "friction along the rope per normal force; null: 0.03 for sheaves, 0.1 for a saddle", None, ge=0
     )
@@ -170,6 +177,6 @@ class Tower(Section):
 class TerrainSides(Section):
     """Terrain beside the track in space: linear from the profile on the track to one on each side, level beyond."""
 
-    distance: float = quantity("m", "how far from the track, y = 0, both profiles are", gt=0)
+    distance: float = quantity("m", "distance of both profiles from the track, y = 0", gt=0)
     left: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the left, points x, z", min_length=2)
     right: Annotated[tuple[Vector, ...], FromList] = quantity("m", "ground on the right, points x, z", min_length=2)

@@ -6,16 +6,16 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-OF_KIND = "unit of the kind"  # of what a sensor measures
+OF_KIND = "unit of the kind"  # of a quantity that depends on the kind of sensor
 
 FromList = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Vector = Annotated[tuple[float, float], FromList]  # of a plane, or two numbers of another kind
-# along the track and upwards, or in space with what is to the left between them
+# along the track and upwards; in space along it, to its left, and upwards
 Place = Annotated[tuple[float, ...], FromList, Field(min_length=2, max_length=3)]
 
 
 def _printable(text: str) -> str:
-    """Refuse a text with control characters, which a terminal would obey."""
+    """Refuse a text with control characters, which a terminal would execute."""
     if not text.replace("\n", "").isprintable():
         raise ValueError("it cannot be printed")
     return text
@@ -37,8 +37,8 @@ def quantity(unit: str, description: str, default: Any = ..., **bounds: Any) -> 
 
     Args:
         unit: SI unit, "-" for a plain number.
-        description: what it is; the unit is added.
-        default: value where none is given; without it the field must be given.
+        description: meaning, without the unit, which is added.
+        default: default value; a field without one has to be given.
         **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
 
     Returns:

@@ -35,9 +35,12 @@ class Friction(Section):
 class EndStop(Section):
     """Elastic buffer at both ends of the cable; defaults follow from mass and speed limit of the carriage."""
 
-    stroke: float | None = quantity("m", "length of the buffer; null: 0.5 % of the cable", None, gt=0)
+    stroke: float | None = quantity("m", "length of the buffer; null: 0.5 % of the cable length", None, gt=0)
     stiffness: float | None = quantity(
-        "N/m", "stiffness of the buffer; null: it stops the speed limit within 60 %", None, gt=0
+        "N/m",
+        "stiffness of the buffer; null: it stops the vehicle from its speed limit within 60 % of the stroke",
+        None,
+        gt=0,
     )
     damping: float | None = quantity(
         "s/m", "damping: force = stiffness d (1 + damping d_dot); null: 0.5 over the speed limit", None, ge=0
@@ -49,8 +52,8 @@ class VehicleBuffer(Section):
 
     stiffness: float | None = quantity(
         "N/m",
-        "stiffness of its own buffer, in series with that of the other vehicle; null: at the speed limit it gives way "
-        "by 0.2 m, assumed, and by a quarter of its length at most",
+        "stiffness of the own buffer, in series with that of the other vehicle; null: at the speed limit it is "
+        "compressed by 0.2 m, assumed, and by a quarter of the vehicle length at most",
         None,
         gt=0,
     )
@@ -60,10 +63,10 @@ class VehicleBuffer(Section):
 
 
 class Shedding(Section):
-    """Vortex shedding of a body: v strouhal / width eddies a second, left and right, push it across the wind v."""
+    """Vortex shedding of a body: lateral force at the frequency v strouhal / width in a wind v."""
 
     width: float = quantity("m", "width of the body across the wind", gt=0)
-    area: float = quantity("m^2", "area to which the side force refers, width times height", gt=0)
+    area: float = quantity("m^2", "reference area of the lateral force, width times height", gt=0)
     strouhal: float = quantity(
         "-", "Strouhal number; EN 1991-1-4, table E.1: 0.12 for a square, 0.18 round", 0.12, gt=0
     )
@@ -78,28 +81,34 @@ class Body(Section):
     mass: float = quantity("kg", "mass of the body", gt=0)
     inertia: float = quantity("kg m^2", "moment of inertia about the centre of mass, about y", gt=0)
     inertia_tensor: Tensor | None = quantity(
-        "kg m^2", "in space, the same about x, y, z, and xy, xz, yz of the tensor if any; null: as about y", None
+        "kg m^2",
+        "in space, moments of inertia about x, y, z, then products xy, xz, yz if any; null: `inertia` about each axis",
+        None,
     )
-    upper_pivot: Place = quantity("m", "place of the pin from which it hangs")
-    lower_pivot: Place | None = quantity("m", "place of the pin of the next body; not needed for the last one", None)
+    upper_pivot: Place = quantity("m", "position of the upper pin")
+    lower_pivot: Place | None = quantity("m", "position of the pin of the next body; not needed for the last one", None)
     damping: float = quantity(
-        "N m s/rad", "of a damper of its turning against the body above, or of the first against the cable", 0.0, ge=0
+        "N m s/rad", "rotational damping against the body above, of the first body against the cable", 0.0, ge=0
     )
-    stiffness: float = quantity("N m/rad", "of a spring beside it, at rest when both are in line", 0.0, ge=0)
+    stiffness: float = quantity(
+        "N m/rad", "rotational stiffness beside the damper, unloaded when both are in line", 0.0, ge=0
+    )
     turns: Literal["revolute", "universal"] = Field(
-        default="revolute", description="in space, whether it turns against the body above in pitch, or in roll as well"
+        default="revolute", description="in space, joint to the body above: rotation in pitch, or in pitch and roll"
     )
-    roll_damping: float = quantity("N m s/rad", "in space, of a damper of its roll against what is above", 0.0, ge=0)
+    roll_damping: float = quantity(
+        "N m s/rad", "in space, damping of the roll against the body above, or the cable", 0.0, ge=0
+    )
     size: Vector | None = quantity("m", "width and height around the centre of mass; null: from pivots, inertia", None)
     drag_area: Areas = Field(
         default=0.0,
-        description="drag coefficient times area: of any side, or against wind along its own x, y, z (m^2)",
+        description="drag coefficient times area: of any direction, or of wind along x, y, z of the body (m^2)",
         json_schema_extra={
             "unit": "m^2",
             "allowed": "a finite number at least 0, or a list of 3, along x, y, z, in m^2",
         },
     )
-    shedding: Shedding | None = Field(default=None, description="in space, eddies that it sheds; null for none")
+    shedding: Shedding | None = Field(default=None, description="in space, vortex shedding; null: none")
 
     @property
     def drag_areas(self) -> tuple[float, float, float]:
@@ -110,113 +119,109 @@ class Body(Section):
 class Payload(Section):
     """Payload of a carriage; changed only while the carriage stands in a station."""
 
-    capacity: float = quantity("kg", "most that it can carry", gt=0)
-    mass: float = quantity("kg", "what it carries at the start of the run", 0.0, ge=0)
-    body: str | None = Field(default=None, description="body that carries it; by default the last one")
+    capacity: float = quantity("kg", "largest payload", gt=0)
+    mass: float = quantity("kg", "payload at the start of the run", 0.0, ge=0)
+    body: str | None = Field(default=None, description="body with the payload; by default the last one")
     position: Place = quantity(
-        "m", "place of the load, from the centre of mass of the empty body, in its axes", (0.0, 0.0)
+        "m", "position of the payload from the centre of mass of the empty body, in the axes of the body", (0.0, 0.0)
     )
     station_distance: float | None = quantity(
-        "m", "how near an end of the cable the station is; null for two lengths of its end stop", None, gt=0
+        "m",
+        "distance from an end of the cable within which the station is; null: twice the stroke of the end stop",
+        None,
+        gt=0,
     )
-    loading_time: float = quantity(
-        "s", "time in which as much as the capacity gets in or out; 0: at once, a shock", 0.0, ge=0
-    )
-    station_speed: float = quantity("m/s", "below what speed it counts as standing", 0.05, gt=0)
+    loading_time: float = quantity("s", "time for a change by the whole capacity; 0: at once, a shock", 0.0, ge=0)
+    station_speed: float = quantity("m/s", "speed below which the vehicle counts as standing", 0.05, gt=0)
 
 
 class Carriage(Section):
     """Chain of rigid bodies: the first hangs from the cable, each other one from the body before."""
 
-    rope: str | None = Field(default=None, description="the rope on which it is; null: the first one")
-    arc_length: float = quantity("m", "unstrained arc length of its joint at the start of the run")
-    speed: float = quantity(
-        "m/s", "speed along the cable at the start of the run, which a drive of mode speed keeps until a command", 0.0
-    )
+    rope: str | None = Field(default=None, description="rope of the carriage; null: the first one")
+    arc_length: float = quantity("m", "initial unstrained arc length of the joint")
+    speed: float = quantity("m/s", "initial speed along the cable, kept until a command by a drive of mode speed", 0.0)
     joint: Literal["sliding", "fixed", "clamped"] = Field(
-        default="sliding", description="whether the joint can move along the cable, or goes with one that moves"
+        default="sliding", description="joint to the cable: sliding along it, fixed, or clamped to a cable that moves"
     )
-    drive: Drive = Field(default_factory=Drive, description="what moves it")
+    drive: Drive = Field(default_factory=Drive, description="drive and brakes")
     clamped_to: dict[str, float] = Field(
         default_factory=dict,
-        description="the rope to which it is clamped as well, and the unstrained arc length there (m); of several, in "
-        "which one after the other goes on, those on which it is not yet have a place beyond their ends",
+        description="second rope to which the carriage is clamped, and the unstrained arc length there (m); of "
+        "strands that follow each other, those beside the present one have an arc length beyond their ends",
         json_schema_extra={"unit": "m", "allowed": "a mapping of names of ropes to finite numbers"},
     )
     clamp_offset: Place = quantity(
-        "m", "way from its joint to that clamp as x, z, in space x, y, z; forces act at the joint", (0.0, 0.0)
+        "m", "vector from the joint to this clamp as x, z, in space x, y, z; forces act at the joint", (0.0, 0.0)
     )
-    friction: Friction = Field(default_factory=Friction, description="what resists it")
-    end_stop: EndStop = Field(default_factory=EndStop, description="what catches it at the ends of the cable")
-    buffers: VehicleBuffer = Field(
-        default_factory=VehicleBuffer, description="what it and another vehicle that it meets push each other with"
-    )
-    bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
-    payload: Payload | None = Field(default=None, description="what it can carry")
+    friction: Friction = Field(default_factory=Friction, description="friction along the cable")
+    end_stop: EndStop = Field(default_factory=EndStop, description="end stops at both ends of the cable")
+    buffers: VehicleBuffer = Field(default_factory=VehicleBuffer, description="buffer against other vehicles")
+    bodies: dict[str, Body] = Field(description="bodies by name, from the cable downwards", min_length=1)
+    payload: Payload | None = Field(default=None, description="payload; null: none")
 
 
 class CarrierPayload(Section):
     """Payload of each carrier, changed in the stations: full up, empty down."""
 
-    capacity: float = quantity("kg", "most that it can carry", gt=0)
-    from_start: float = quantity("kg", "what one carries that comes onto the cable at its start", 0.0, ge=0)
-    from_end: float = quantity("kg", "what one carries that comes onto the cable at its end", 0.0, ge=0)
+    capacity: float = quantity("kg", "largest payload", gt=0)
+    from_start: float = quantity("kg", "payload of a carrier that enters the cable at its start", 0.0, ge=0)
+    from_end: float = quantity("kg", "payload of a carrier that enters the cable at its end", 0.0, ge=0)
     leaving: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default_factory=dict,
-        description="what one carries that leaves a bullwheel, by its name, instead of both (kg)",
+        description="payload of a carrier after a bullwheel, by its name, instead of from_start and from_end (kg)",
         json_schema_extra={
             "unit": "kg",
             "allowed": "a mapping of names of sheaves to finite numbers at least 0, in kg",
         },
     )
     on_cable: float | None = quantity(
-        "kg", "what those carry that are on the cable at the start of the run; null: as from_start", None, ge=0
+        "kg", "payload of carriers that are on the cable at the start of the run; null: from_start", None, ge=0
     )
-    body: str | None = Field(default=None, description="body that carries it; by default the last one")
+    body: str | None = Field(default=None, description="body with the payload; by default the last one")
     position: Vector = quantity(
-        "m", "place of the load, from the centre of mass of the empty body, in its axes", (0.0, 0.0)
+        "m", "position of the payload from the centre of mass of the empty body, in the axes of the body", (0.0, 0.0)
     )
 
 
 class CarrierKind(Section):
     """One kind of carrier among several."""
 
-    bodies: dict[str, Body] = Field(description="its bodies by name, from the cable downwards", min_length=1)
-    payload: CarrierPayload | None = Field(default=None, description="what it can carry")
+    bodies: dict[str, Body] = Field(description="bodies by name, from the cable downwards", min_length=1)
+    payload: CarrierPayload | None = Field(default=None, description="payload; null: none")
 
 
 class Carriers(Section):
     """Carriages of one kind or a few, clamped to a moving cable at equal distances round its loop: NAME_1, NAME_2."""
 
-    name: str = Field(default="carrier", description="what they are called, before their number")
-    count: int = quantity("-", "how many there are on the loop", ge=1, le=10_000)
+    name: str = Field(default="carrier", description="name of each, before its number")
+    count: int = quantity("-", "number of carriers on the loop", ge=1, le=10_000)
     spacing: float | None = quantity(
         "m",
-        "unstrained distance of one to the next. One cable: its loop is count times as long; "
-        "bullwheels: null, even round the loop",
+        "unstrained distance of neighbours. One cable: its loop is count times as long; bullwheels: null, even round "
+        "the loop",
         None,
         gt=0,
     )
-    first: float | None = quantity("m", "place of the first on the loop, half the spacing where null", None, ge=0)
+    first: float | None = quantity("m", "position of the first one on the loop; null: half the spacing", None, ge=0)
     tracks: dict[str, str] = Field(
         default_factory=dict,
-        description="the track rope on which each slides beside a strand of the loop, by the name of the strand; "
-        "then they are carriages that are clamped to it",
+        description="track rope on which carriers slide, by the name of the strand to which they are clamped",
         json_schema_extra={"allowed": "a mapping of names of strands to names of ropes"},
     )
-    friction: Friction = Field(default_factory=Friction, description="what resists each on its track")
+    friction: Friction = Field(default_factory=Friction, description="friction of each on its track")
     clamp_offset: Place = quantity(
-        "m", "way from its joint on a track to its clamp as x, z, in space x, y, z", (0.0, 0.0)
+        "m", "vector from the joint on a track to the clamp as x, z, in space x, y, z", (0.0, 0.0)
     )
     bodies: dict[str, Body] = Field(
-        default_factory=dict, description="bodies of each by name, from the cable downwards; where all are of one kind"
+        default_factory=dict, description="bodies of each by name, from the cable downwards, if all are of one kind"
     )
-    payload: CarrierPayload | None = Field(default=None, description="what each can carry, where all are of one kind")
+    payload: CarrierPayload | None = Field(default=None, description="payload of each, if all are of one kind")
     kinds: dict[str, CarrierKind] = Field(
-        default_factory=dict, description="kinds by name, where they are several, instead of bodies and payload"
+        default_factory=dict, description="several kinds by name, instead of bodies and payload"
     )
     order: Annotated[tuple[str, ...], FromList] = Field(
-        default=(), description="kinds from the first carrier on, over and over again; by default each once"
+        default=(), description="kinds from the first carrier on, repeated round the loop; by default each kind once"
     )
 
     def on_strand(self, strand: Strand) -> Carriers:
