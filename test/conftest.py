@@ -33,8 +33,8 @@ def pytest_collection_modifyitems(items):
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
     files = list(dict.fromkeys(item.path for item in items))
-    waiting = [file for file in files if file.parent.name == "ros"]
-    computing = [file for file in files if file.parent.name != "ros"]
+    waiting = [file for file in files if file.parent.name in ("ros", "examples")]
+    computing = [file for file in files if file not in waiting]
     places = {file: (index + 0.5) / len(kind) for kind in (waiting, computing) for index, file in enumerate(kind)}
     items.sort(key=lambda item: places[item.path])
 

@@ -97,18 +97,6 @@ def xyz(value):
     return np.array([value.x, value.y, value.z])
 
 
-def matrix(q):
-    """Rotation (3, 3) of a quaternion."""
-    x, y, z, w = q.x, q.y, q.z, q.w
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def test_rviz_takes_every_marker(shown):
     """The checks of rviz_default_plugins' marker display: what fails one of them is not drawn, or with an error."""
     for messages in shown[2:]:
@@ -246,7 +234,11 @@ def frames(simulation, messages, **names):
             assert math.hypot(*numbers(turn)) == pytest.approx(1.0, abs=1e-9)
             assert np.isfinite(numbers(one.transform.translation, turn)).all()
             assert one.header.stamp.sec > 0
-            found[one.child_frame_id] = (one.header.frame_id, xyz(one.transform.translation), matrix(turn))
+            found[one.child_frame_id] = (
+                one.header.frame_id,
+                xyz(one.transform.translation),
+                Rotation.from_quat(numbers(turn)).as_matrix(),
+            )
     return found
 
 
@@ -341,7 +333,7 @@ def test_the_chain_of_the_description_is_where_tf_says(shown):
             states = snapshot.carriages[vehicle].bodies
             before = [*states].index(body) - 1
             angle = states[body].pitch - (states[[*states][before]].pitch if before >= 0 else 0.0)
-            turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+            turn = Rotation.from_euler("y", angle).as_matrix()
             if simulation.layout.space:  # a joint of a URDF has one angle: the rest is in `/tf` alone
                 own = Rotation.from_quat(states[body].orientation)
                 above_it = states[[*states][before]].orientation if before >= 0 else (0.0, 0.0, 0.0, 1.0)

@@ -137,25 +137,6 @@ def test_commands_do_not_wait_for_the_disk(processes, participants, domain, tmp_
     assert Simulation.load(path).scenario.name == "quick"
 
 
-def test_disk_that_refuses_is_in_the_answer_and_the_twin_goes_on(processes, participants, tmp_path):
-    (tmp_path / "occupied").write_text("not a directory")
-    sim = processes(
-        *("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--record-directory", "occupied")
-    )
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
-    assert participant.call("pause", SetBool, data=True).success
-    answer = participant.call("save_snapshot", Trigger)  # also while time stands still
-    assert not answer.success
-    assert answer.message.startswith(f"nothing saved: {tmp_path / 'occupied'}/snapshot_")
-    assert answer.message.endswith(": File exists")
-    assert participant.call("pause", SetBool, data=False).success
-    count = len(participant.received["joint_states"])
-    participant.until(lambda: len(participant.received["joint_states"]) > count + 20)
-    assert sim.end() == 0
-    assert "Traceback" not in sim.output
-
-
 def test_wrong_snapshot_is_one_line(tmp_path):
     Simulation(load_scenario(write_quick_scenario(tmp_path))).save(tmp_path / "real.npz")
     expected = {

@@ -35,18 +35,11 @@ from visualization_msgs.msg import MarkerArray
 
 FRAME = 10_000_000  # ns
 MOVING = {"name": ["cabin"], "velocity": [2.0]}
-BAD_COMMANDS = {
+BAD_COMMANDS = {  # one of each kind; test_command_messages.py and test_goals.py have the others
     "cabin' is nan": {"name": ["cabin"], "velocity": [math.nan]},
-    "'cabin' is inf": {"name": ["cabin"], "effort": [math.inf]},
-    "unknown carriage or drive 'gondola'; known: cabin": {"name": ["gondola"], "velocity": [1.0]},
     "1 names and 2 values of velocity": {"name": ["cabin"], "velocity": [1.0, 2.0]},
     "speed of 'cabin' is 10.5 m/s; allowed are -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
-    "force of 'cabin' is -1000000 N; allowed are -150000 to 150000 N": {"name": ["cabin"], "effort": [-1e6]},
-    "both velocity and effort": {"name": ["cabin"], "velocity": [1.0], "effort": [1.0]},
-    "neither velocity nor effort": {"name": ["cabin"]},
     "'9000.0' given for 'cabin'; allowed: ": {"name": ["cabin"], "position": [9000.0]},
-    "more than once": {"name": ["cabin", "cabin"], "velocity": [1.0, 1.0]},
-    "without names": {"velocity": [1.0]},
     "unknown carriage or drive 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
 }
 
@@ -263,7 +256,6 @@ def test_payload_and_wind_are_taken_from_their_topics_or_refused_by_name(twin):
     for publisher, message, reason in (
         (loads, JointState(name=["cabin"], effort=[1e6]), "payload of 'cabin' is 1e+06 kg; allowed are 0 to"),
         (winds, Vector3Stamped(vector=Vector3(y=3.0)), "wind y is 3 m/s; allowed is 0"),
-        (winds, Vector3Stamped(vector=Vector3(x=math.inf)), "wind x is inf m/s; allowed are -100 to 100 m/s"),
     ):
         twin.spin(0.06)  # beyond the throttle
         publisher.publish(message)

@@ -1,4 +1,4 @@
-"""A live run whose logs are split while it is driven: no frame is late or lost for it, and every file replays."""
+"""A live run that is driven over DDS while its logs are split: no frame is lost for it, and every file replays."""
 
 from __future__ import annotations
 
@@ -31,14 +31,19 @@ def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path
     random = np.random.default_rng(3)
 
     def kept() -> list[int]:
-        participant.publish(name=["cabin"], velocity=[float(random.uniform(-8.0, 8.0))])
+        force = random.uniform() < 0.3
+        value = {"effort": [random.uniform(0.0, 4e4)]} if force else {"velocity": [random.uniform(-8.0, 8.0)]}
+        participant.publish(name=["cabin"], **value)
         participant.spin(float(random.uniform(0.01, 0.1)))
         return [int(file.stem.rpartition("_")[2]) for file in bags(sim.run_directory)]
 
     wait_until(lambda: kept()[-1] >= 6, what="the seventh file")
+    participant.until(lambda: participant.applied[-1].source == "command_timeout", what="its stop")
     assert sim.end() == 0
     assert "recording: " not in sim.output
     log = read_log(sim.run_directory)
+    assert {applied.source for applied in log.commands} == {"joint_commands", "command_timeout"}
+    assert {applied.command.kind for applied in log.commands} == {"speed", "force"}
     numbers = [file.number for file in log.files]
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
     assert numbers[0] > 0

@@ -15,6 +15,7 @@ from fcntl import ioctl
 from types import SimpleNamespace
 
 import pytest
+from rich.text import Text
 from small_tramway import TRAMWAY
 from twin_process import COMPILING, PATIENCE, environment, wait_until, write_quick_scenario
 
@@ -22,6 +23,7 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import TopicNames
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.terminal.bars import StatusBar
 from verification.ropes import clamped
 
 pytest.importorskip("rclpy")
@@ -161,16 +163,16 @@ def test_it_follows_the_size_of_the_terminal(terminals):
     assert sim.output.count(GIVEN_BACK) == 2
 
 
-@pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_it_is_not_there_where_a_stream_is_a_file(terminals, tmp_path, stream):
-    with (tmp_path / "stream.txt").open("w") as file:
-        sim = terminals("--record", "false", **{stream: file})
-    written = tmp_path / "stream.txt"
-    wait_until(lambda: "runs at 100 Hz" in sim.output + written.read_text(), COMPILING)
-    with pytest.raises(subprocess.TimeoutExpired):
-        sim.process.wait(1.0)
-    assert sim.end() == 0
-    assert "\x1b7" not in sim.output + written.read_text()
+def test_it_is_there_where_both_streams_are_terminals_alone(monkeypatch, tmp_path):
+    monkeypatch.setenv("TERM", "xterm")
+    main, side = pty.openpty()
+    with os.fdopen(side, "w") as terminal, (tmp_path / "stream.txt").open("w") as file:
+        for streams, shown in (((terminal, terminal), True), ((file, terminal), False), ((terminal, file), False)):
+            bar = StatusBar(lambda width: Text(""), *streams)
+            bar.start()
+            assert ("status bar" in {thread.name for thread in threading.enumerate()}) == shown
+            bar.stop()
+    os.close(main)
 
 
 def status_of(scenario, **counts):
