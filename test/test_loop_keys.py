@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
+from test_scenario_faults import faults_of
 
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.frame.sensors import Sensors
-from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario import load_scenario
 from cable_twin.scenario.files import config_directory
 from cable_twin.simulation import Simulation
 from cable_twin.view.labels import shared_names
@@ -54,48 +55,9 @@ def test_a_whole_tower_is_put_before_what_is_below_it():
             assert (one["tower_1_up"].stiffness, one["tower_1_up"].rope) == (1e5, "up")
 
 
-@pytest.mark.parametrize(
-    ("overrides", "said"),
-    [
-        (
-            {"towers.tower_1_up": {"ropes": {"up": 5}}},
-            "towers.tower_1.ropes.up.ropes: given a mapping; allowed: nothing",
-        ),
-        ({"towers.tower_1.ropes.up": {"rope": "down"}}, "towers.tower_1.ropes.up.rope: given 'down'; allowed: nothing"),
-        ({"towers.tower_1.ropes": None}, "towers.tower_1.ropes: given null; allowed: a mapping of ropes"),
-        ({"towers.tower_1": 5}, "towers.tower_1: given 5; allowed: a mapping"),
-        ({"towers.nope": 5}, "towers.nope: this key does not exist; allowed: tower_1_up"),
-        ({"towers.tower": {"ropes": {"1": {}}}}, "towers.tower.ropes.1: given '1': no such rope; allowed: up, down"),
-    ],
-)
-def test_what_a_tower_or_a_drive_may_not_be_is_one_line(overrides, said):
-    with pytest.raises(ScenarioError) as refused:
-        load_scenario("chairlift", overrides)
-    assert any(said in fault for fault in refused.value.faults), refused.value.faults
-
-
-def test_two_drives_of_one_name_are_refused():
-    content = YAML_1_2.load(config_directory() / "chairlift.yaml")
-    content["sheaves"]["return"]["drive"] = content["sheaves"]["drive"]["drive"]
-    with pytest.raises(ScenarioError, match=r"drive\.name: given 'haul_rope': that of another drive; allowed: anot"):
-        load_scenario(content)
-
-
-def test_two_towers_of_one_name_are_refused():
-    towers = YAML_1_2.load(config_directory() / "chairlift.yaml")["towers"]
-    alone = {key: value for key, value in towers["tower_1"].items() if key != "ropes"}
-    with pytest.raises(
-        ScenarioError,
-        match=r"towers\.tower_1\.ropes\.up: given a tower with the name 'tower_1_up': that of another tower",
-    ):
-        load_scenario("chairlift", {"towers": {**towers, "tower_1_up": {**alone, "rope": "up"}}})
-
-
 def test_a_fault_is_where_the_file_or_the_override_has_it():
     def faults(*overrides):
-        with pytest.raises(ScenarioError) as refused:
-            load_scenario("chairlift", dict(overrides))
-        return [fault.partition("chairlift.yaml")[2] for fault in refused.value.faults]
+        return [fault.partition("chairlift.yaml")[2] for fault in faults_of("chairlift", dict(overrides))]
 
     for key in ("sheaves.drive.drive.speed", "drives.haul_rope.speed"):
         assert faults((key, 3.0)) == [
@@ -120,36 +82,20 @@ def test_a_tower_of_several_ropes_is_changed_for_all_or_for_one():
 
 
 @pytest.mark.parametrize(
-    ("scenario", "overrides", "said"),
+    ("overrides", "said"),
     [
+        ({"cable.elements": 60}, "cable.elements: given 60: with several ropes; allowed: ropes.up, ropes.down"),
+        ({"sheaves.drive.drive.limits.sped": 1.0}, "limits.sped: this key does not exist; did you mean 'speed'"),
+        ({"drives.haul_rope.speed": 3.0}, "drives.haul_rope.speed: given 3.0 m/s; allowed: -2.5 to 2.5 m/s"),
         (
-            "chairlift",
-            {"cable.elements": 60},
-            "cable.elements: given 60: with several ropes; allowed: ropes.up, ropes.down",
-        ),
-        (
-            "chairlift",
-            {"sheaves.drive.drive.limits.sped": 1.0},
-            "limits.sped: this key does not exist; did you mean 'speed'",
-        ),
-        (
-            "chairlift",
-            {"drives.haul_rope.speed": 3.0},
-            "drives.haul_rope.speed: given 3.0 m/s; allowed: -2.5 to 2.5 m/s",
-        ),
-        ("single_span", {"cable.lateral": 2.0}, "cable.lateral: given 2.0 m; allowed: 0, or several `ropes`"),
-        (
-            "chairlift",
             {"sensors": {"cell": {"kind": "load_cell", "of": "start"}}},
             "sensors.cell.of: given 'start'; allowed: up/start, up/end, down/start, down/end, tower_1_up",
         ),
     ],
 )
-def test_what_cannot_be_is_one_line(scenario, overrides, said):
-    with pytest.raises(ScenarioError) as refused:
-        load_scenario(scenario, overrides)
-    (fault,) = refused.value.faults
-    assert said in str(fault)
+def test_what_cannot_be_is_one_line(overrides, said):
+    (fault,) = faults_of("chairlift", overrides)
+    assert said in fault
 
 
 def test_sensors_of_a_loop_and_a_force_that_friction_cannot_carry():

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from strands import one_strand
 
 from cable_twin.mechanics.parameters import mesh_fields
 from cable_twin.mechanics.rope.point import element_at
-from cable_twin.scenario import Grading, ScenarioError, build_system, load_scenario
+from cable_twin.scenario import Grading, build_system, load_scenario
 from cable_twin.scenario.builders.system import graded_nodes, short_zones
 
 GRADING = {"target": 8.0, "at_towers": 1.4, "growth": 1.5}
@@ -73,30 +72,6 @@ def test_every_place_is_found_on_its_element(nodes):
         assert element_at(cable, place) == expected
     assert element_at(cable, -1.0) == 0
     assert element_at(cable, 9.0) == nodes.size - 2
-
-
-@pytest.mark.parametrize(
-    ("elements", "line"),
-    [
-        (0, "cable.elements: given 0; allowed: a whole number at least 1 and at most 100000, or a mapping of target"),
-        (2.5, "cable.elements: given 2.5; allowed: a whole number"),
-        ("many", "cable.elements: given 'many'; allowed: a whole number"),
-        (
-            {"target": 8.0},
-            "cable.elements.at_towers: given nothing: it is needed; allowed: a finite number above 0",
-        ),
-        ({**GRADING, "growth": 1.0}, "cable.elements.growth: given 1.0; allowed: a finite number above 1"),
-        ({**GRADING, "target": 1.0}, "cable.elements.at_towers: given 1.4 m; allowed: at most target, 1.0 m"),
-        ({**GRADING, "at_towers": 1e-6}, "cable.elements.at_towers: given 1e-06 m; allowed: at least"),
-        ({**GRADING, "at_tower": 1.0}, "cable.elements.at_tower: this key does not exist"),
-    ],
-)
-def test_bad_elements_are_refused_in_one_line(elements, line):
-    with pytest.raises(ScenarioError) as refused:
-        load_scenario(one_strand("chairlift"), {"cable.elements": elements})
-    faults = refused.value.faults
-    assert len(faults) == 1
-    assert line in str(faults[0])
 
 
 def test_part_of_a_grading_is_changed_by_its_key():

@@ -1,105 +1,18 @@
-"""Several ropes in a scenario: what is wrong with each, and with what is between them, a line each."""
-
-from __future__ import annotations
+"""Ropes that cannot rest: connectors, bullwheels, weights and grooves, each told in a line with key and values."""
 
 import re
 
+import numpy as np
 import pytest
-from changed_keys import change
-from test_scenario_faults import SEED, faults_of
+from bent_line import BENT
+from test_scenario_faults import OWN_LIFT, SPAN, TWO_ROPES, WEIGHT, faults_of
 
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation
-
-
-def two_ropes(**changes):
-    """Two ropes with a rod between them and a pantograph below, as plain data."""
-    wire = {"unstrained_length": 99.9, "mass_per_length": 1.0, "axial_stiffness": 1e6, "bending_stiffness": 1.0}
-    held = {"elements": 20, "start": {"position": [0.0, 0.0]}, "end": {"position": [100.0, 0.0]}}
-    data = {
-        "ropes": {"upper": wire | held, "lower": wire | held},
-        "connectors": {
-            "one": {"from": ["upper", 30.0], "to": ["lower", 30.0], "length": 1.0, "stiffness": 1e5},
-            "other": {"from": ["upper", 60.0], "to": ["lower", 60.0], "length": 1.0, "stiffness": 1e5},
-        },
-        "pantographs": {
-            "head": {
-                "rope": "lower",
-                "position": 20.0,
-                "uplift_force": 100.0,
-                "stages": [{"mass": 7.0, "stiffness": 4e3}],
-            }
-        },
-    }
-    return change(data, changes)
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"ropes__upper__unstrained_length": -1.0}, "ropes.upper.unstrained_length: given -1.0 m; allowed: a finite"),
-        ({"ropes__lower__unstrained_length": 300.0}, None),
-        (
-            {"ropes__lower__unstrained_length": 80.0},
-            "ropes.lower.unstrained_length: given 80.0 m: its ends are 100 m",
-        ),
-        (
-            {"connectors__one__length": 0.0},
-            "connectors.one.length: given 0.0 m; allowed: a finite number above 0, in m",
-        ),
-        (
-            {"connectors__one__to": ["lower", 120.0]},
-            "connectors.one.to: given 120.0 m: on 'lower'; allowed: above 0 and",
-        ),
-        (
-            {"connectors__one__to": ["middle", 30.0]},
-            "connectors.one.to: given the rope 'middle'; allowed: upper, lower",
-        ),
-        (
-            {"connectors__one__to": ["upper", 40.0]},
-            "connectors.one.to: given 'upper': both ends on one rope; allowed: another rope than `from`",
-        ),
-        ({"connectors__one__to": ["lower", 70.0]}, "connectors.other: given across 'one'; allowed: the same order"),
-        (
-            {"pantographs__head__rope": "middle"},
-            "pantographs.head.rope: given the rope 'middle'; allowed: upper, lower",
-        ),
-        (
-            {"pantographs__head__position": 100.0},
-            "pantographs.head.position: given 100.0 m; allowed: above 0 and below 100",
-        ),
-        ({"pantographs__head__stages": []}, "pantographs.head.stages: given []"),
-        (
-            {"towers": {"mast": {"position": [50.0, 1.0], "rope": "middle"}}},
-            "towers.mast.rope: given the rope 'middle'",
-        ),
-        ({"solver": {"integrator": "runge_kutta"}}, "solver.integrator: given 'runge_kutta': with several ropes"),
-    ],
-)
-def test_several_ropes_are_checked_each_and_together(changes, said):
-    faults = faults_of(two_ropes(**changes)) if said else []
-    if said is None:
-        load_scenario(two_ropes(**changes))
-    else:
-        assert len(faults) == 1, faults
-        assert said in faults[0]
-
-
-def test_one_cable_takes_nothing_of_several_ropes():
-    data = {**SEED.resolved(), "pantographs": two_ropes()["pantographs"]}
-    assert any(
-        fault.endswith("pantographs.head: given a mapping: with one cable; allowed: only with several `ropes`")
-        for fault in faults_of(data)
-    )
-    data = SEED.resolved()
-    data["cable"]["mass_damping"] = 0.1
-    assert any(
-        "cable.mass_damping: given 0.1 1/s; allowed: 0, or several `ropes`" in fault for fault in faults_of(data)
-    )
+from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 
 
 def test_several_ropes_go_through_yaml_and_back():
-    scenario = load_scenario(two_ropes())
+    scenario = load_scenario(TWO_ROPES, {"ropes.lower.unstrained_length": 300.0})
     assert "cable" not in scenario.resolved()
     assert load_scenario(scenario.resolved()).resolved() == scenario.resolved()
     assert scenario.cable == scenario.ropes["upper"]
@@ -109,12 +22,12 @@ def test_several_ropes_go_through_yaml_and_back():
     ("changes", "said"),
     [
         (
-            {"connectors__other__to": ["lower", 66.0]},
+            {"connectors.other.to": ["lower", 66.0]},
             "connectors.other.to: given 66 m on 'lower', which at rest is 6.006 m aside from 60 m on 'upper' before "
             "the connector of 1 m pulls; allowed: up to 2.998 m",
         ),
         (
-            {"ropes__upper__start": {"position": [0.0, 30.0]}, "ropes__upper__end": {"position": [100.0, 30.0]}},
+            {"ropes.upper.start.position": [0.0, 30.0], "ropes.upper.end.position": [100.0, 30.0]},
             "connectors.one.to: given 30 m on 'lower', which at rest is 30 m away from 30 m on 'upper' before the "
             "connector of 1 m pulls; allowed: up to 10.99 m",
         ),
@@ -122,7 +35,7 @@ def test_several_ropes_go_through_yaml_and_back():
 )
 def test_a_connector_that_cannot_reach_is_named_before_it_bends_the_ropes(changes, said):
     with pytest.raises(EquilibriumError, match=f"^{re.escape(said)}$"):
-        Simulation(load_scenario(two_ropes(**changes)), samples=2)
+        Simulation(load_scenario(TWO_ROPES, changes), samples=2)
 
 
 @pytest.mark.parametrize("changes", [{}, {"space": 3}])
@@ -132,35 +45,72 @@ def test_a_weight_that_no_tension_holds_is_told(changes):
         Simulation(load_scenario("chairlift", {"gravity": 1e10, **changes}))
 
 
-CABIN = {"mass": 300.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0]}
+TIGHT, SLACK = {**WEIGHT, "travel": [-0.2, 0.2]}, {**WEIGHT, "travel": [0.5, 4.0]}
 
 
 @pytest.mark.parametrize(
-    ("changes", "keys"),
+    ("key", "value", "said"),
     [
-        ({"space": 2, "towers.tower_1.mast_offset": 2.0}, ["towers.tower_1.mast_offset"]),
-        ({"space": 3, "towers.tower_3.position": [290.0, 400.0, 66.0]}, ["towers.tower_3.position"]),
-        ({"space": 2, "terrain_sides": {"distance": 9.0, "left": [[0, 0], [1, 0]], "right": [[0, 0], [1, 0]]}}, None),
+        ("drive.friction", 0.005, r"sheaves\.drive: at rest its strands pull with 189.4 kN and 180.4 kN"),
+        ("return.counterweight", TIGHT, "given .* less pull, or ropes that are 0.339 m sh"),
+        ("return.counterweight", SLACK, "rests at 0.3695 m; .* more pull, .* 0.261 m longer"),
+        ("return.counterweight.mass", 100.0, "given 100 kg, .* 981 N: no static equilibrium; allowed: about 28700 kg"),
+        ("return.counterweight.force", 500.0, "given 500 N: no static equilibrium; allowed: about 281000 N"),
     ],
 )
-def test_towers_and_terrain_of_several_ropes_are_checked_as_those_of_one(changes, keys):
-    faults = faults_of("chairlift", changes)
-    assert {fault.split(": ")[1] for fault in faults} >= set(keys or ["terrain_sides"])
+def test_a_rest_that_cannot_be_is_told_in_a_line(key, value, said):
+    with pytest.raises(EquilibriumError, match=said) as caught:
+        Simulation(load_scenario("chairlift", {f"sheaves.{key}": value}), samples=2)
+    assert "allowed: " in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
-def test_names_are_there_once_on_all_ropes_together():
-    """A joint has the name of its carriage and body, on whichever rope that is; a frame that of its carriage."""
-    one = {"arc_length": 30.0, "bodies": {"b_c": CABIN}}
-    other = {"arc_length": 30.0, "bodies": {"c": CABIN}}
-    carriages = {"a": {**one, "rope": "upper"}, "a_b": {**other, "rope": "lower"}, "mast": {**one, "rope": "lower"}}
-    towers = {"mast": {"position": [50.0, -1.0], "rope": "upper"}}
-    keys = {fault.split(": ")[1] for fault in faults_of(two_ropes(carriages=carriages, towers=towers))}
-    assert keys == {"carriages.a_b.bodies.c", "carriages.mast"}
+def test_a_drive_without_force_has_none_while_bearings_hold_the_wheel():
+    scenario = load_scenario("chairlift", {"sheaves.drive.resistance": 1e5})
+    simulation = Simulation(scenario, samples=2, on_demand=True)
+    simulation.command("haul_rope", force=0.0)
+    simulation.advance_to(3.0)
+    drive = simulation.snapshot.drives["haul_rope"]
+    assert (drive.speed, drive.force) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("kinks", ["rounded", "sharp"])
-def test_carriers_without_bodies_are_a_fault_whatever_the_kinks(kinks):
-    data = load_scenario("chairlift").resolved()
-    data["carriers"]["bodies"] = {}
-    data["ropes"]["up"]["kinks"] = kinks
-    assert any("carriers.bodies: given neither bodies nor kinds" in fault for fault in faults_of(data))
+@pytest.mark.parametrize("given", [{}, {"name": None}])
+def test_a_drive_without_a_name_is_called_as_its_bullwheel(given):
+    sheaves = OWN_LIFT["sheaves"]
+    drive = {key: value for key, value in sheaves["drive"]["drive"].items() if key != "name"} | given
+    scenario = load_scenario({**OWN_LIFT, "sheaves": {**sheaves, "drive": {**sheaves["drive"], "drive": drive}}})
+    assert list(scenario.drives) == ["drive"]
+
+
+@pytest.mark.parametrize(("part", "length"), [("state", 0.0), ("start", 0.5)])
+def test_an_orientation_that_is_none_is_found_in_a_snapshot(tmp_path, part, length):
+    """The only place where a user can give one: a scenario hangs its bodies upright, and commands turn nothing."""
+    path = tmp_path / "state.npz"
+    Simulation(load_scenario(SPAN)).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays[f"{part}/bodies.position"][0, 3:] *= length
+    with path.open("wb") as stream:
+        np.savez(stream, **arrays)
+    with pytest.raises(SnapshotError) as caught:
+        Simulation.load(path)
+    assert str(caught.value) == (
+        f"{path}: {part}/bodies.position: the quaternion of body 0 has a length of {length:.3g}; allowed: 1"
+    )
+
+
+def test_a_groove_that_pushes_its_rope_out_at_rest_is_refused_for_several_ropes_too():
+    """One rope by itself and the first of two say the same."""
+    tower = {**BENT["towers"]["tower"], "derailment_ratio": 0.05}
+    (one,) = faults_of({**BENT, "towers": {"tower": tower}})
+    other = {**BENT["cable"], **{end: {"position": [x, 60.0, 0.0]} for end, x in (("start", 0.0), ("end", 200.0))}}
+    both = {"name": "two", "ropes": {"first": BENT["cable"], "second": other}, "solver": BENT["solver"]}
+    assert faults_of({**both, "towers": {"tower": {**tower, "rope": "first"}}}) == (one,)
+    assert "pushes sideways with" in one
+
+
+def test_strands_that_would_be_pushed_out_of_their_grooves_at_rest_are_refused():
+    coarse = {f"ropes.{rope}.elements": 60 for rope in ("up", "down")}
+    aside = {"space": 3, "towers.tower_3.position": [290.0, 3.0, 66.0], "towers.tower_3.derailment_ratio": 0.1}
+    with pytest.raises(EquilibriumError, match=r"towers\.tower_[23]_up\.position: .*pushes sideways with .* kN"):
+        Simulation(load_scenario("chairlift", coarse | aside))
