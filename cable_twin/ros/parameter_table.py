@@ -40,7 +40,7 @@ class Parameter:
         """Description with unit and range."""
         text = self.description
         if self.low is not None:
-            text += f" ({self.low:g} to {self.high:g}{' ' + self.unit if self.unit else ''})"
+            text += f" ({self._range})"
         elif self.choices:
             text += f" ({', '.join(self.choices)})"
         return text
@@ -65,27 +65,32 @@ class Parameter:
             value, bool
         )
         if not number or not self.low <= value <= self.high:  # type: ignore[operator]
-            unit = f" {self.unit}" if self.unit else ""
-            return f"parameter '{self.name}' is {value!r}; allowed are {self.low:g} to {self.high:g}{unit}"
+            return f"parameter '{self.name}' is {value!r}; allowed are {self._range}"
         return None
+
+    @property
+    def _range(self) -> str:
+        """Lowest and highest value with unit; whole numbers in full."""
+        form = "" if isinstance(self.default, int) else "g"
+        return f"{self.low:{form}} to {self.high:{form}} {self.unit}".rstrip()
 
 
 PARAMETERS = (
     Parameter("scenario", "aerial_tramway", "name of a shipped scenario, or path of a YAML file"),
-    Parameter("set", "", "changes to values of the scenario, KEY=VALUE with a dotted key, one a line, as in wind.x=12"),
+    Parameter("set", "", "changed values of the scenario, a line KEY=VALUE with a dotted key each, as in wind.x=12"),
     Parameter(
         "scenario_directories",
         "",
-        "directories, separated by :, from which scenario files may be loaded while the twin runs, besides config, the "
-        "record directory and the directory of the scenario it started with",
+        "directories, separated by :, from which scenario files may be loaded while the twin runs, besides the shipped "
+        "ones, the record directory and the directory of the scenario at the start",
     ),
     Parameter("snapshot", "", "snapshot file to continue from, as ~/save_snapshot writes it, with the scenario in it"),
     Parameter("frame_rate", 100.0, "frames per second of simulated time", "Hz", 1.0, 1000.0),
     Parameter(
         "real_time_factor", 1.0, "simulated seconds per second of real time; 0: as fast as possible", "", 0.0, 1000.0
     ),
-    Parameter("record", True, "write logs: an MCAP bag, and a rerun recording where `rerun` asks for one"),
-    Parameter("record_directory", "cable_twin_logs", "directory in which each run gets one of its own"),
+    Parameter("record", True, "write logs: an MCAP bag, and a rerun recording unless `rerun` is none"),
+    Parameter("record_directory", "cable_twin_logs", "directory in which each run gets a subdirectory"),
     Parameter(
         "rerun",
         "file",

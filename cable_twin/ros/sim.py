@@ -30,7 +30,7 @@ Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and 
 examples:
   sim                                    the default scenario in real time
   sim seed_example                       the example of the paper; as sim --scenario seed_example
-  sim windy_tramway --set wind.y=15      with other values than the file has, by dotted key
+  sim windy_tramway --set wind.y=15      with a changed value, by dotted key
   sim --list                             the scenarios, a line each
   sim --snapshot snapshot_60.000_s.npz   continue from a state that ~/save_snapshot wrote
   sim --rerun web                        watch it in a browser; it prints the link
@@ -53,7 +53,7 @@ def parser() -> OneLineParser:
             result.add_scenario(f"{parameter.help}; default: {parameter.default}", _scenario_lines)
             continue
         if parameter.name == "set":
-            text = "change a value of the scenario by its dotted key, as in wind.x=12; may be given often"
+            text = "change a value of the scenario by its dotted key, as in wind.x=12; may be repeated"
             result.add_argument("--set", action="append", metavar="KEY=VALUE", help=text)
             continue
         result.add_argument(

@@ -6,7 +6,8 @@ right-handed pitch about the lateral axis is an ordinary rotation from the first
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import rerun as rr
@@ -65,6 +66,23 @@ def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
     """Return times in seconds as an index, rounded to the nanosecond."""
     nanoseconds = np.rint(np.asarray(times, dtype=np.float64) * 1e9).astype("timedelta64[ns]")
     return rr.TimeColumn(TIMELINE, duration=nanoseconds)
+
+
+def send(
+    stream: rr.RecordingStream, path: str, times: FloatArray, columns: Iterable[rr.ComponentColumn], count: int = 0
+) -> None:
+    """Send the columns of an entity at times (frames,) in s, then let the frame loop have the interpreter.
+
+    Args:
+        stream: stream of the recording.
+        path: path of the entity.
+        times: times (frames,) in s.
+        columns: columns with a row, or `count` rows, for each frame.
+        count: instances of the entity in each frame; 0 for columns with a row for each.
+    """
+    rows = [column.partition([count] * len(times)) for column in columns] if count else columns
+    stream.send_columns(path, [time_column(times)], rows, strict=True)
+    time.sleep(0)
 
 
 def rows_without_gaps(*arrays: NDArray[np.floating]) -> NDArray[np.bool_]:

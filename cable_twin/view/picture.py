@@ -17,7 +17,7 @@ from cable_twin.frame.commands import KINDS
 from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, time_column
+from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, send
 from cable_twin.view.plots import LEGEND_ROW, LEGENDS, Plots, shown_unit
 from cable_twin.view.rope import Rope
 from cable_twin.view.space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye, InSpace, Space
@@ -389,8 +389,7 @@ class Picture:
         if (rows := self._readout_times.rows(times)).size:
             moments = [frame_of(c, row) for row in rows]
             texts = [describe_moment(self._layout, one, self._look.title, self._scale, self._unit) for one in moments]
-            columns = rr.TextDocument.columns(text=texts)
-            stream.send_columns("readout", [time_column(times[rows])], columns, strict=True)
+            send(stream, "readout", times[rows], rr.TextDocument.columns(text=texts))
 
 
 def _unit(c: Columns) -> str:

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle, islice, pairwise
-from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -276,23 +275,19 @@ def _together(signal: Signal, layout: Layout, _: Collection[str], scale: float) 
     if names := signal.names(layout):
         titles = signal.legend if len(signal.legend) == len(names) and len(layout.ropes) == 1 else names
         titles = signal.legend if signal.legend and signal.whose != "rope" else titles
-        yield Plot(f"plots/{signal.name}", titles, partial(_values, signal, layout, scale))
+        yield Plot(f"plots/{signal.name}", titles, partial(_values, signal, layout, scale, slice(None)))
 
 
 def _one_by_one(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:
     """Yield a plot for each line of a signal."""
     for index, name in enumerate(signal.names(layout)):
-        values = partial(_column, signal, layout, scale, index)
+        values = partial(_values, signal, layout, scale, [index])
         yield Plot(entity_path(f"plots/{signal.name}", name), [name], values, index)
 
 
-def _values(signal: Signal, layout: Layout, scale: float, c: Columns) -> FloatArray:
-    """Values (frames, lines) of a signal, forces times `scale`."""
-    return signal.values(layout, c) * (scale if signal.unit == "N" else 1.0)
-
-
-def _column(signal: Signal, layout: Layout, scale: float, index: int, c: Columns) -> FloatArray:
-    return _values(signal, layout, scale, c)[:, index, None]
+def _values(signal: Signal, layout: Layout, scale: float, lines: Sequence[int] | slice, c: Columns) -> FloatArray:
+    """Values (frames, lines) of some lines of a signal, forces times `scale`."""
+    return signal.values(layout, c)[:, lines] * (scale if signal.unit == "N" else 1.0)
 
 
 def _speeds(signal: Signal, layout: Layout, _: Collection[str], __: float) -> Iterator[Plot]:
@@ -319,37 +314,20 @@ def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float)
     """
     if not signal.names(layout):
         return
-    color = 0
-    together: list[_Bodies] = []
-    for name, (first, last) in zip(layout.vehicles, pairwise(layout.first_body), strict=True):
-        bodies = _Bodies(range(first, last), _titles(layout, name))
+    path, color = f"plots/{signal.name}", 0
+    together: list[int] = []  # bodies of carriers
+    first: list[str] = []  # titles of the bodies of the first one
+    for name, ends in zip(layout.vehicles, pairwise(layout.first_body), strict=True):
+        rows, titles = range(*ends), _titles(layout, name)
         if name in carriers:
-            together.append(bodies)
-        elif bodies.rows:
-            yield Plot(
-                entity_path(f"plots/{signal.name}", name), bodies.titles, partial(_swing, signal, layout, bodies), color
-            )
-            color += len(bodies.rows)
+            first = first or titles
+            together += rows
+        elif rows:
+            yield Plot(entity_path(path, name), titles, partial(_values, signal, layout, 1.0, rows), color)
+            color += len(rows)
     if together:
-        every = _Bodies(
-            [row for bodies in together for row in bodies.rows],
-            [title for bodies in together for title in bodies.titles],
-        )
-        if every.rows:
-            titles = ["least", "most", *together[0].titles]
-            yield Plot(
-                f"plots/{signal.name}/carriers",
-                titles,
-                partial(_spread, signal, layout, every, len(together[0].rows)),
-                color,
-            )
-
-
-class _Bodies(NamedTuple):
-    """Bodies with a plotted swing."""
-
-    rows: Sequence[int]
-    titles: Sequence[str]
+        values = partial(_spread, signal, layout, together, len(first))
+        yield Plot(f"{path}/carriers", ["least", "most", *first], values, color)
 
 
 def _titles(layout: Layout, name: str) -> list[str]:
@@ -360,14 +338,9 @@ def _titles(layout: Layout, name: str) -> list[str]:
     return [name] if len(bodies) == 1 else [f"{name} {body}" for body in bodies]
 
 
-def _swing(signal: Signal, layout: Layout, bodies: _Bodies, c: Columns) -> FloatArray:
-    """Swing (frames, bodies) of bodies on the rope, NaN in a station."""
-    return signal.values(layout, c)[:, bodies.rows]
-
-
-def _spread(signal: Signal, layout: Layout, bodies: _Bodies, first: int, c: Columns) -> FloatArray:
-    """Least and most swing (frames, 2 + first) of all bodies, and the swing of the `first` ones."""
-    swings = _swing(signal, layout, bodies, c)
+def _spread(signal: Signal, layout: Layout, rows: Sequence[int], first: int, c: Columns) -> FloatArray:
+    """Least and most swing (frames, 2 + first) of bodies on the rope, and the swing of the `first` ones."""
+    swings = signal.values(layout, c)[:, rows]
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
 
 

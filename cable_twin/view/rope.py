@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from cable_twin.view.batch import (
     planar,
     plane,
     rows_without_gaps,
-    time_column,
+    send,
 )
 from cable_twin.view.labels import label_sizes
 from cable_twin.view.tension_colors import COLOR_COUNT, COLOR_TABLE, RopeColors
@@ -93,8 +92,7 @@ class Rope:
             for frame, row in enumerate(sorted_places):
                 bins[frame, np.searchsorted(row, self._starts) - 1] = NO_ROPE
         for form in self._drawn:
-            stream.send_columns(form.path, [time_column(times)], rope_columns(points, bins, form), strict=True)
-            time.sleep(0)  # lets the frame loop have the interpreter
+            send(stream, form.path, times, rope_columns(points, bins, form))
 
     def _placed(self, places: FloatArray) -> FloatArray:
         """Arc lengths (frames, n) of samples and joints, in the order of `with_joints`."""

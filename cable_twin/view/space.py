@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.geometry.bodies import Solid
-from cable_twin.view.batch import QUIET, entity_path, pixels, rows_without_gaps, time_column
+from cable_twin.view.batch import QUIET, entity_path, pixels, rows_without_gaps, send
 from cable_twin.view.labels import NEAR, apart, label_sizes, shared_names
 from cable_twin.view.track import BODY_COLORS, CARRIAGE_COLORS, GROUND, NAME_GAP, WHEEL
 
@@ -226,16 +225,12 @@ class Space:
             poses = rr.InstancePoses3D.columns(
                 translations=places[known].reshape(-1, 3), quaternions=turns[known].reshape(-1, 4)
             )
-            columns = [column.partition([len(group.rows)] * int(known.sum())) for column in poses]
-            stream.send_columns(group.path, [time_column(times[known])], columns, strict=True)
-            time.sleep(0)  # lets the frame loop have the interpreter
+            send(stream, group.path, times[known], poses, len(group.rows))
         for path, row in self._followed.items():
             joints = c.joint_position[rows, row]
             known = rows_without_gaps(joints)
             if known.any():
-                stream.send_columns(
-                    path, [time_column(times[known])], rr.Points3D.columns(positions=joints[known]), strict=True
-                )
+                send(stream, path, times[known], rr.Points3D.columns(positions=joints[known]))
         self._send_wind(stream, times, c.wind[rows], c.joint_position[rows][:, list(self._followed.values())])
 
     def _send_wind(self, stream: rr.RecordingStream, times: FloatArray, wind: FloatArray, joints: FloatArray) -> None:
@@ -243,7 +238,7 @@ class Space:
         over = rr.Arrows3D.columns(
             vectors=wind * (0.7 * self._span / FASTEST), origins=np.broadcast_to(self._sky, wind.shape)
         )
-        stream.send_columns(OVERVIEW_WIND, [time_column(times)], over, strict=True)
+        send(stream, OVERVIEW_WIND, times, over)
         known = rows_without_gaps(joints)
         count = joints.shape[1]
         if not count or not known.any():
@@ -253,8 +248,7 @@ class Space:
         near = rr.Arrows3D.columns(
             vectors=vectors.reshape(-1, 3), origins=(joints[known] + heights - 1.5 * vectors).reshape(-1, 3)
         )
-        columns = [column.partition([count] * int(known.sum())) for column in near]
-        stream.send_columns(NEAR_WIND, [time_column(times[known])], columns, strict=True)
+        send(stream, NEAR_WIND, times[known], near, count)
 
 
 def _seen_whole(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.geometry.ground import default_ground
-from cable_twin.view.batch import QUIET, entity_path, pixels, planar, plane, rows_without_gaps, time_column
+from cable_twin.view.batch import QUIET, entity_path, pixels, planar, plane, rows_without_gaps, send
 from cable_twin.view.labels import NEAR, apart, label_sizes, shared_names
 
 WHEEL = 0x9A6EE0FF
@@ -348,9 +347,7 @@ class Vehicles:
         feet = apart(upwards, self._label_sizes, self._taken)
         tops = (feet + (0.0, 1.0) * self._label_sizes) * (1.0, -1.0) * self._pixel
         places = rr.Points2D.columns(positions=tops.reshape(-1, 2).astype(np.float32))
-        columns = [column.partition([len(self._names)] * int(known.sum())) for column in places]
-        stream.send_columns(NAMES, [time_column(times[known])], columns, strict=True)
-        time.sleep(0)
+        send(stream, NAMES, times[known], places, len(self._names))
 
     def _send_joined(
         self, stream: rr.RecordingStream, times: FloatArray, dots: FloatArray, points: NDArray[np.float32]
@@ -366,8 +363,7 @@ class Vehicles:
         places = rr.Points2D.columns(positions=dots[known].reshape(-1, 2).astype(np.float32))
         columns = [column.partition([len(self._joined.lengths)] * frames) for column in lines]
         columns += [column.partition([dots.shape[1]] * frames) for column in places]
-        stream.send_columns(CARRIERS, [time_column(times[known])], columns, strict=True)
-        time.sleep(0)
+        send(stream, CARRIERS, times[known], columns)
 
 
 def _colors(table: Sequence[int], numbers: Iterable[int]) -> NDArray[np.uint32]:
@@ -399,5 +395,4 @@ def _send_pose(
         half = angles[known] / 2.0
         quaternions = np.stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)], axis=1)
         columns = rr.Transform3D.columns(translation=translations, quaternion=quaternions)
-    stream.send_columns(path, [time_column(times[known])], columns, strict=True)
-    time.sleep(0)  # lets the frame loop have the interpreter
+    send(stream, path, times[known], columns)
