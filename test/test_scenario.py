@@ -190,6 +190,7 @@ class Motor(BaseModel):
     count: int = 3
     kind: str = "new"
     slope: float = 0.1
+    place: tuple[float, ...] = (0.0, 1.0)
 
 
 class MotorNumbers(NamedTuple):
@@ -207,6 +208,7 @@ class MotorColumns(NamedTuple):
     ratio: FloatArray
     speed_limit: FloatArray
     count: int
+    place: FloatArray
 
 
 def test_a_number_of_one_name_in_section_and_record_is_copied():

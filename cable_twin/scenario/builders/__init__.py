@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from math import inf
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 from pydantic import BaseModel
@@ -47,7 +47,7 @@ def _names(record: Any, model: type[BaseModel], pattern: str, kinds: tuple[Any, 
     found, known = {}, get_type_hints(record)
     for key, field in model.model_fields.items():
         name = key if key in known else pattern.format(key)
-        is_number = {float, int} & {field.annotation, *get_args(field.annotation)}
+        is_number = field.annotation in (float, int, float | None, int | None)
         if is_number and known.get(name) in kinds:
             found[key] = name
     return found
