@@ -62,6 +62,8 @@ class ExudynModel:
         setting: how it is solved.
     """
 
+    AXES: Sequence[int] = (0, 2)  # of ours
+
     def __init__(self, exudyn: Any, simulation: Simulation, setting: Setting) -> None:
         from exudyn import itemInterface as items  # noqa: PLC0415, N813 - optional
 
@@ -70,6 +72,7 @@ class ExudynModel:
         self._container = exudyn.SystemContainer()
         self._system = self._container.AddSystem()
         self._ground = self._system.AddObject(items.ObjectGround())
+        self._nodes: list[Any] = []
         cables = self._add_cable(simulation)
         self._joints = {name: self._add_carriage(name, simulation, cables) for name in self._scenario.carriages}
         self._system.Assemble()
@@ -110,27 +113,24 @@ class ExudynModel:
         return {name: np.array([x, 0.0, y]) for name, (x, y, _) in places.items()}
 
     def _add_cable(self, simulation: Simulation) -> list[Any]:
-        """Nodes, elements, gravity and pinned ends; returns the elements."""
-        cable, system, items = self._scenario.cable, self._system, self._items
-        length = cable.unstrained_length / cable.elements
-        positions, slopes = nodal_shape(simulation)
+        """Nodes, elements, gravity, point loads at nodes and pinned ends; returns the elements."""
+        cable, system, items, dim = self._scenario.cable, self._system, self._items, len(self.AXES)
+        node_kind = items.NodePoint2DSlope1 if dim == 2 else items.NodePointSlope1
+        element_kind = items.ObjectANCFCable2D if dim == 2 else items.ObjectANCFCable
+        length, straight = cable.unstrained_length / cable.elements, np.eye(dim)[0]
+        down = -self._scenario.gravity * np.eye(3)[dim - 1]
         ground = system.AddMarker(
             items.MarkerNodeCoordinate(nodeNumber=system.AddNode(items.NodePointGround()), coordinate=0)
         )
-        straight = np.array([1.0, 0.0])
-        nodes = []
-        for index, (position, slope) in enumerate(zip(positions, slopes, strict=True)):
-            reference = np.array([index * length, 0.0])
+        for index, (position, slope) in enumerate(zip(*nodal_shape(simulation, self.AXES), strict=True)):
+            reference = index * length * straight
             initial = [*(position - reference), *(slope - straight)]
-            nodes.append(
-                system.AddNode(
-                    items.NodePoint2DSlope1(referenceCoordinates=[*reference, *straight], initialCoordinates=initial)
-                )
-            )
+            node = node_kind(referenceCoordinates=[*reference, *straight], initialCoordinates=initial)
+            self._nodes.append(system.AddNode(node))
         elements = []
-        for pair in pairwise(nodes):
+        for pair in pairwise(self._nodes):
             element = system.AddObject(
-                items.ObjectANCFCable2D(
+                element_kind(
                     length=length,
                     massPerLength=cable.mass_per_length,
                     bendingStiffness=cable.bending_stiffness,
@@ -143,9 +143,13 @@ class ExudynModel:
             )
             elements.append(element)
             marker = system.AddMarker(items.MarkerBodyMass(bodyNumber=element))
-            system.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=[0, -self._scenario.gravity, 0]))
-        for node in (nodes[0], nodes[-1]):
-            for coordinate in (0, 1):
+            system.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=down.tolist()))
+        for load in cable.loads:
+            marker = system.AddMarker(items.MarkerNodePosition(nodeNumber=self._nodes[round(load.arc_length / length)]))
+            force = [*load.force, 0.0][:3]
+            system.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=force))
+        for node in (self._nodes[0], self._nodes[-1]):
+            for coordinate in range(dim):
                 held = system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate))
                 offset = system.GetNode(node)["initialCoordinates"][coordinate]
                 system.AddObject(items.ObjectConnectorCoordinate(markerNumbers=[ground, held], offset=offset))
@@ -189,7 +193,59 @@ class ExudynModel:
         )
 
 
-def nodal_shape(simulation: Simulation, axes: Sequence[int] = (0, 2)) -> tuple[FloatArray, FloatArray]:
+class SpatialModel(ExudynModel):
+    """One scenario in space in Exudyn, to be run once: `ANCFCable` and `ObjectJointSliding`, axes as ours.
+
+    The joint leaves all turns free, where ours keeps the heading along the rope; a vehicle whose three moments of
+    inertia are alike moves alike.
+    """
+
+    AXES = (0, 1, 2)
+
+    def shape(self) -> FloatArray:
+        """Nodes (nodes, 3) in m now."""
+        output = self._exudyn.OutputVariableType.Position
+        return np.array([self._system.GetNodeOutput(node, output) for node in self._nodes])
+
+    def positions(self) -> dict[str, FloatArray]:
+        """Upper pivot (3,) in m of each carriage now."""
+        output = self._exudyn.OutputVariableType.Position
+        return {
+            name: np.array(self._system.GetObjectOutputBody(body, output, localPosition=pivot))
+            for name, (body, pivot) in self._joints.items()
+        }
+
+    def _add_carriage(self, name: str, simulation: Simulation, cables: list[Any]) -> Any:
+        """The body of one carriage and its joint; returns the body and its upper pivot."""
+        cable, carriage, system, items = self._scenario.cable, self._scenario.carriages[name], self._system, self._items
+        ((body_name, body),) = carriage.bodies.items()
+        length = cable.unstrained_length / cable.elements
+        place = simulation.snapshot.carriages[name].bodies[body_name].position
+        node = system.AddNode(items.NodeRigidBodyRxyz(referenceCoordinates=[*place, 0, 0, 0]))
+        inertia = [body.inertia, body.inertia, body.inertia, 0, 0, 0]
+        rigid = system.AddObject(items.ObjectRigidBody(mass=body.mass, inertia=inertia, nodeNumber=node))
+        pivot = [body.upper_pivot[0], 0, body.upper_pivot[-1]]
+        upper = system.AddMarker(items.MarkerBodyRigid(bodyNumber=rigid, localPosition=pivot))
+        centre = system.AddMarker(items.MarkerBodyMass(bodyNumber=rigid))
+        system.AddLoad(items.LoadMassProportional(markerNumber=centre, loadVector=[0, 0, -self._scenario.gravity]))
+        markers = [system.AddMarker(items.MarkerBodyBeamShape(bodyNumber=item)) for item in cables]
+        element = min(int(carriage.arc_length / length), cable.elements - 1)
+        data = system.AddNode(
+            items.NodeGenericData(initialCoordinates=[element, carriage.arc_length], numberOfDataCoordinates=2)
+        )
+        system.AddObject(
+            items.ObjectJointSliding(
+                markerNumbers=[upper, markers[element]],
+                slidingMarkerNumbers=markers,
+                slidingMarkerOffsets=[index * length for index in range(cable.elements)],
+                nodeNumber=data,
+                constrainRotations=[0, 0, 0],
+            )
+        )
+        return rigid, pivot
+
+
+def nodal_shape(simulation: Simulation, axes: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Nodes of the cable now: `axes` of places (nodes, 2) in m and of slopes r_x, exact as each element is a cubic."""
     cable = simulation.scenario.cable
     length = cable.unstrained_length / cable.elements

@@ -10,8 +10,7 @@ import numpy as np
 from rich.progress import Progress
 
 from benchmarks.cases import ROPE_LENGTH, SPAN, ropeway
-from benchmarks.exudyn_in_space import SpatialModel
-from benchmarks.exudyn_model import Setting, load_exudyn
+from benchmarks.exudyn_model import Setting, SpatialModel, load_exudyn
 from benchmarks.measure import Effort, Timing, interleave, note_on_load
 from benchmarks.report import Part, Table, Value
 from cable_twin.frame.records import FloatArray

@@ -3,15 +3,18 @@
 import json
 import re
 import sys
+from dataclasses import replace
+from importlib import import_module
 from io import StringIO
 from math import isfinite
 from pathlib import Path
 
 import pytest
 from rich.console import Console
-from twin_process import run_python
+from twin_process import environment, run_python, write_quick_scenario
 
 from benchmarks.command import main
+from benchmarks.live import Result, Second, faults, unexplained
 from benchmarks.report import Part, Table, print_part
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -63,28 +66,6 @@ def test_moves_as_exudyn_does(tmp_path):
         assert default["allowed [mm]"] is None
 
 
-def test_another_motion_is_a_fault(monkeypatch):
-    """What the comparison refuses: a tenth less gravity in Exudyn."""
-    pytest.importorskip("exudyn")
-    from rich.progress import Progress  # noqa: PLC0415
-
-    from benchmarks import exudyn_comparison  # noqa: PLC0415
-    from benchmarks.exudyn_model import ExudynModel  # noqa: PLC0415
-    from benchmarks.measure import Effort  # noqa: PLC0415
-
-    def lighter(self, exudyn, simulation, setting):
-        scenario = simulation.scenario
-        simulation.scenario = scenario.model_copy(update={"gravity": 0.9 * scenario.gravity})
-        built(self, exudyn, simulation, setting)
-
-    built = ExudynModel.__init__
-    monkeypatch.setattr(ExudynModel, "__init__", lighter)
-    with Progress(disable=True) as progress:
-        part = exudyn_comparison.run(Effort(quick=True, repetitions=1), progress)
-    assert part.faults
-    assert all("allowed are" in fault and "mm from cable_twin" in fault for fault in part.faults)
-
-
 def test_moves_as_exudyn_does_in_space(tmp_path):
     """A rope of a kilometre, pushed sideways: bare to a hundredth of a millimetre, far below 1 mm per metre of span."""
     pytest.importorskip("exudyn")
@@ -101,12 +82,13 @@ def test_moves_as_exudyn_does_in_space(tmp_path):
     assert vehicle["vehicles apart [mm]"] < 20.0
 
 
-def test_another_motion_in_space_is_a_fault(monkeypatch):
-    """A tenth less gravity in Exudyn, which in the second of a quick run is half a metre."""
+@pytest.mark.parametrize("name", ["exudyn_comparison", "exudyn_space"])
+def test_another_motion_is_a_fault(name, monkeypatch):
+    """What the comparison refuses: a tenth less gravity in Exudyn, in space half a metre in the second of a run."""
     pytest.importorskip("exudyn")
     from rich.progress import Progress  # noqa: PLC0415
 
-    from benchmarks import exudyn_space  # noqa: PLC0415
+    from benchmarks.exudyn_model import ExudynModel  # noqa: PLC0415
     from benchmarks.measure import Effort  # noqa: PLC0415
 
     def lighter(self, exudyn, simulation, setting):
@@ -114,13 +96,18 @@ def test_another_motion_in_space_is_a_fault(monkeypatch):
         simulation.scenario = scenario.model_copy(update={"gravity": 0.9 * scenario.gravity})
         built(self, exudyn, simulation, setting)
 
-    built = exudyn_space.SpatialModel.__init__
-    monkeypatch.setattr(exudyn_space.SpatialModel, "__init__", lighter)
-    monkeypatch.setattr(exudyn_space, "NEAR", 1e-4)
+    part, built = import_module(f"benchmarks.{name}"), ExudynModel.__init__
+    monkeypatch.setattr(ExudynModel, "__init__", lighter)
+    monkeypatch.setattr(part, "NEAR", 1e-4, raising=False)
     with Progress(disable=True) as progress:
-        part = exudyn_space.run(Effort(quick=True, repetitions=1), progress)
-    assert part.faults
-    assert all("ropes apart [mm] is" in fault and "allowed: 100" in fault for fault in part.faults if "ropes" in fault)
+        faults = part.run(Effort(quick=True, repetitions=1), progress).faults
+    said = (
+        ("allowed are", "mm from cable_twin")
+        if name == "exudyn_comparison"
+        else ("ropes apart [mm] is", "allowed: 100")
+    )
+    assert faults
+    assert all(word in fault for fault in faults if "vehicles" not in fault for word in said)
 
 
 @pytest.mark.long
@@ -145,7 +132,7 @@ def test_parts_that_were_not_run_stay(tmp_path):
     assert records["frame"] == other
     over_elements, over_carriages, exponents = (table["rows"] for table in records["scaling"]["tables"])
     walls = numbers(over_elements, "wall per step [µs]")
-    assert walls[-1] > walls[0]  # 3200 elements against 12
+    assert walls[-1] > walls[0]  # 800 elements against 12
     numbers(over_carriages, "processor per iteration [µs]")
     assert [row["over"] for row in exponents] == ["elements", "carriages"]
 
@@ -232,3 +219,88 @@ def test_tables_have_every_number_on_a_narrow_terminal(width):
     assert "…" not in printed
     assert max(map(len, printed.splitlines())) <= width
     assert all(re.search(rf"\b{number}\b", printed) for row in rows for number in row.values())
+
+
+def live(*arguments, directory):
+    """The part live, in a domain that nobody uses."""
+    return run_python("-m", "benchmarks", "live", *arguments, directory=directory, variables=environment(directory))
+
+
+def seconds(*rows):
+    """Seconds from (missed, bare timer in ms, watchers in ms)."""
+    return [Second(float(index), missed, 0.0, bare, stall) for index, (missed, bare, stall) in enumerate(rows)]
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([(0, 0.1, 0.1)] * 3, 0),
+        ([(2, 0.1, 0.1)], 2),
+        ([(2, 12.0, 0.1)], 0),  # the bare timer missed one too
+        ([(2, 0.1, 12.0)], 0),  # a core stood still
+        ([(0, 0.1, 12.0), (2, 0.1, 0.1), (0, 0.1, 0.1)], 0),  # reports of both are not of the same instant
+        ([(0, 0.1, 12.0), (0, 0.1, 0.1), (3, 0.1, 0.1)], 3),
+        ([(1, 9.0, 9.9)], 1),
+    ],
+)
+def test_missed_frames_are_explained_by_stalls_beside_them(rows, expected):
+    assert unexplained(seconds(*rows), 10.0) == expected
+
+
+def test_each_limit_is_named_when_it_is_missed():
+    result = Result(
+        minutes=1.0,
+        twin={"lateness_p99.9_ms": 2.9},
+        bare={"lateness_p99.9_ms": 0.5},
+        seconds=seconds((0, 0.1, 0.1)),
+        processor=24.0,
+        resident=100.0,
+        peak=100.0,
+        commands=100,
+        refused=0,
+        dropped=0,
+    )
+    assert faults(result) == []
+    late = replace(result, seconds=seconds((2, 0.1, 0.1)), processor=26.0, dropped=4, twin={"lateness_p99.9_ms": 3.1})
+    assert faults(late) == [
+        "live: aerial_tramway: 2 missed frames that no stall of the machine explains",
+        "live: aerial_tramway: lateness p99.9 of 3.10 ms, allowed are 3 ms (bare timer: 0.50 ms)",
+        "live: aerial_tramway: 26.0 % of a core, allowed are 25 %",
+        "live: aerial_tramway: 4 frames are missing in the logs",
+    ]
+
+
+@pytest.mark.long
+def test_a_short_run_gives_every_figure(tmp_path):
+    pytest.importorskip("rclpy")
+    scenario = write_quick_scenario(tmp_path)
+    result = live("--minutes", "0.1", "--scenario", str(scenario), "--output", ".", directory=tmp_path)
+    assert result.returncode in (0, 1), result.stdout + result.stderr  # the machine may be busy
+    part = json.loads((tmp_path / "benchmarks.json").read_text())["live"]
+    lateness, process, worst = (table["rows"] for table in part["tables"])
+    twin, bare = lateness
+    assert 400 < twin["frames"] < 1500
+    assert 300 < bare["frames"] <= twin["frames"] + 50
+    for one in lateness:
+        bins = [key for key in one if key.startswith(("below ", "over ")) or " to " in key]
+        assert len(bins) == 7
+        assert sum(one[key] for key in bins) == one["frames"]
+        assert 0.0 < one["median [ms]"] <= one["p99 [ms]"] <= one["max [ms]"]
+    assert process[0]["commands sent"] > 50
+    assert process[0]["refused"] == 0
+    assert len(worst) >= 4
+    assert worst[0]["twin [ms]"] >= worst[-1]["twin [ms]"] > 0.0
+    assert 0.5 < process[0]["processor [% of a core]"] < 200.0
+    assert 50.0 < process[0]["resident [MB]"] <= process[0]["peak [MB]"]
+    assert "## Live" in (tmp_path / "benchmarks.md").read_text()
+    assert (tmp_path / "pictures" / "live_quick.png").stat().st_size > 5000
+    assert 0.0 < process[0]["stamp to subscriber, median [ms]"] <= process[0]["p99 [ms]"]
+
+
+def test_what_cannot_be_measured_is_one_line(tmp_path):
+    pytest.importorskip("rclpy")
+    result = live("--scenario", "nowhere", directory=tmp_path)
+    assert result.returncode == 1
+    assert "Traceback" not in result.stderr
+    assert "python -m benchmarks: live:" in result.stderr
+    assert "nowhere" in result.stderr

@@ -117,7 +117,7 @@ def test_tangent_of_a_clamp_is_whole():
 
 
 def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
-    simulation = pulled(dim=3)
+    simulation = pulled()
     simulation.advance_to(0.5)
     simulation.save(tmp_path / "state.npz")
     again = Simulation.load(tmp_path / "state.npz")

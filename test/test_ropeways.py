@@ -75,36 +75,6 @@ def test_it_runs_and_keeps_its_limits(name):
     assert moving == pytest.approx(speed, abs=0.05)
 
 
-def carried(scenario, tension: float, height: float) -> float:
-    """What of a tension (N) a rope keeps along itself at rest: less its weight, with the work of its stretch (N)."""
-    cable = scenario.cable
-    return tension * (1.0 + 0.5 * tension / cable.axial_stiffness) - cable.mass_per_length * scenario.gravity * height
-
-
-def test_tension_of_the_tramway_at_rest_is_that_of_weight_and_counterweight():
-    """The haul rope pulls on its station, and the cabin presses on the track rope across it."""
-    scenario = load_scenario("aerial_tramway")
-    simulation = Simulation(scenario)
-    supports, cabin = simulation.snapshot.supports, simulation.snapshot.carriages["cabin"]
-    lower, upper = (float(np.linalg.norm(supports[end].force)) for end in ("start", "end"))
-    pull = np.array(scenario.cable.start.direction) / np.linalg.norm(scenario.cable.start.direction)
-    assert float(supports["start"].force[[0, 2]] @ pull) == pytest.approx(scenario.cable.start.mass * 9.81, rel=1e-6)
-    places = cabin.arc_length + np.array([-10.0, 0.0, 10.0])  # its joint hangs in the kink, which they halve
-    fine = Simulation(load_scenario("aerial_tramway", {"cable.elements": 520}))  # for the directions beside it
-    before, after = np.diff(fine.cable_positions(places), axis=0)
-    along = before / np.linalg.norm(before) + after / np.linalg.norm(after)
-    along /= np.linalg.norm(along)
-    assert cabin.haul_rope.force == pytest.approx((cabin_weight(scenario) + 9.81 * cabin.payload) * along[2], rel=3e-4)
-    assert float(cabin.contact_force @ along) == pytest.approx(0.0, abs=30.0)  # of 113 kN
-    got = carried(scenario, upper, 300.0) - carried(scenario, lower, float(simulation.cable_positions([0.0])[0, 2]))
-    assert got == pytest.approx(0.0, abs=2e-4 * upper)
-
-
-def cabin_weight(scenario) -> float:
-    """Weight (N) of the empty cabin of the tramway."""
-    return scenario.gravity * sum(body.mass for body in scenario.carriages["cabin"].bodies.values())
-
-
 def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():
     """Force of the drive: sum of μ N over the towers of both strands, whose weights hold each other."""
     bare = {"carriers": None, "ropes.up.damping_time": 0.05, "ropes.down.damping_time": 0.05}

@@ -9,22 +9,15 @@ import pytest
 
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+from verification.statics import CANTILEVER, LEVEL_SPAN
 
 
 def bent(elements: int, model: str) -> float:
     """Angle (rad) at the end of a cantilever of 1 m, EI = 10 N m², EA = 20 kN, under an end moment of 10 N m."""
-    cable = {
-        "unstrained_length": 1.0,
-        "mass_per_length": 1.0,
-        "axial_stiffness": 2e4,
-        "bending_stiffness": 10.0,
-        "elements": elements,
-        "elastic_model": model,
-        "start": {"position": [0.0, 0.0], "support": "clamped", "direction": [1.0, 0.0]},
-        "end": {"position": [1.0, 0.0], "support": "free"},
-        "loads": [{"arc_length": 1.0, "moment": 10.0}],
-    }
-    slope = Simulation(load_scenario({"gravity": 0.0, "cable": cable})).state.nodes.position[-1, 1]
+    changes = {"axial_stiffness": 2e4, "bending_stiffness": 10.0, "elements": elements, "elastic_model": model}
+    changes["loads"] = [{"arc_length": 1.0, "moment": 10.0}]
+    scenario = load_scenario(CANTILEVER, {f"cable.{key}": value for key, value in changes.items()})
+    slope = Simulation(scenario).state.nodes.position[-1, 1]
     return -float(np.arctan2(slope[1], slope[0]))
 
 
@@ -90,18 +83,9 @@ def test_a_straight_start_knows_on_which_elements_its_carriages_are():
 @pytest.mark.parametrize("space", [2, 3])
 def test_a_slack_rope_in_too_few_frames_is_told(space):
     """20 elements are off by metres; 160, a taut rope and `continuum` are not told anything."""
-    slack = {
-        "space": space,
-        "cable": {
-            "unstrained_length": 110.0,
-            "mass_per_length": 10.0,
-            "axial_stiffness": 2e7,
-            "bending_stiffness": 100.0,
-            "elastic_model": "element_frame",
-            "start": {"position": [0.0, 0.0]},
-            "end": {"position": [100.0, 0.0]},
-        },
-    }
+    slack = {**LEVEL_SPAN, "space": space}
+    slack["cable"] = {**LEVEL_SPAN["cable"], "unstrained_length": 110.0, "bending_stiffness": 100.0}
+    slack["cable"]["elastic_model"] = "element_frame"
     with pytest.warns(UserWarning, match="element_frame on a slack rope .* elastic_model continuum"):
         Simulation(load_scenario(slack, {"cable.elements": 20}))
     for changes in ({"elements": 320}, {"elements": 20, "elastic_model": "continuum"}):
