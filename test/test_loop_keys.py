@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 from test_scenario_faults import faults_of
 
@@ -11,6 +12,7 @@ from cable_twin.frame.records import Command, CommandError
 from cable_twin.frame.sensors import Sensors
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.files import config_directory
+from cable_twin.scenario.reference import explained, json_schema
 from cable_twin.simulation import Simulation
 from cable_twin.view.labels import shared_names
 
@@ -21,6 +23,21 @@ COARSE = {"ropes.up.elements": 100, "ropes.down.elements": 100}
 @pytest.mark.parametrize("key", ["sheaves.drive.drive.limits.speed", "drives.haul_rope.limits.speed"])
 def test_a_drive_is_changed_where_the_file_has_it_and_by_its_name(key):
     assert load_scenario("chairlift", {key: 1.5}).drives["haul_rope"].limits.speed == 1.5
+
+
+def test_bullwheels_is_another_name_of_sheaves():
+    content = YAML_1_2.load(config_directory() / "chairlift.yaml")
+    other = {"bullwheels" if key == "sheaves" else key: value for key, value in content.items()}
+    assert load_scenario(other) == load_scenario(content)
+    changed = {"sheaves.drive.radius": 2.15, "sheaves.drive.drive.speed": 1.0}
+    renamed = {key.replace("sheaves", "bullwheels"): value for key, value in changed.items()}
+    assert load_scenario(other, renamed) == load_scenario(content, changed)
+    (fault,) = faults_of({**other, "sheaves": content["sheaves"]})
+    assert fault == "mapping: bullwheels: given a mapping: beside `sheaves`; allowed: one of the two"
+    (fault,) = faults_of({**other, "bullwheels": {**content["sheaves"], "other": 5}})
+    assert fault == "mapping: bullwheels.other: given 5; allowed: a mapping"
+    assert explained("bullwheels.NAME.radius") == explained("sheaves.NAME.radius")
+    assert not list(Draft202012Validator(json_schema()).iter_errors(other))
 
 
 def test_what_only_a_file_has_is_changed_whole_or_in_part():

@@ -31,6 +31,3 @@ def printable_lines(text: object, longest: int = LONGEST_MESSAGE) -> str:
     """Text of several lines, each made safe by `printable`; `longest` limits the characters of all."""
     joined = "\n".join(printable(line, longest) for line in str(text)[: longest + 1].split("\n"))
     return joined if len(joined) <= longest else f"{joined[: longest - len(CUT)]}{CUT}"
-
-
-__all__ = ["LONGEST", "LONGEST_MESSAGE", "printable", "printable_lines"]

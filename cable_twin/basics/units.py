@@ -40,6 +40,3 @@ def with_unit(value: float, unit: str, digits: int = 4) -> str:
     """Text of an SI value in a readable unit."""
     shown, scale = shown_unit(unit, value)
     return f"{rounded(value * scale, digits)} {shown}" if shown not in ("", "-") else rounded(value * scale, digits)
-
-
-__all__ = ["rounded", "shown_unit", "with_unit"]

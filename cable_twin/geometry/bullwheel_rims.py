@@ -14,8 +14,6 @@ def wheel_rims(scenario: Scenario) -> dict[str, FloatArray]:
     """Rims (n, 3) in m of all bullwheels by name, at zero tensioning travel, each in the plane of its two strands.
 
     A bullwheel whose two strand ends coincide stands upright.
-
-    One whose strands are in one place stands upright.
     """
     return {name: wheel_centre(scenario, name) + _around(scenario, name) for name in scenario.sheaves}
 
@@ -32,7 +30,7 @@ def wheel_centre(scenario: Scenario, name: str) -> FloatArray:
 
 def _ends(scenario: Scenario, name: str) -> FloatArray:
     """Positions (2, 3) in m of the two rope ends joined by a bullwheel."""
-    before, after = (joined.partition(".")[0] for joined in scenario.sheaves[name].joins)
+    before, after = scenario.sheaves[name].ropes
     ropes = scenario.ropes
     return np.array(
         [scenario.placed(before, ropes[before].end.position), scenario.placed(after, ropes[after].start.position)]
@@ -42,7 +40,7 @@ def _ends(scenario: Scenario, name: str) -> FloatArray:
 def _around(scenario: Scenario, name: str) -> FloatArray:
     """Rim (n, 3) in m of a bullwheel relative to its centre."""
     sheave, ends = scenario.sheaves[name], _ends(scenario, name)
-    before = sheave.joins[0].partition(".")[0]
+    before, _ = sheave.ropes
     along = ends[0] - scenario.placed(before, scenario.ropes[before].start.position)
     across = ends[1] - ends[0]
     if not across.any():
@@ -53,6 +51,3 @@ def _around(scenario: Scenario, name: str) -> FloatArray:
     angles = np.linspace(0.0, 2.0 * np.pi, CORNERS + 1)[:, None]
     rim: FloatArray = sheave.radius * (np.cos(angles) * along + np.sin(angles) * across)
     return rim
-
-
-__all__ = ["wheel_centre", "wheel_rims"]

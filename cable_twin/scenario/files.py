@@ -21,6 +21,7 @@ from cable_twin.scenario.overrides import (
     faults_in_file,
     full_key,
     override,
+    without_aliases,
 )
 from cable_twin.scenario.schema import Scenario
 
@@ -79,12 +80,13 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
-        written = Written(data)
+        data, aliases, both = without_aliases(data)
+        faults += both
+        written = Written(data, aliases)
         given = {full_key(str(key)): value for key, value in overrides.items()}
         values = {key: _plain(value, tuple(key.split(".")), faults) for key, value in given.items()}
-        values = dict(
-            sorted(values.items(), key=lambda one: written.depth(one[0]))
-        )  # whole sections before keys in them
+        # whole sections before keys in them
+        values = dict(sorted(values.items(), key=lambda one: written.depth(one[0])))
         unknown: list[Fault] = []  # of overrides whose keys do not exist
         others = []
         for key, value in values.items():
@@ -234,7 +236,6 @@ def _lines(label: str, faults: Iterable[Fault], written: Written, unknown: Seque
     lines = []
     for fault in faults:
         path = written.path(fault.path)
-        key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in path)
         source = f"{label} (override)" if fault in unknown or written.is_given(path) else label
-        lines.append(": ".join(part for part in (source, key, fault.text) if part))
+        lines.append(": ".join(part for part in (source, written.shown(path), fault.text) if part))
     return list(dict.fromkeys(lines))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
@@ -14,6 +14,7 @@ from cable_twin.scenario.schema import Scenario
 
 AXES = ("x", "y", "z")
 OF_AIR = "wind"  # begins a short key
+ALIASES = {"bullwheels": "sheaves"}  # other names of sections, read silently
 
 
 class UnknownKeyError(ValueError):
@@ -44,12 +45,25 @@ def assignment(text: str) -> tuple[str, Any]:
 
 
 def full_key(key: str) -> str:
-    """Full key of a short key: `wind.y` is `air.wind.y`, `wind.turbulence` is `air.turbulence`."""
-    first, _, rest = key.partition(".")
+    """Full key of a short or another one: `wind.y` is `air.wind.y`, `bullwheels` and below are `sheaves`."""
+    first, dot, rest = key.partition(".")
     if first != OF_AIR:
-        return key
+        return f"{ALIASES.get(first, first)}{dot}{rest}"
     last = rest.partition(".")[0]
     return f"air.{key}" if not rest or last in AXES or last.isdecimal() else f"air.{rest}"
+
+
+def without_aliases(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], list[Fault]]:
+    """Replace other names of sections by those of the schema.
+
+    Returns:
+        The content of the file, its other names by those of the schema, and a fault of each section that is given
+        under both.
+    """
+    used = {key: alias for alias, key in ALIASES.items() if alias in data}
+    both = {key: alias for key, alias in used.items() if key in data}
+    faults = [refuse((key,), data[alias], "one of the two", f"beside `{key}`") for key, alias in both.items()]
+    return {ALIASES.get(key, key): value for key, value in data.items()}, used, faults
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> KeyPath:
@@ -175,10 +189,11 @@ class Written:
 
     Args:
         data: content of the file as plain dicts; overrides of such keys are put into it.
+        aliases: other names of sections in the file, by those of the schema.
     """
 
-    def __init__(self, data: dict[str, Any]) -> None:
-        self._data = data
+    def __init__(self, data: dict[str, Any], aliases: Mapping[str, str]) -> None:
+        self._data, self._aliases = data, aliases
         self._given: set[str] = set()  # keys of overrides, as they are given and as the file has them
 
     def put(self, key: str, value: Any) -> bool:
@@ -251,6 +266,11 @@ class Written:
         if place is None or self.is_given(path, by_name=True):
             return path
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
+
+    def shown(self, path: KeyPath) -> str:
+        """Key path of the file in words, with the names of sections that it has."""
+        words = [self._aliases.get(str(path[0]), path[0]), *path[1:]] if path else []
+        return ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in words)
 
     def is_given(self, path: KeyPath, *, by_name: bool = False) -> bool:
         """Return whether an override names a key path or a parent; `by_name`: not just a whole section."""

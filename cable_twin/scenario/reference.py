@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.scenario.checks.fault import allowed
+from cable_twin.scenario.checks.fault import allowed, inner_model
+from cable_twin.scenario.overrides import ALIASES, full_key
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.couplings import Sheave
 from cable_twin.scenario.sections.drives import BullwheelDrive
@@ -26,6 +26,7 @@ from cable_twin.scenario.sections.line import Tower
 PAGE, JSON_SCHEMA = "scenario_reference.md", "scenario.schema.json"
 NAME, NUMBER = "NAME", "N"  # in a key: a name that the file chooses, the place in a list
 NEEDED = "needed"  # for a default
+STEPS: dict[type | None, str] = {None: "", dict: f".{NAME}", tuple: f".{NUMBER}"}  # to the sections in a container
 MAPPING = "a mapping of names of "
 NEAREST = 3  # keys that are proposed for one that does not exist
 
@@ -94,7 +95,7 @@ def explained(key: str) -> list[Entry]:
         KeyError: there is no such key; its text is one line with the nearest ones.
     """
     every = entries()
-    parts = key.split(".")
+    parts = full_key(key).split(".")
     found = [entry for entry in every if _fits(parts, entry.key.split("."))]
     if not found and parts[1:]:  # one of a mapping of numbers
         above = [entry for entry in every if _fits(parts[:-1], entry.key.split("."))]
@@ -129,6 +130,7 @@ def json_schema() -> dict[str, Any]:
     definitions["Sheave"]["properties"]["drive"] = _or_null("BullwheelDrive")
     definitions["Tower"]["properties"]["ropes"] = {"type": "object", "additionalProperties": _or_null("Tower")}
     definitions["Tower"].pop("required", None)  # its needed keys may be below `ropes`
+    schema["properties"] |= {alias: schema["properties"][key] for alias, key in ALIASES.items()}
     schema.pop("required", None)
     schema["anyOf"] = [{"required": ["cable"]}, {"required": ["ropes"]}]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
@@ -152,24 +154,9 @@ def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[Ba
     if model is Sheave:  # a key of files only, as `TOWER_OF_ROPES`: `expand_bullwheels` rewrites both
         yield from _sections(_join(place, "drive"), BullwheelDrive)
     for name, field in model.model_fields.items():
-        for below, inner in _models(field.annotation):
-            yield from _sections(_join(place, name) + below, inner)
-
-
-def _models(annotation: Any) -> Iterator[tuple[str, type[BaseModel]]]:
-    """Models allowed or contained in a value, each with its relative key: "", ".NAME", ".N"."""
-    origin, arguments = get_origin(annotation), get_args(annotation)
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield "", annotation
-    elif origin is Annotated:
-        yield from _models(arguments[0])
-    elif origin in (Union, UnionType):
-        for argument in arguments:
-            yield from _models(argument)
-    elif origin in (dict, tuple, list):
-        step = f".{NAME}" if origin is dict else f".{NUMBER}"
-        for argument in arguments:
-            yield from ((step + below, model) for below, model in _models(argument))
+        container, inner = inner_model(field)
+        if inner is not None:
+            yield from _sections(_join(place, name) + STEPS[container], inner)
 
 
 def _entries(model: type[BaseModel]) -> Iterator[Entry]:

@@ -109,7 +109,9 @@ class Scenario(Section):
     )
     cable: Cable = Field(description="the cable; of several `ropes`, the first one")
     ropes: dict[str, Cable] = Field(default_factory=dict, description="several ropes by name, instead of one cable")
-    sheaves: dict[str, Sheave] = Field(default_factory=dict, description="bullwheels that join ropes to loops, by name")
+    sheaves: dict[str, Sheave] = Field(
+        default_factory=dict, description="bullwheels that join ropes to loops, by name; `bullwheels` is read as well"
+    )
     connectors: dict[str, Connector] = Field(
         default_factory=dict, description="rods between ropes, such as droppers, by name"
     )
