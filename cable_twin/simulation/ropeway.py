@@ -242,7 +242,7 @@ class Ropeway:
         whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
         inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
-        counts = "carriage", "contact", "tower", "end", "body", "element", "station"
+        counts = "carriage", "contact", "tower", "end", "body", "element", "station", "number"
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys(counts, 0)
         numbers |= dict.fromkeys((*sizes, "rope_drag", "s", "s_dot", "travel"), 1.0)
