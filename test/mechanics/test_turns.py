@@ -61,7 +61,7 @@ def test_products_of_arms():
     exact = np.cross(np.cross(turn, a), f)
     np.testing.assert_allclose(np.reshape(moment_by_turn(tuple(a), tuple(f)), (3, 3)) @ turn, exact, atol=1e-15)
     square = np.arange(9.0).reshape(3, 3) + 2.0 * np.eye(3)
-    np.testing.assert_allclose(np.reshape(inverse_of(tuple(square.ravel())), (3, 3)), np.linalg.inv(square), atol=1e-14)
+    np.testing.assert_allclose(inverse_of(tuple(map(tuple, square))), np.linalg.inv(square), atol=1e-14)
 
 
 def test_moment_of_a_turning_body_and_its_tangent():

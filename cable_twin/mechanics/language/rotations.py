@@ -11,15 +11,13 @@ from math import atan2, cos, sin, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.traced import Mat, Vec, formula
 from cable_twin.mechanics.language.vectors import (
     Matrix,
     Vector,
-    add_scaled,
-    flipped,
     load,
     product,
-    scale,
+    transpose,
     unit_matrix,
 )
 
@@ -53,29 +51,30 @@ def moment(arm: Vector, force: Vector) -> Turn:
 
 
 @formula
-def by_turn(arm: Vector) -> Matrix:
+def by_turn(arm: Vec) -> Mat:
     """Matrix (dim x turns) of θ x a by the rotation θ; its transpose is the matrix of a x F by F."""
     if len(arm) == 2:
-        return arm[1], -arm[0]
-    return 0.0, arm[2], -arm[1], -arm[2], 0.0, arm[0], arm[1], -arm[0], 0.0
+        return Mat((Vec((arm[1],)), Vec((-arm[0],))))
+    x, y, z = arm
+    return Mat((Vec((0.0, z, -y)), Vec((-z, 0.0, x)), Vec((y, -x, 0.0))))
 
 
 @formula
-def moment_by_turn(arm: Vector, force: Vector) -> Matrix:
+def moment_by_turn(arm: Vec, force: Vec) -> Mat:
     """Matrix (turns x turns) of the moment (θ x a) x F by the rotation θ of the arm: a Fᵀ - (a·F) 1."""
     along = [x * f for x, f in zip(arm, force, strict=True)]
     if len(arm) == 2:
-        return (-sum(along),)
+        return Mat((Vec((-sum(along),)),))
     beside = [-(along[1] + along[2]), -(along[0] + along[2]), -(along[0] + along[1])]  # without what would cancel
-    return tuple(beside[i] if i == j else arm[i] * force[j] for i in range(3) for j in range(3))
+    return Mat(Vec(beside[i] if i == j else arm[i] * force[j] for j in range(3)) for i in range(3))
 
 
 @formula
 def gyration(
-    inertia: Matrix,
-    spin: Turn,
-    acceleration: Turn,
-    turned: Turn,
+    inertia: Mat,
+    spin: Vec,
+    acceleration: Vec,
+    turned: Vec,
     mass_factor: float,
     rate_factor: float,
     stiffness_factor: float,
@@ -92,7 +91,7 @@ def gyration(
         stiffness_factor: of the turn itself, 1 or 0.
     """
     if len(spin) == 1:
-        return (inertia[0] * acceleration[0],), (mass_factor * inertia[0],)
+        return inertia @ acceleration, mass_factor * inertia
     return _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor)
 
 
@@ -100,49 +99,37 @@ def gyration(
 def _gyration_in_space(inertia, spin, acceleration, turned, mass_factor, rate_factor, stiffness_factor):
     """Inertia moment J ω_dot + ω x J ω of a body in space, and its derivative by a rotation θ (3,).
 
-    A turn θ of the body is the addition T⁻¹ θ to the rotation vector Δ of the step, with
+    A rotation θ of the body is the addition T⁻¹ θ to the rotation vector Δ of the step, with
     T⁻¹ = 1 - [Δ]/2 + [Δ]²/12 - ... (Brüls, Cardona, Arnold 2012, in the axes of the world); it turns J as well.
     """
-    momentum = product(inertia, spin, spin)
-    inert = product(inertia, acceleration, spin)
-    total = add_scaled(1.0, inert, cross(spin, momentum))
+    momentum, inert = inertia @ spin, inertia @ acceleration
+    total = inert + cross(spin, momentum)
     # [v] is the matrix of v x ., minus `by_turn`
-    by_spin = add_scaled(1.0, by_turn(momentum), scale(-1.0, product(by_turn(spin), inertia, spin)))  # [ω] J - [J ω]
-    by_increment = add_scaled(mass_factor, inertia, scale(rate_factor, by_spin))
-    cross_turned = scale(-1.0, by_turn(turned))
-    squared = product(cross_turned, cross_turned, spin)
-    inverse = add_scaled(1.0 / 12.0, squared, add_scaled(-0.5, cross_turned, unit_matrix(spin)))
+    by_spin = by_turn(momentum) - by_turn(spin) @ inertia  # [ω] J - [J ω]
+    by_increment = mass_factor * inertia + rate_factor * by_spin
+    delta = -by_turn(turned)  # [Δ]
+    inverse = unit_matrix(spin) - 0.5 * delta + (1.0 / 12.0) * (delta @ delta)  # T⁻¹
     # δ(J v) = θ x J v - J (θ x v)
-    turning_inert = add_scaled(-1.0, product(inertia, by_turn(acceleration), spin), by_turn(inert))
-    turning_momentum = add_scaled(-1.0, product(inertia, by_turn(spin), spin), by_turn(momentum))
-    gyroscopic = scale(-1.0, product(by_turn(spin), turning_momentum, spin))
-    static = add_scaled(1.0, turning_inert, gyroscopic)
-    return total, add_scaled(stiffness_factor, static, product(by_increment, inverse, spin))
+    turning_inert = by_turn(inert) - inertia @ by_turn(acceleration)
+    turning_momentum = by_turn(momentum) - inertia @ by_turn(spin)
+    static = turning_inert - by_turn(spin) @ turning_momentum
+    return total, stiffness_factor * static + by_increment @ inverse
 
 
 @formula
-def inverse_of(a: Matrix) -> Matrix:
+def inverse_of(a: Mat) -> Mat:
     """Inverse of a matrix (turns x turns), of one entry in a plane or nine in space."""
     if len(a) == 1:
-        return (1.0 / a[0],)
-    return _inverse_in_space(a)
-
-
-@formula
-def _inverse_in_space(a):
-    """Inverse of a full matrix (9,)."""
-    c = a[4] * a[8] - a[5] * a[7], a[5] * a[6] - a[3] * a[8], a[3] * a[7] - a[4] * a[6]
-    f = 1.0 / (a[0] * c[0] + a[1] * c[1] + a[2] * c[2])
-    return (
-        f * c[0],
-        f * (a[2] * a[7] - a[1] * a[8]),
-        f * (a[1] * a[5] - a[2] * a[4]),
-        f * c[1],
-        f * (a[0] * a[8] - a[2] * a[6]),
-        f * (a[2] * a[3] - a[0] * a[5]),
-        f * c[2],
-        f * (a[1] * a[6] - a[0] * a[7]),
-        f * (a[0] * a[4] - a[1] * a[3]),
+        return Mat((Vec((1.0 / a[0][0],)),))
+    (a_0, a_1, a_2), (b_0, b_1, b_2), (c_0, c_1, c_2) = a
+    minors = b_1 * c_2 - b_2 * c_1, b_2 * c_0 - b_0 * c_2, b_0 * c_1 - b_1 * c_0
+    factor = 1.0 / (a_0 * minors[0] + a_1 * minors[1] + a_2 * minors[2])
+    return factor * Mat(
+        (
+            Vec((minors[0], a_2 * c_1 - a_1 * c_2, a_1 * b_2 - a_2 * b_1)),
+            Vec((minors[1], a_0 * c_2 - a_2 * c_0, a_2 * b_0 - a_0 * b_2)),
+            Vec((minors[2], a_1 * c_0 - a_0 * c_1, a_0 * b_1 - a_1 * b_0)),
+        )
     )
 
 
@@ -166,7 +153,7 @@ def orientation(row: Any, like: Vector) -> Matrix:
     """Rotation matrix A (dim²) of a body from its coordinates: a vector u of the body is A u in the world."""
     if len(like) == 2:
         c, s = cos(row[2]), sin(row[2])
-        return c, s, -s, c
+        return (c, s), (-s, c)
     return _of_quaternion(row[3], row[4], row[5], row[6])
 
 
@@ -175,15 +162,9 @@ def _of_quaternion(x, y, z, w):
     """Rotation matrix (9,) of a quaternion of any non-zero length."""
     f = 2.0 / (x * x + y * y + z * z + w * w)
     return (
-        1.0 - f * (y * y + z * z),
-        f * (x * y - z * w),
-        f * (x * z + y * w),
-        f * (x * y + z * w),
-        1.0 - f * (x * x + z * z),
-        f * (y * z - x * w),
-        f * (x * z - y * w),
-        f * (y * z + x * w),
-        1.0 - f * (x * x + y * y),
+        (1.0 - f * (y * y + z * z), f * (x * y - z * w), f * (x * z + y * w)),
+        (f * (x * y + z * w), 1.0 - f * (x * x + z * z), f * (y * z - x * w)),
+        (f * (x * z - y * w), f * (y * z + x * w), 1.0 - f * (x * x + y * y)),
     )
 
 
@@ -215,8 +196,8 @@ def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
     Takes the inertias (bodies,) about y of bodies in a plane, or the tensors (bodies, 9) in the axes of each body.
     """
     if len(like) == 2:
-        return (inertia[body],)
-    return product(product(axes, load(inertia[body], axes), like), flipped(axes, like), like)
+        return ((inertia[body],),)
+    return product(product(axes, load(inertia[body], axes)), transpose(axes))
 
 
 @kernel
@@ -298,7 +279,8 @@ def orientation_in_space(row: Any, like: Vector) -> tuple[Vector, Vector]:
 def _angles(row):
     """Roll, pitch and yaw (rad) of a body in space: about z, then about its own y, then about its own x."""
     a = _of_quaternion(row[3], row[4], row[5], row[6])
-    return atan2(a[7], a[8]), atan2(-a[6], sqrt(a[7] * a[7] + a[8] * a[8])), atan2(a[3], a[0])
+    x, y, z = a[2]
+    return atan2(y, z), atan2(-x, sqrt(y * y + z * z)), atan2(a[1][0], a[0][0])
 
 
 @kernel

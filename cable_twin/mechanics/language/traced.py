@@ -4,24 +4,60 @@ numba runs the Python of a formula while it compiles a kernel, with stand-ins fo
 with them. So a formula may be of any Python that does not ask for the value of a number: loops and conditions on
 lengths of tuples are gone by then, as the dimension is. To compile a formula as a kernel of its own, for each of its
 types, took a tenth of a second.
+
+Tuples of numbers come into a formula as vectors (`Vec`), tuples of vectors of one length as matrices (`Mat`, by rows),
+so that it reads as in theory.md: m @ (a - b) + c * d.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+import functools
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import TypingError
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin
+from numba.core.typeconv import Conversion
+from numba.core.typing.templates import AbstractTemplate, ConcreteTemplate, infer_global, signature
+from numba.extending import lower_builtin, lower_cast, models, register_model
 from numba.np.arrayobj import make_array
 
-from cable_twin.mechanics.language.simd import LANES, PAIR, LanesType, put_beside, take_lane
+_WORD = ir.IntType(32)
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+class LanesType(types.Type):
+    """SIMD type in numba of `width` floats."""
+
+    def __init__(self, width: int) -> None:
+        self.width, self.vector = width, ir.VectorType(ir.DoubleType(), width)
+        super().__init__(name=f"lanes{width}")
+
+    def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
+        """Allow conversion of a number to lanes, equal in all of them."""
+        return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
+
+
+LANES = LanesType(4)  # of elements; a processor with registers of two numbers takes two
+PAIR = LanesType(2)  # in formulas alone
+
+
+@register_model(LanesType)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: LanesType) -> None:
+        super().__init__(manager, kind, kind.vector)
+
+
+@lower_cast(types.Float, LanesType)
+@lower_cast(types.Integer, LanesType)
+def _repeat(context: Any, builder: ir.IRBuilder, source: Any, target: Any, value: ir.Value) -> ir.Value:
+    number = context.cast(builder, value, source, types.float64)
+    first = builder.insert_element(ir.Constant(target.vector, ir.Undefined), number, ir.Constant(_WORD, 0))
+    return builder.shuffle_vector(first, first, ir.Constant(ir.VectorType(_WORD, target.width), [0] * target.width))
+
+
 _RANKS = types.int64, types.float64, LANES, PAIR  # what one of them and another one make is the later of both
 _INSTRUCTIONS = {  # of integers and of all others; division of integers is of what is not negative
     "add": ("add", "fadd"),
@@ -33,12 +69,113 @@ _INSTRUCTIONS = {  # of integers and of all others; division of integers is of w
 }
 
 
-def formula(function: _Function) -> _Function:
+class Vec(tuple[Any, ...]):
+    """Vector of numbers, traced or not, with the operators of vectors; @ is its product with a vector or a matrix."""
+
+    __slots__ = ()
+    __array_priority__ = 1.0  # a number of numpy leaves its product with a vector to that
+
+    @property
+    def entries(self) -> tuple[Any, ...]:
+        """All numbers."""
+        return self
+
+    def __add__(self, other: Any) -> Any:
+        return Vec(x + y for x, y in zip(self, other, strict=True))
+
+    def __sub__(self, other: Any) -> Any:
+        return Vec(x - y for x, y in zip(self, other, strict=True))
+
+    def __neg__(self) -> Any:
+        return Vec(-x for x in self)
+
+    def __mul__(self, factor: Any) -> Any:
+        return Vec(factor * x for x in self)
+
+    __rmul__ = __mul__
+
+    def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, Mat):
+            return other.T @ self
+        return sum(x * y for x, y in zip(self, other, strict=True))
+
+
+class Mat(tuple[Vec, ...]):
+    """Matrix of numbers, a tuple of its rows, with the operators of matrices; @ with a vector or a matrix."""
+
+    __slots__ = ()
+    __array_priority__ = 1.0
+
+    @property
+    def entries(self) -> tuple[Any, ...]:
+        """All numbers, row by row."""
+        return tuple(x for row in self for x in row)
+
+    @property
+    def T(self) -> Mat:  # noqa: N802 - as numpy has it
+        """Transpose."""
+        return Mat(map(Vec, zip(*self, strict=True)))
+
+    def __add__(self, other: Any) -> Any:
+        return Mat(x + y for x, y in zip(self, other, strict=True))
+
+    def __sub__(self, other: Any) -> Any:
+        return Mat(x - y for x, y in zip(self, other, strict=True))
+
+    def __neg__(self) -> Any:
+        return Mat(-x for x in self)
+
+    def __mul__(self, factor: Any) -> Any:
+        return Mat(factor * row for row in self)
+
+    __rmul__ = __mul__
+
+    def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, Mat):
+            columns = other.T
+            return Mat(Vec(row @ column for column in columns) for row in self)
+        return Vec(row @ other for row in self)
+
+
+def _shaped(value: Any) -> Any:
+    """Tuple of numbers as a vector, of vectors of one length as a matrix, others with such parts."""
+    if not isinstance(value, tuple) or isinstance(value, Vec | Mat):
+        return value
+    parts = [_shaped(part) for part in value]
+    if type(value) is not tuple:  # a named one
+        return type(value)(*parts)
+    if not any(isinstance(part, tuple) for part in parts):
+        return Vec(parts)
+    even = all(isinstance(part, Vec) and len(part) == len(parts[0]) for part in parts)
+    return Mat(parts) if even else tuple(parts)
+
+
+def _plain(value: Any) -> Any:
+    """Vectors and matrices as plain tuples."""
+    if isinstance(value, Vec | Mat) or type(value) is tuple:
+        return tuple(map(_plain, value))
+    return value
+
+
+def formula(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: trace a function of numbers, lanes, arrays and tuples into the kernels that call it.
 
     It takes its arguments by their places, reads and writes entries of arrays by indices that are not negative, and
-    gives numbers and tuples of them.
+    gives numbers and tuples of them. Called from Python with plain tuples, it gives plain tuples.
     """
+
+    @functools.wraps(function)
+    def shaped(*arguments: Any) -> Any:
+        inner = any(isinstance(argument, Vec | Mat | _Number | _Array) for argument in arguments)
+        outcome = _shaped(function(*map(_shaped, arguments)))
+        return outcome if inner else _plain(outcome)
+
+    _trace(shaped)
+    return shaped
+
+
+def _trace(function: Callable[..., Any]) -> None:
+    """Tell numba the types and instructions of a formula."""
 
     class _Typing(AbstractTemplate):
         key = function
@@ -60,8 +197,6 @@ def formula(function: _Function) -> _Function:
         outcome = function(*(_stand_in(*pair, place) for pair in zip(kinds.args, values, strict=True)))
         return _value_of(outcome, kinds.return_type, place)
 
-    return function
-
 
 class _Number:
     """Traced number: its type, and its value in the compiled code once instructions are generated."""
@@ -79,6 +214,8 @@ class _Number:
         return context.cast(builder, self.value, self.kind, kind)
 
     def _with(self, name: str, other: Any, turned: bool = False) -> Any:
+        if isinstance(other, tuple):  # whose operator it is
+            return NotImplemented
         if not isinstance(other, _Number):
             other = _constant(other, self.place)
         kind = max(self.kind, other.kind, key=_RANKS.index)
@@ -131,18 +268,6 @@ class _Number:
         root = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), f"llvm.sqrt.{name}")
         return _Number(self.kind, builder.call(root, [self.value]), self.place)
 
-    def beside(self, other: Any) -> Any:
-        """Pair of this number and another one, as floats."""
-        if self.place is None:
-            return _Number(PAIR, None, None)
-        floats = [number.cast(types.float64) for number in (self, other)]
-        return _Number(PAIR, put_beside(self.place[1], floats), self.place)
-
-    def lane(self, number: int) -> Any:
-        """Float of one lane of a pair."""
-        value = None if self.place is None else take_lane(self.place[1], self.value, number)
-        return _Number(types.float64, value, self.place)
-
     def __bool__(self) -> bool:
         raise TypeError("a formula may not ask for the value of a number")
 
@@ -175,7 +300,8 @@ class _Array:
         self._where: ir.Value | None = None
         self._steps: list[ir.Value] = []  # bytes from one entry of an axis to the next
 
-    def _at(self, index: Any) -> _Array:
+    def at(self, index: Any) -> _Array:
+        """Entry or sub-array at one or some leading indices."""
         entry = self
         for one in index if isinstance(index, tuple) else (index,):
             after = _Array(self.kind, self.value, self.place)
@@ -183,7 +309,7 @@ class _Array:
             entry = after
         return entry
 
-    def _start(self) -> ir.Value:
+    def start(self) -> ir.Value:
         """Pointer to the first entry of the array."""
         if self._where is None:
             context, builder = self.place
@@ -192,7 +318,7 @@ class _Array:
                 self._where = array.data
                 self._steps = cgutils.unpack_tuple(builder, array.strides, self.kind.ndim)
             else:
-                before, index = self.before._start(), self.index.cast(types.intp)
+                before, index = self.before.start(), self.index.cast(types.intp)
                 self._steps = self.before._steps
                 if isinstance(index, ir.Constant) and index.constant == 0:
                     self._where = before
@@ -204,15 +330,15 @@ class _Array:
         return self._where
 
     def __getitem__(self, index: Any) -> Any:
-        entry = self._at(index)
+        entry = self.at(index)
         if entry.axis < self.kind.ndim:
             return entry
-        value = None if self.place is None else self.place[1].load(entry._start())
+        value = None if self.place is None else self.place[1].load(entry.start())
         return _Number(self.kind.dtype, value, self.place)
 
     def __setitem__(self, index: Any, value: Any) -> None:
         if self.place is not None:
-            self.place[1].store(_as_number(value, self.place).cast(self.kind.dtype), self._at(index)._start())
+            self.place[1].store(_as_number(value, self.place).cast(self.kind.dtype), self.at(index).start())
 
 
 def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
@@ -220,7 +346,8 @@ def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
     if isinstance(kind, types.BaseTuple):
         kinds: Any = kind
         parts = [None] * len(kind) if place is None else cgutils.unpack_tuple(place[1], value, len(kind))
-        return tuple(_stand_in(*pair, place) for pair in zip(kinds, parts, strict=True))
+        parts = [_stand_in(*pair, place) for pair in zip(kinds, parts, strict=True)]
+        return kinds.instance_class(*parts) if isinstance(kind, types.BaseNamedTuple) else _shaped(tuple(parts))
     if isinstance(kind, types.Array):
         return _Array(kind, value, place)
     plain = types.unliteral(kind)
@@ -245,7 +372,8 @@ def _kind_of(outcome: Any) -> types.Type:
     if outcome is None:
         return types.none
     if isinstance(outcome, tuple):
-        return types.BaseTuple.from_types([_kind_of(part) for part in outcome])
+        record = type(outcome) if hasattr(outcome, "_fields") else None
+        return types.BaseTuple.from_types([_kind_of(part) for part in outcome], record)
     return _as_number(outcome, None).kind
 
 
@@ -266,12 +394,77 @@ def square_root(value: Any) -> Any:
     return value.square_root() if isinstance(value, _Number) else np.sqrt(value)
 
 
+def least(one: Any, other: Any) -> Any:
+    """Lesser of two integers of a formula."""
+    if not isinstance(one, _Number):
+        return min(one, other)
+    if one.place is None:
+        return one
+    builder = one.place[1]
+    lesser = builder.select(builder.icmp_signed("<", one.value, other.value), one.value, other.value)
+    return _Number(one.kind, lesser, one.place)
+
+
+def size_of(array: Any, axis: int) -> Any:
+    """Size of an array of a formula along an axis."""
+    if not isinstance(array, _Array):
+        return array.shape[axis]
+    if array.place is None:
+        return _Number(types.int64, None, None)
+    context, builder = array.place
+    shape = make_array(array.kind)(context, builder, array.value).shape
+    return _Number(types.int64, builder.extract_value(shape, axis), array.place)
+
+
+def as_lanes(numbers: Sequence[Any]) -> Any:
+    """Lanes of as many numbers of a formula."""
+    if not isinstance(numbers[0], _Number):
+        return np.array(numbers)
+    kind, place = LanesType(len(numbers)), numbers[0].place
+    if place is None:
+        return _Number(kind, None, None)
+    lanes = ir.Constant(kind.vector, ir.Undefined)
+    for lane, number in enumerate(numbers):
+        lanes = place[1].insert_element(lanes, number.cast(types.float64), ir.Constant(_WORD, lane))
+    return _Number(kind, lanes, place)
+
+
+def lane_of(lanes: Any, number: int) -> Any:
+    """Float of one lane."""
+    if not isinstance(lanes, _Number):
+        return lanes[number]
+    value = None if lanes.place is None else lanes.place[1].extract_element(lanes.value, ir.Constant(_WORD, number))
+    return _Number(types.float64, value, lanes.place)
+
+
+def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
+    """Lanes of `count` numbers of an array of a formula, one after another in memory from the entry `index` on."""
+    if not isinstance(array, _Array):
+        first = np.ravel_multi_index(index, array.shape)
+        return array.reshape(-1)[first : first + count]
+    kind = LanesType(count)
+    if array.place is None:
+        return _Number(kind, None, None)
+    builder = array.place[1]
+    place = builder.bitcast(array.at(index).start(), kind.vector.as_pointer())
+    return _Number(kind, builder.load(place, align=8), array.place)
+
+
+def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
+    """Write lanes to an array of a formula, one after another in memory from the entry `index` on."""
+    if not isinstance(array, _Array):
+        array[index[:-1]] = lanes
+    elif array.place is not None:
+        builder, lanes = array.place[1], _as_number(lanes, array.place).cast(LANES)
+        builder.store(lanes, builder.bitcast(array.at(index).start(), LANES.vector.as_pointer()), align=8)
+
+
 @formula
 def beside(one: Any, other: Any) -> Any:
     """Pair up the numbers of two tuples of one structure, for formulas on both at once."""
     if isinstance(one, tuple):
         return tuple(beside(*both) for both in zip(one, other, strict=True))
-    return one.beside(other) if isinstance(one, _Number) else np.array([one, other])
+    return as_lanes([one, other])
 
 
 @formula
@@ -286,7 +479,25 @@ def second_of(pairs: Any) -> Any:
     return _lanes_of(pairs, 1)
 
 
-def _lanes_of(pairs: Any, place: int) -> Any:
+def _lanes_of(pairs: Any, number: int) -> Any:
     if isinstance(pairs, tuple):
-        return tuple(_lanes_of(pair, place) for pair in pairs)
-    return pairs.lane(place) if isinstance(pairs, _Number) else pairs[place]
+        return tuple(_lanes_of(pair, number) for pair in pairs)
+    return lane_of(pairs, number)
+
+
+def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:
+    """Define a Python operator between lanes, or lanes and a number, in kernels as one instruction."""
+
+    @infer_global(function)
+    class _Typing(ConcreteTemplate):
+        cases = [signature(LANES, *[LANES] * operands)]  # noqa: RUF012 - numba wants a list
+
+    @lower_builtin(function, *[LANES] * operands)
+    def _lower(context: Any, builder: ir.IRBuilder, kinds: Any, values: Any) -> ir.Value:
+        return getattr(builder, instruction)(*values)
+
+
+_define(operator.neg, "fneg", operands=1)
+for _name, _instruction in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+    _define(getattr(operator, _name), _instruction)
+    _define(getattr(operator, f"i{_name}"), _instruction)

@@ -18,7 +18,7 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import add_scaled, apply, dot, load, outer, scale, subtract
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, product, scale, subtract
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.rope.point import point_on, slope, value
@@ -156,7 +156,7 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
     push, _ = push_on(system, state, carriage, 0.0, 0.0)
     force = add_scaled(-1.0, push, load(state.multipliers[first], like))
     change = load(work.impedance_force[first], like)
-    stiff = dot(way, apply(load(work.impedance[first], outer(0.0, like, like)), way))
+    stiff = dot(way, product(load(work.impedance[first], outer(0.0, like, like)), way))
     if work.haul_by_way[carriage] != 0.0:
         pull = load(work.haul_direction[carriage], like)
         force = add_scaled(-work.haul_force[carriage] - work.haul_change[carriage], pull, force)

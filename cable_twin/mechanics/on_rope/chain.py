@@ -31,13 +31,13 @@ from cable_twin.mechanics.language.vectors import (
     accumulate,
     add_scaled,
     block,
-    flipped,
     load,
     outer,
     product,
     scale,
     store,
     subtract,
+    transpose,
 )
 from cable_twin.mechanics.on_rope.hinge import (
     accelerate_held,
@@ -73,7 +73,7 @@ def spin_of(rates, body, like):
 @inlined_kernel
 def arm_to(axes, offset, like):
     """Arm A u (dim,) in m of a point at `offset` (dim,) in the axes of a body."""
-    return product(axes, load(offset, like), like)
+    return product(axes, load(offset, like))
 
 
 @inlined_kernel
@@ -206,35 +206,35 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
 
         # centre of mass and lower pivot by the turn, upper pivot held
         by_up, down = scale(-1.0, by_turn(up)), subtract(by_turn(low), by_turn(up))
-        row_up, row_down = flipped(by_up, still), flipped(down, still)
+        row_up, row_down = transpose(by_up), transpose(down)
         gap = load(work.joint_gap[body], like)
         m = block(1.0, load(work.body_drag_tangent[body], pp), mass_factor * mass)
-        on = add_scaled(1.0, residual, product(m, gap, like))
-        b = add_scaled(1.0, product(pp, gap, like), b)
-        b_turn = add_scaled(1.0, product(tp, gap, like), b_turn)
-        m_up = add_scaled(1.0, load(work.body_drag_turning[body], pt), product(m, by_up, like))
-        carried = add_scaled(1.0, product(pp, down, like), pt)  # the turn takes along what is below
+        on = add_scaled(1.0, residual, product(m, gap))
+        b = add_scaled(1.0, product(pp, gap), b)
+        b_turn = add_scaled(1.0, product(tp, gap), b_turn)
+        m_up = add_scaled(1.0, load(work.body_drag_turning[body], pt), product(m, by_up))
+        carried = add_scaled(1.0, product(pp, down), pt)  # the turn takes along what is below
         column = add_scaled(1.0, m_up, carried)  # force by the turn
-        row = add_scaled(1.0, product(row_up, m, like), add_scaled(1.0, product(row_down, pp, like), tp))
-        stiff = add_scaled(1.0, product(row_up, m_up, like), stiff)
-        stiff = add_scaled(1.0, product(row_down, carried, like), stiff)
-        stiff = add_scaled(1.0, add_scaled(1.0, product(tp, down, like), tt), stiff)
-        right = add_scaled(1.0, product(row_up, on, like), residual_turn)
-        right = add_scaled(1.0, product(row_down, b, like), add_scaled(1.0, b_turn, right))
+        row = add_scaled(1.0, product(row_up, m), add_scaled(1.0, product(row_down, pp), tp))
+        stiff = add_scaled(1.0, product(row_up, m_up), stiff)
+        stiff = add_scaled(1.0, product(row_down, carried), stiff)
+        stiff = add_scaled(1.0, add_scaled(1.0, product(tp, down), tt), stiff)
+        right = add_scaled(1.0, product(row_up, on), residual_turn)
+        right = add_scaled(1.0, product(row_down, b), add_scaled(1.0, b_turn, right))
 
         # the turn is -(by_place p + by_above θ + least), with what its joint holds
         inverse = inverse_of(add_scaled(1.0, joint.by_turn, stiff))
-        by_place, by_above = product(inverse, row, still), scale(-1.0, product(inverse, joint.by_above, still))
-        least = product(inverse, right, still)
+        by_place, by_above = product(inverse, row), scale(-1.0, product(inverse, joint.by_above))
+        least = product(inverse, right)
         by_place, by_above, least, held = hold(joint, inverse, by_place, by_above, least, work.held_gap[body])
         keep_turn((by_place, by_above, least), held, body, work)
 
-        pp = subtract(add_scaled(1.0, m, pp), product(column, by_place, still))
-        pt = scale(-1.0, product(column, by_above, still))
-        b = add_scaled(1.0, on, subtract(b, product(column, least, still)))
-        tp = add_held(product(joint.by_turn, by_place, still), held.by_place)
-        tt = add_held(add_scaled(1.0, product(joint.by_turn, by_above, still), joint.by_above), held.by_above)
-        b_turn = add_held(product(joint.by_turn, least, still), held.least)
+        pp = subtract(add_scaled(1.0, m, pp), product(column, by_place))
+        pt = scale(-1.0, product(column, by_above))
+        b = add_scaled(1.0, on, subtract(b, product(column, least)))
+        tp = add_held(product(joint.by_turn, by_place), held.by_place)
+        tt = add_held(add_scaled(1.0, product(joint.by_turn, by_above), joint.by_above), held.by_above)
+        b_turn = add_held(product(joint.by_turn, least), held.least)
         keep_impedance((pp, pt, tp, tt, b, b_turn), body, work)
         below, below_moment = force, joint.moment
 
@@ -270,12 +270,12 @@ def recover_chain(carriages, state, carriage, moved, turned, work):
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         by_place = load(work.impedance[body], outer(0.0, like, like))
         by_above = load(work.impedance_turning[body], outer(0.0, like, still))
-        change = add_scaled(1.0, product(by_place, moved, like), product(by_above, turned, still))
+        change = add_scaled(1.0, product(by_place, moved), product(by_above, turned))
         accumulate(add_scaled(1.0, load(work.impedance_force[body], like), change), state.multipliers[body])
         recover_held(state, body, moved, turned, work)
         by_place = load(work.turn_by_place[body], outer(0.0, still, like))
         by_above = load(work.turn_by_above[body], outer(0.0, still, still))
-        turn = add_scaled(1.0, product(by_place, moved, like), product(by_above, turned, still))
+        turn = add_scaled(1.0, product(by_place, moved), product(by_above, turned))
         turn = scale(-1.0, add_scaled(1.0, load(work.turn_right[body], still), turn))
         axes = axes_of(state, body, like)
         up, low = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)

@@ -29,6 +29,7 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     store,
     subtract,
+    transpose,
     unit_matrix,
 )
 
@@ -86,19 +87,17 @@ def _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate
     angle, turning = state.bodies.position[body, 2] - pitch, state.bodies.velocity[body, 2] - rate
     moment, by_angle, by_rate = hinge_moment(carriages, body, angle, turning)
     stiff = stiffness_factor * by_angle + rate_factor * by_rate
-    return Joint((moment,), (stiff,), (stiff,), (by_angle, by_rate), 0.0, 0)
+    return Joint((moment,), ((stiff,),), ((stiff,),), (by_angle, by_rate), 0.0, 0)
 
 
 @inlined_kernel
 def joint_axes(state, body, first, tangent):
     """Joint axes a (of the upper part) and c (of the body), second c of a revolute joint, and pitch angle (rad)."""
-    axes = orientation(state.bodies.position[body], tangent)
-    x, y, z = (axes[0], axes[3], axes[6]), (axes[1], axes[4], axes[7]), (axes[2], axes[5], axes[8])
+    x, y, z = transpose(orientation(state.bodies.position[body], tangent))
     if first:
         return tangent, y, z, atan(dot(tangent, z) / dot(tangent, x))
-    above = orientation(state.bodies.position[body - 1], tangent)
-    along, up = (above[0], above[3], above[6]), (above[2], above[5], above[8])
-    return (above[1], above[4], above[7]), x, z, atan(-dot(x, up) / dot(x, along))
+    along, lateral, up = transpose(orientation(state.bodies.position[body - 1], tangent))
+    return lateral, x, z, atan(-dot(x, up) / dot(x, along))
 
 
 @inlined_kernel
@@ -200,10 +199,10 @@ def hold(joint, inverse, by_place, by_above, least, gap):
     through = unit_matrix(least)  # what a moment is with those that the axes before it then need
     for number in range(joint.holding):
         axis = joint.held[number]
-        yields = product(inverse, axis, axis)
+        yields = product(inverse, axis)
         weight = 1.0 / dot(axis, yields)
-        push = scale(weight, product(through, axis, axis))
-        place, above = product(axis, by_place, axis), add_scaled(1.0, product(axis, by_above, axis), axis)
+        push = scale(weight, product(through, axis))
+        place, above = product(axis, by_place), add_scaled(1.0, product(axis, by_above), axis)
         rest = dot(axis, least) - gap[number]
         on_place = add_scaled(1.0, outer(1.0, push, place), on_place)
         on_above = add_scaled(1.0, outer(1.0, push, above), on_above)
@@ -211,7 +210,7 @@ def hold(joint, inverse, by_place, by_above, least, gap):
         by_place = subtract(by_place, outer(weight, yields, place))
         by_above = subtract(by_above, outer(weight, yields, above))
         least = add_scaled(-rest * weight, yields, least)
-        back = product(axis, inverse, axis)
+        back = product(axis, inverse)
         inverse = subtract(inverse, outer(weight, yields, back))
         through = subtract(through, outer(1.0, push, back))
     return by_place, by_above, least, Held(on_place, on_above, on)
@@ -237,6 +236,6 @@ def recover_held(state, body, moved, turned, work):
     if len(turned) == 1:
         return
     square = outer(0.0, moved, moved)
-    change = product(load(work.held_by_place[body], square), moved, moved)
-    change = add_scaled(1.0, product(load(work.held_by_above[body], square), turned, turned), change)
+    change = product(load(work.held_by_place[body], square), moved)
+    change = add_scaled(1.0, product(load(work.held_by_above[body], square), turned), change)
     accumulate(add_scaled(1.0, load(work.held_right[body], moved), change), state.moments[body])

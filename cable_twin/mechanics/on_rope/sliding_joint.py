@@ -21,7 +21,6 @@ from cable_twin.mechanics.language.rotations import along_track, no_turn
 from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
-    apply,
     block,
     dot,
     load,
@@ -110,7 +109,7 @@ def cable_direction(cable, state, carriage):
     r_x = slope(state.nodes.position, point, like)
     turning = slope(state.nodes.velocity, point, like)
     turning = add_scaled(state.joints.velocity[carriage], bend(state.nodes.position, point, like), turning)
-    return Above(tangent_orientation(r_x), product(turn_by_slope(r_x), turning, like))
+    return Above(tangent_orientation(r_x), product(turn_by_slope(r_x), turning))
 
 
 @inlined_kernel
@@ -130,7 +129,7 @@ def tangent_moment(system, state, carriage):
     moment = tangent_hinge(system, state, carriage, 0.0, 0.0).moment
     point = joint_point(system.cable, state, carriage)
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
-    return moment, dot(moment, product(by_slope, bend(state.nodes.position, point, like), like))
+    return moment, dot(moment, product(by_slope, bend(state.nodes.position, point, like)))
 
 
 @kernel
@@ -139,7 +138,7 @@ def tangent_moment_force(system, state, carriage, row):
     moment, _ = tangent_moment(system, state, carriage)
     point, like = joint_point(system.cable, state, carriage), system.cable.gravity
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
-    return scale(-point.shape_x[row], product(moment, by_slope, moment))
+    return scale(-point.shape_x[row], product(moment, by_slope))
 
 
 @kernel
@@ -192,7 +191,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         carriages, state, carriage, normal
     )
 
-    d_r_x = apply(vehicle.by_place, by_s)
+    d_r_x = product(vehicle.by_place, by_s)
     if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
         along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
@@ -202,7 +201,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
         along = add_scaled(-norm * by_direction, normal_force, by_s)
         across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
-        d_along = apply(transpose(vehicle.by_place), along)
+        d_along = product(transpose(vehicle.by_place), along)
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
         pivot -= stiffness_factor * pushed_by_s
@@ -289,7 +288,7 @@ def recover_turn(system, state, carriage, work):
     element, rows = state.joint_element[carriage], outer(0.0, still, like)
     turned = scale(work.sliding_increment[carriage], load(work.grip_by_s[carriage], still))
     for i in range(4):
-        vehicle = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like), like)
+        vehicle = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like))
         turned = add_scaled(1.0, vehicle, turned)
     return turned
 

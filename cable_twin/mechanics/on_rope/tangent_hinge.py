@@ -12,19 +12,19 @@ from math import atan2, sqrt
 from typing import Any
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.rotations import by_turn, cross, moment, no_turn
-from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.rotations import by_turn, cross, moment
+from cable_twin.mechanics.language.traced import Mat, Vec, formula
 from cable_twin.mechanics.language.vectors import (
     Matrix,
     Vector,
     accumulate,
     add_scaled,
     dot,
-    flipped,
     outer,
     product,
     scale,
     store,
+    transpose,
 )
 from cable_twin.mechanics.rope.point import add_block, add_to, bend, interpolate, slope
 from cable_twin.mechanics.rope.shape_functions import shape_functions_xxx
@@ -48,13 +48,13 @@ def tangent_orientation(r_x: Vector) -> Vector:
 @formula
 def turn_by_slope(r_x):
     """Derivative G (turns x dim) of the rotation of the tangent, in a plane its pitch α, by r_x."""
-    return scale(1.0 / dot(r_x, r_x), flipped(by_turn(r_x), no_turn(r_x)))
+    return scale(1.0 / dot(r_x, r_x), transpose(by_turn(r_x)))
 
 
 @formula
 def by_arm(turn: Vector, like: Vector) -> Matrix:
     """Matrix (dim²) of m x a by the arm a."""
-    return (0.0, turn[0], -turn[0], 0.0) if len(like) == 2 else scale(-1.0, by_turn(turn))
+    return Mat((Vec((0.0, turn[0])), Vec((-turn[0], 0.0)))) if len(like) == 2 else scale(-1.0, by_turn(turn))
 
 
 @formula
@@ -70,7 +70,7 @@ def spin_by_slope(turning, r_x):
     """Derivative (turns x dim) of the angular velocity G w by r_x, for a rate w (dim,) of the slope."""
     per_square = 1.0 / dot(r_x, r_x)
     turned = outer(-2.0 * per_square * per_square, moment(r_x, turning), r_x)
-    return add_scaled(-per_square, flipped(by_turn(turning), no_turn(r_x)), turned)
+    return add_scaled(-per_square, transpose(by_turn(turning)), turned)
 
 
 @kernel
@@ -87,7 +87,7 @@ def spin_rate_by_velocities(cable: Any, nodes: Any, point: Any, s_dot: float, li
     turning = add_scaled(s_dot, bend(e, point, like), slope(e_dot, point, like))
     rate = add_scaled(2.0 * s_dot, bend(e_dot, point, like), scale(s_dot * s_dot, r_xxx))
     longer = 2.0 * dot(r_x, turning) / dot(r_x, r_x)
-    return product(turn_by_slope(r_x), add_scaled(-longer, turning, rate), like)
+    return product(turn_by_slope(r_x), add_scaled(-longer, turning, rate))
 
 
 @inlined_kernel
@@ -109,7 +109,7 @@ def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s,
     Returns:
         What comes to the pivot of s, and to its right side.
     """
-    like, still = cable.gravity, no_turn(cable.gravity)
+    like = cable.gravity
     shape, shape_x, shape_xx = point.shape, point.shape_x, point.shape_xx
     e, e_dot, s_dot = state.nodes.position, state.nodes.velocity, state.joints.velocity[carriage]
     r_x, r_xx = slope(e, point, like), bend(e, point, like)
@@ -122,31 +122,31 @@ def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s,
     free = 1.0 if dot(along, along) > 0.0 else 0.0
 
     # the turn as the hinge sees it: turned_j Δe_j + by_s Δs
-    rated = joint.steep[1] > 0.0 and joint.by_turn[0] > 0.0
-    share = stiffness_factor * joint.steep[1] / joint.by_turn[0] if rated else 0.0
+    rated = joint.steep[1] > 0.0 and joint.by_turn[0][0] > 0.0
+    share = stiffness_factor * joint.steep[1] / joint.by_turn[0][0] if rated else 0.0
     by_slope = add_scaled(share, spin_by_slope(turning, r_x), g)
-    by_s = add_scaled(share, product(g, bending, like), product(by_slope, r_xx, like))
+    by_s = add_scaled(share, product(g, bending), product(by_slope, r_xx))
     store(by_s, work.grip_by_s[carriage])
 
     stiff = scale(stiffness_factor, moment_by_slope(joint.moment, r_x))
-    force = scale(stiffness_factor, product(joint.moment, g, still))  # Gᵀ m
-    bent, bent_back, lever = product(stiff, r_xx, like), product(r_xx, stiff, like), product(g, r_xx, like)
-    on_s = scale(free, add_scaled(1.0, product(along, pt, like), product(lever, tt, still)))  # of row s, by the turn
-    pull = add_scaled(1.0, product(tp, joint_by_s, like), product(tt, by_s, still))  # of the moment, by Δs
+    force = scale(stiffness_factor, product(joint.moment, g))  # Gᵀ m
+    bent, bent_back, lever = product(stiff, r_xx), product(r_xx, stiff), product(g, r_xx)
+    on_s = scale(free, add_scaled(1.0, product(along, pt), product(lever, tt)))  # of row s, by the turn
+    pull = add_scaled(1.0, product(tp, joint_by_s), product(tt, by_s))  # of the moment, by Δs
     for j in range(4):
         turned = add_scaled(shape_x[j], by_slope, scale(share * s_dot * shape_xx[j], g))
         store(turned, work.grip_row[carriage, j])
         row = add_scaled(shape_x[j], bent_back, scale(shape_xx[j], force))
-        row = add_scaled(shape[j], product(lever, tp, still), row)
-        accumulate(add_scaled(1.0, product(on_s, turned, still), scale(free, row)), work.sliding_row[carriage, j])
+        row = add_scaled(shape[j], product(lever, tp), row)
+        accumulate(add_scaled(1.0, product(on_s, turned), scale(free, row)), work.sliding_row[carriage, j])
         column = add_scaled(shape_x[j], bent, scale(shape_xx[j], force))
-        column = add_scaled(shape_x[j], product(pull, g, still), column)
-        accumulate(add_scaled(shape[j], product(pt, by_s, still), column), work.sliding_column[carriage, j])
-        moved = add_scaled(shape[j], tp, product(tt, turned, still))  # of the moment, by Δe_j
-        on_node, on_slope = product(pt, turned, still), product(flipped(g, like), moved, still)
+        column = add_scaled(shape_x[j], product(pull, g), column)
+        accumulate(add_scaled(shape[j], product(pt, by_s), column), work.sliding_column[carriage, j])
+        moved = add_scaled(shape[j], tp, product(tt, turned))  # of the moment, by Δe_j
+        on_node, on_slope = product(pt, turned), product(transpose(g), moved)
         for i in range(4):
             tangent = add_scaled(shape_x[i] * shape_x[j], stiff, scale(shape[i], on_node))
             add_block(add_scaled(shape_x[i], on_slope, tangent), point.element, i, j, work)
-        add_to(scale(-shape_x[j], product(residual, g, still)), work.right_side, point.element, j)
-    pivot = dot(lever, product(tp, joint_by_s, like)) + dot(bent, r_xx) + dot(force, r_xxx)
+        add_to(scale(-shape_x[j], product(residual, g)), work.right_side, point.element, j)
+    pivot = dot(lever, product(tp, joint_by_s)) + dot(bent, r_xx) + dot(force, r_xxx)
     return free * pivot + dot(on_s, by_s), -free * dot(residual, lever)

@@ -18,11 +18,9 @@ from cable_twin.mechanics.language.rotations import no_turn
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,
-    apply,
     block,
     determinant,
     load,
-    multiply,
     outer,
     product,
     scale,
@@ -109,23 +107,23 @@ def impedance_at_joint(cable, state, point, vehicle, r_x, carriage, work):
 @inlined_kernel
 def with_compliance(vehicle, bent, carriage, work):
     """Impedance of a carriage by the displacement of the cable at a compliant joint."""
-    like, still = vehicle.force, vehicle.moment_left
-    giving = block(1.0, multiply(bent.by_force, vehicle.by_place), 1.0)
+    still = vehicle.moment_left
+    giving = block(1.0, product(bent.by_force, vehicle.by_place), 1.0)
     stiff = adjugate(1.0 / determinant(giving), giving)
-    soft = multiply(stiff, bent.by_force)
-    by_turn = scale(-1.0, product(soft, vehicle.by_turn, like))
-    right = scale(-1.0, add_scaled(1.0, apply(stiff, bent.displacement), apply(soft, vehicle.left)))
+    soft = product(stiff, bent.by_force)
+    by_turn = scale(-1.0, product(soft, vehicle.by_turn))
+    right = scale(-1.0, add_scaled(1.0, product(stiff, bent.displacement), product(soft, vehicle.left)))
     store(stiff, work.pivot_by_joint[carriage])
     store(by_turn, work.pivot_by_turn[carriage])
     store(right, work.pivot_right[carriage])
     return Impedance(
         vehicle.force,
-        multiply(vehicle.by_place, stiff),
-        add_scaled(1.0, product(vehicle.by_place, by_turn, like), vehicle.by_turn),
-        add_scaled(1.0, apply(vehicle.by_place, right), vehicle.left),
-        product(vehicle.moment_by_place, stiff, like),
-        add_scaled(1.0, product(vehicle.moment_by_place, by_turn, like), vehicle.moment_by_turn),
-        add_scaled(1.0, product(vehicle.moment_by_place, right, like), still),
+        product(vehicle.by_place, stiff),
+        add_scaled(1.0, product(vehicle.by_place, by_turn), vehicle.by_turn),
+        add_scaled(1.0, product(vehicle.by_place, right), vehicle.left),
+        product(vehicle.moment_by_place, stiff),
+        add_scaled(1.0, product(vehicle.moment_by_place, by_turn), vehicle.moment_by_turn),
+        add_scaled(1.0, product(vehicle.moment_by_place, right), still),
     )
 
 
@@ -135,5 +133,5 @@ def pivot_displacement(carriage, moved, turned, work):
     like = moved
     by_joint = load(work.pivot_by_joint[carriage], outer(0.0, like, like))
     by_turn = load(work.pivot_by_turn[carriage], outer(0.0, like, turned))
-    way = add_scaled(1.0, apply(by_joint, moved), product(by_turn, turned, turned))
+    way = add_scaled(1.0, product(by_joint, moved), product(by_turn, turned))
     return add_scaled(1.0, load(work.pivot_right[carriage], like), way)

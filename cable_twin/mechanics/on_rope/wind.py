@@ -26,10 +26,8 @@ from cable_twin.mechanics.language.rotations import by_turn, orientation
 from cable_twin.mechanics.language.vectors import (
     accumulate,
     add_scaled,
-    apply,
     block,
     dot,
-    flipped,
     full,
     load,
     outer,
@@ -38,6 +36,7 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
     symmetric,
+    transpose,
 )
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.parameters import OPERATING_GUST, FloatArray
@@ -220,11 +219,11 @@ def drag_by_axes(air, state, body, relative, factors, work):
     """Drag on a body with different areas along its axes: K |w| w, K = A diag(q) Aᵀ rotating with the body."""
     speed, rate_factor, stiffness_factor = factors
     axes = orientation(state.bodies.position[body], relative)
-    k = product(product(axes, load(air.body_drag[body], axes), relative), flipped(axes, relative), relative)
-    drag = apply(k, relative)
+    k = product(product(axes, load(air.body_drag[body], axes)), transpose(axes))
+    drag = product(k, relative)
     store(scale(speed, drag), work.body_drag[body])
     steep = rate_factor / speed if speed > 0.0 else 0.0
     by_place = add_scaled(1.0, outer(steep, drag, relative), block(rate_factor * speed, k, 0.0))
     store(by_place, work.body_drag_tangent[body])
-    by_angle = subtract(product(k, by_turn(relative), relative), by_turn(drag))
+    by_angle = subtract(product(k, by_turn(relative)), by_turn(drag))
     store(scale(stiffness_factor * speed, by_angle), work.body_drag_turning[body])

@@ -56,7 +56,7 @@ def energies(system, state):
             velocity, spin = load(v, like), spin_of(state.bodies.velocity, body, like)
             kinetic += 0.5 * carriages.mass[body] * dot(velocity, velocity)
             inertia = inertia_of(carriages.inertia, body, axes_of(state, body, like), like)
-            kinetic += 0.5 * dot(spin, product(inertia, spin, spin))
+            kinetic += 0.5 * dot(spin, product(inertia, spin))
             elastic += spring_energy(system, state, carriage, body)
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
         if has_joint_compliance(cable):

@@ -13,11 +13,10 @@ from cable_twin.mechanics.language.traced import beside, first_of, formula, seco
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,
-    apply,
     determinant,
     load,
-    multiply,
     outer,
+    product,
     scale,
     store,
     subtract,
@@ -50,10 +49,10 @@ def store_node(matrices, array):
 def multiply_nodes(a, b):
     """Product a b of two node blocks."""
     return (
-        add_scaled(1.0, multiply(a[0], b[0]), multiply(a[1], b[2])),
-        add_scaled(1.0, multiply(a[0], b[1]), multiply(a[1], b[3])),
-        add_scaled(1.0, multiply(a[2], b[0]), multiply(a[3], b[2])),
-        add_scaled(1.0, multiply(a[2], b[1]), multiply(a[3], b[3])),
+        add_scaled(1.0, product(a[0], b[0]), product(a[1], b[2])),
+        add_scaled(1.0, product(a[0], b[1]), product(a[1], b[3])),
+        add_scaled(1.0, product(a[2], b[0]), product(a[3], b[2])),
+        add_scaled(1.0, product(a[2], b[1]), product(a[3], b[3])),
     )
 
 
@@ -67,8 +66,8 @@ def minus_nodes(a, b):
 def apply_node(a, x):
     """Product of a block and the two vectors of a node."""
     return (
-        add_scaled(1.0, apply(a[0], x[0]), apply(a[1], x[1])),
-        add_scaled(1.0, apply(a[2], x[0]), apply(a[3], x[1])),
+        add_scaled(1.0, product(a[0], x[0]), product(a[1], x[1])),
+        add_scaled(1.0, product(a[2], x[0]), product(a[3], x[1])),
     )
 
 
@@ -97,8 +96,8 @@ def factor_node(block):
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
-    a_b, c_a = multiply(inverse, b), multiply(c, inverse)
-    schur = subtract(d, multiply(c, a_b))
+    a_b, c_a = product(inverse, b), product(c, inverse)
+    schur = subtract(d, product(c, a_b))
     det_of_schur = determinant(schur)
     missing = 0.0 * (det + 1.0 / det) + 0.0 * (det_of_schur + 1.0 / det_of_schur)
     return (inverse, a_b, c_a, adjugate(1.0 / det_of_schur, schur)), missing
@@ -108,16 +107,16 @@ def factor_node(block):
 def solve_pair(factors, x):
     """Solve a factored node block for a right side `x` of two vectors."""
     inverse, a_b, c_a, schur_inverse = factors
-    last = apply(schur_inverse, subtract(x[1], apply(c_a, x[0])))
-    return subtract(apply(inverse, x[0]), apply(a_b, last)), last
+    last = product(schur_inverse, subtract(x[1], product(c_a, x[0])))
+    return subtract(product(inverse, x[0]), product(a_b, last)), last
 
 
 @formula
 def solve_node(factors, block):
     """Solve a factored node block for a right side of another block."""
     inverse, a_b, c_a, schur_inverse = factors
-    last = tuple(multiply(schur_inverse, subtract(block[2 + j], multiply(c_a, block[j]))) for j in range(2))
-    first = tuple(subtract(multiply(inverse, block[j]), multiply(a_b, last[j])) for j in range(2))
+    last = tuple(product(schur_inverse, subtract(block[2 + j], product(c_a, block[j]))) for j in range(2))
+    first = tuple(subtract(product(inverse, block[j]), product(a_b, last[j])) for j in range(2))
     return (*first, *last)
 
 
@@ -127,14 +126,14 @@ def invert_node(block):
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
-    a_b, c_a = multiply(inverse, b), multiply(c, inverse)
-    schur = subtract(d, multiply(c, a_b))
+    a_b, c_a = product(inverse, b), product(c, inverse)
+    schur = subtract(d, product(c, a_b))
     det_of_schur = determinant(schur)
     last = adjugate(1.0 / det_of_schur, schur)
-    upper_right = multiply(a_b, last)
-    lower_left = scale(-1.0, multiply(last, c_a))
+    upper_right = product(a_b, last)
+    lower_left = scale(-1.0, product(last, c_a))
     missing = 0.0 * (det + 1.0 / det) + 0.0 * (det_of_schur + 1.0 / det_of_schur)
-    return (subtract(inverse, multiply(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), missing
+    return (subtract(inverse, product(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), missing
 
 
 @kernel

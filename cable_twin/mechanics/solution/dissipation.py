@@ -99,7 +99,7 @@ def body_loss(system, before, after, body, factors):
     a = changed(by[dim:], last.algorithmic[body, dim:], still)
     b = changed(true[dim:], last.acceleration[body, dim:], still)
     inertia = inertia_of(carriages.inertia, body, orientation(last.position[body], like), like)
-    lost += dot(add_scaled(p, a, scale(q, b)), times(inertia, add_scaled(r, a, scale(s, b)), still))
+    lost += dot(add_scaled(p, a, scale(q, b)), times(inertia, add_scaled(r, a, scale(s, b))))
     return lost, change + spun(carriages, last, body, like) - spun(carriages, first, body, like)
 
 
@@ -108,7 +108,7 @@ def spun(carriages, bodies, body, like):
     """Rotational kinetic energy (J) of a body."""
     inertia = inertia_of(carriages.inertia, body, orientation(bodies.position[body], like), like)
     spin = load(bodies.velocity[body, len(like) :], no_turn(like))
-    return 0.5 * dot(spin, times(inertia, spin, spin))
+    return 0.5 * dot(spin, times(inertia, spin))
 
 
 @kernel

@@ -24,12 +24,11 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array, copy_array
 from cable_twin.mechanics.language.vectors import (
     accumulate,
-    apply,
     block,
     full,
     load,
-    multiply,
     outer,
+    product,
     scale,
     store,
     subtract,
@@ -203,15 +202,15 @@ def hold_ends(cable, work):
         for i in range(2):
             free_i = load(cable.end_projector[end, i], square)
             right = load(work.right_side[node, i], like)
-            store(apply(free_i, right), work.right_side[node, i])
+            store(product(free_i, right), work.right_side[node, i])
             for j in range(2):
                 free_j = load(cable.end_projector[end, j], square)
-                inner = multiply(multiply(free_i, load(work.diagonal[node, i, j], square)), free_j)
+                inner = product(product(free_i, load(work.diagonal[node, i, j], square)), free_j)
                 store(inner, work.diagonal[node, i, j])
-                store(multiply(free_i, load(out[i, j], square)), out[i, j])
-                store(multiply(load(back[i, j], square), free_j), back[i, j])
+                store(product(free_i, load(out[i, j], square)), out[i, j])
+                store(product(load(back[i, j], square), free_j), back[i, j])
             size = 0.0
-            for entry in range(len(square)):
+            for entry in range(work.diagonal.shape[3]):
                 size = max(size, abs(work.diagonal[node, i, i, entry]))
             held = subtract(identity, free_i)
             accumulate(block(size if size > 0.0 else 1.0, held, 0.0), work.diagonal[node, i, i])

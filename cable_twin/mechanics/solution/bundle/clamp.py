@@ -26,8 +26,8 @@ from cable_twin.mechanics.language.vectors import (
     dot,
     full,
     load,
-    multiply,
     outer,
+    product,
     scale,
     store,
     subtract,
@@ -173,7 +173,7 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
     """
     square = outer(0.0, like, like)
     one, zero = full(0.0, symmetric(0.0, 0.0, like), 1.0), scale(0.0, square)
-    e_1 = load(one, like)  # first row of the identity
+    e_1 = one[0]
     for clamp in range(bundle.clamps.rope.size):
         other = moving.clamp_rope[clamp]
         if other < 0:
@@ -229,8 +229,8 @@ def hold_coupling(cable, element, first, out, back, like):
             for i in range(2):
                 free = load(cable.end_projector[end, i], square)
                 for j in range(2):
-                    store(multiply(free, load(out[first + node, i, j], square)), out[first + node, i, j])
-                    store(multiply(load(back[first + node, j, i], square), free), back[first + node, j, i])
+                    store(product(free, load(out[first + node, i, j], square)), out[first + node, i, j])
+                    store(product(load(back[first + node, j, i], square), free), back[first + node, j, i])
 
 
 @kernel
