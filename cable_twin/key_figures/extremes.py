@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from cable_twin.frame.snapshot import ENDS
+from cable_twin.frame.snapshot import ENDS, Layout
 from cable_twin.key_figures.figure import Subject
 from cable_twin.mechanics.language import declared
 from cable_twin.mechanics.language.by_reference import by_reference
@@ -92,6 +92,8 @@ class Constants(NamedTuple):
     """Constants of a scenario that its extremes are taken with."""
 
     in_space: bool
+    arc_length: FloatArray  # (samples,) m, unstrained, rope by rope
+    first_sample: IntArray  # (ropes + 1,)
     first_support: IntArray  # (ropes + 1,)
     first_mast: IntArray  # (ropes + 1,)
     length: FloatArray  # (ropes,) m, unstrained
@@ -125,8 +127,8 @@ def masts_of(scenario: Scenario) -> list[str]:
     return [name for one in ropes_of(scenario) for name in masts(one)]
 
 
-def constants_of(scenario: Scenario) -> Constants:
-    """Constants of a scenario for its extremes."""
+def constants_of(scenario: Scenario, layout: Layout) -> Constants:
+    """Constants of a scenario for its extremes, of frames in a layout."""
     ropes, vehicles = ropes_of(scenario), scenario.vehicles
     rows = {name: row for row, name in enumerate(vehicles)}
     rope_of, clamped = np.full(len(vehicles), NO_ROPE), np.zeros(len(vehicles), np.int64)
@@ -144,6 +146,8 @@ def constants_of(scenario: Scenario) -> Constants:
     bodies = [list(vehicle.bodies.values()) for vehicle in vehicles.values()]
     return Constants(
         in_space=scenario.dim == 3,
+        arc_length=layout.arc_lengths.copy(),
+        first_sample=np.array([0, *(part.stop for part in layout.ropes.values())], np.int64),
         first_support=_firsts([len(ENDS) + len(own) for own in towers]),
         first_mast=_firsts([len(masts(one)) for one in ropes]),
         length=np.array([one.cable.unstrained_length for one in ropes], np.float64),

@@ -68,8 +68,7 @@ class KeyFigures:
         self._scenario, self._ropes, self._rope_names = scenario, ropes_of(scenario), list(scenario.cables)
         self._vehicles, self._supports = list(scenario.vehicles), supports_of(scenario)
         self._drives, self._sheaves = list(scenario.drives), list(scenario.sheaves)
-        self._constants, self._extremes = constants_of(scenario), no_extremes(scenario)
-        self._packed = pack(self._extremes), pack(self._constants)
+        self._extremes = no_extremes(scenario)
         self._layout: Layout | None = None  # of the frames so far
         self._next_look = -inf  # s, at which clearances are due
         in_space = scenario.dim == 3
@@ -110,10 +109,10 @@ class KeyFigures:
         self._last = time
         self._dissipation.update(time, snapshot.solver)
         self._numbers[:] = snapshot.numbers
-        take_frame(*self._packed, self._arc_lengths, self._first_sample, self._packed_columns)
+        take_frame(*self._packed, self._packed_columns)
         if self._around is not None and time >= self._next_look:
             self._next_look = time + CLEARANCE_PERIOD * (1.0 - 1e-9)
-            self._look(*self._packed, self._around, self._first_sample, self._packed_columns)
+            self._look(*self._packed, self._around, self._packed_columns)
             if self._packed_passing is not None:
                 take_passing(*self._packed_passing, self._packed_columns)
         self._stops.update(time)
@@ -127,8 +126,8 @@ class KeyFigures:
         theirs = layout.vehicles, [*layout.supports], [*layout.drives], [*layout.sheaves]
         if own != (*theirs, [*layout.pantographs, *layout.connectors]):
             raise ValueError("snapshots of another scenario: its vehicles, supports or drives have other names")
-        self._layout, self._arc_lengths = layout, layout.arc_lengths
-        self._first_sample = np.array([0, *(part.stop for part in layout.ropes.values())], np.int64)
+        self._layout, self._constants = layout, constants_of(scenario, layout)
+        self._packed = pack(self._extremes), pack(self._constants)
         self._numbers = np.empty(layout.size)
         self._columns = layout.columns(self._numbers)
         self._packed_columns = pack(self._columns)

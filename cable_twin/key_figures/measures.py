@@ -62,14 +62,12 @@ def lowest_in_wind(extremes, index, value, time, place, rope, wind):
 
 
 @kernel
-def take_frame(extremes, constants, arc_lengths, first_sample, columns):
+def take_frame(extremes, constants, columns):
     """Take in the columns of a frame, in order of time.
 
     Args:
         extremes: result.
         constants: of the scenario.
-        arc_lengths: (samples,) m, of the samples of all ropes.
-        first_sample: (ropes + 1,) number of the first sample of each rope.
         columns: the frame.
     """
     time = columns.time[0]
@@ -81,13 +79,13 @@ def take_frame(extremes, constants, arc_lengths, first_sample, columns):
         lowest(extremes.lowest_tension, rope, low[0], time, low[1], rope)
         if isnan(extremes.first_tension[rope]):
             extremes.first_tension[rope] = extremes.tension[rope, VALUE]
-        take_sag(extremes, constants, time, rope, first_sample, columns)
+        take_sag(extremes, constants, time, rope, columns)
     take_supports(extremes, constants, time, columns)
     vehicles = columns.arc_length.size
     for drive in range(columns.drive_position.size):
         position, speed = columns.drive_position[drive], columns.drive_speed[drive]
         take_drive(extremes, vehicles + drive, time, position, NO_ROPE, speed, columns.moving_cable_force[drive])
-    take_vehicles(extremes, constants, time, arc_lengths, first_sample, columns)
+    take_vehicles(extremes, constants, time, columns)
     take_sheaves(extremes, constants, time, columns)
     take_couplings(extremes, time, columns)
     extremes.last_time[0] = time
@@ -103,14 +101,14 @@ def rope_of(constants, columns, vehicle):
 
 
 @kernel
-def take_sag(extremes, constants, time, rope, first_sample, columns):
+def take_sag(extremes, constants, time, rope, columns):
     """Take in the sag of one rope below the chord of each span between supports; an upright rope has no sag.
 
     Deepest of all is where a vehicle hangs, which is between points. A span without a point takes the next one, so that
     no span goes without.
     """
     points, corner = columns.rope_position, extremes.corner
-    first, last = first_sample[rope], first_sample[rope + 1] - 1
+    first, last = constants.first_sample[rope], constants.first_sample[rope + 1] - 1
     start, end = constants.first_support[rope], constants.first_support[rope + 1] - 1  # corners of the rope
     corner[start, 0], corner[start, 1] = points[first, 0], points[first, 2]
     corner[end, 0], corner[end, 1] = points[last, 0], points[last, 2]
@@ -176,7 +174,7 @@ def take_drive(extremes, index, time, place, rope, speed, force):
 
 
 @kernel
-def take_vehicles(extremes, constants, time, arc_lengths, first_sample, columns):
+def take_vehicles(extremes, constants, time, columns):
     """Take in speed, swing, forces, acceleration and touches of all vehicles."""
     looks, wind = begin_look(extremes, time, columns), extremes.wind
     for vehicle in range(columns.arc_length.size):
@@ -196,8 +194,7 @@ def take_vehicles(extremes, constants, time, arc_lengths, first_sample, columns)
             highest(extremes.contact_force, vehicle, size(force), time, place, rope)
             highest(extremes.haul_force, vehicle, size(columns.haul_pull[vehicle]), time, place, rope)
             if not isnan(place):
-                first, last = first_sample[rope], first_sample[rope + 1] - 1
-                ratio = tension_ratio(arc_lengths, first, last, columns, place, force)
+                ratio = tension_ratio(constants, rope, columns, place, force)
                 lowest(extremes.tension_ratio, vehicle, ratio, time, place, rope)
         if looks:
             here = extremes.passed[extremes.passed_last[0], vehicle]
@@ -273,13 +270,13 @@ def latest(extremes, time):
 
 
 @kernel
-def tension_ratio(arc_lengths, first, last, columns, place, force):
+def tension_ratio(constants, rope, columns, place, force):
     """Tension over the transverse part of a force (3,) in N on a rope at an arc length (m); NaN without a force.
 
-    `first` and `last` are numbers of samples of the rope. The tension is that of the slacker side, as the samples
-    beside the force have it: it jumps where a load is.
+    The tension is that of the slacker side, as the samples beside the force have it: it jumps where a load is.
     """
-    points, tensions = columns.rope_position, columns.rope_tension
+    points, tensions, arc_lengths = columns.rope_position, columns.rope_tension, constants.arc_length
+    first, last = constants.first_sample[rope], constants.first_sample[rope + 1] - 1
     count = last - first
     after = first + int(place / arc_lengths[last] * count)  # a guess, right where they are equally spaced
     after = last if after > last else first + 1 if after < first + 1 else after
@@ -351,11 +348,11 @@ def take_couplings(extremes, time, columns):
 
 
 @kernel
-def take_heights(extremes, constants, ground, first_sample, columns):
+def take_heights(extremes, constants, ground, columns):
     """Take in the clearances of ropes and vehicles over the ground in a plane."""
     time, least, wind = columns.time[0], ground.lowest[0], extremes.wind
     for rope in range(constants.length.size):
-        first, last = first_sample[rope], first_sample[rope + 1]
+        first, last = constants.first_sample[rope], constants.first_sample[rope + 1]
         least[0] = nan
         find_lowest(ground.terrain, columns.rope_position[first:last], last - first, least)
         lowest_in_wind(extremes.rope_clearance, rope, least[0], time, least[1], rope, wind)
@@ -368,11 +365,11 @@ def take_heights(extremes, constants, ground, first_sample, columns):
 
 
 @kernel
-def take_surroundings(extremes, constants, around, first_sample, columns):
+def take_surroundings(extremes, constants, around, columns):
     """Take in the clearances of ropes and vehicles over the ground and from the masts of their rope in space."""
     time, least, wind = columns.time[0], around.lowest[0], extremes.wind
     for rope in range(constants.length.size if around.middle.shape[0] > 0 else 0):
-        first, last = first_sample[rope], first_sample[rope + 1]
+        first, last = constants.first_sample[rope], constants.first_sample[rope + 1]
         least[0] = nan
         find_least(around, columns.rope_position[first:last], last - first, least)
         lowest_in_wind(extremes.rope_clearance, rope, least[0], time, least[1], rope, wind)

@@ -151,8 +151,8 @@ class Travel:
         if snapshot.layout is not self._layout:
             self._layout = snapshot.layout
             self._numbers = self._shown(snapshot.layout.places).astype(int).tolist()
-        numbers = snapshot.numbers
-        if all(isnan(numbers[number]) for number in self._numbers):
+        numbers, places = snapshot.numbers, self._numbers
+        if isnan(numbers[places[0]]) and all(isnan(numbers[place]) for place in places):
             return False
         return self.last is None or snapshot.time > self.last.time
 
