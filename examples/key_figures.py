@@ -10,7 +10,7 @@ import sys
 from cable_twin import Simulation, load_scenario
 from cable_twin.basics.units import with_unit
 from cable_twin.key_figures import KeyFigure, KeyFigures
-from cable_twin.offline.line_places import Line, calculate, plan_line
+from cable_twin.offline.line import Line, calculate, plan_line
 
 
 def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:
@@ -31,7 +31,7 @@ def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:
 def at_rest(name: str, places: int) -> Line:
     """Calculate the line at rest with its vehicle at so many places."""
     line = plan_line(load_scenario(name), places, None)
-    calculate(line, lambda done: None)  # called with the number of places done
+    calculate(line)
     return line
 
 

@@ -4,7 +4,8 @@ import pytest
 from test_scenario_faults import faults_of
 
 from cable_twin.offline import line, simulate
-from cable_twin.offline.sweep_runs import sweep_of, swept_scenarios
+from cable_twin.offline.simulate_options import sweep_of
+from cable_twin.offline.sweep import swept_scenarios
 from cable_twin.scenario import ScenarioError, load_scenario
 
 SENSOR = {"kind": "encoder", "of": "cabin"}

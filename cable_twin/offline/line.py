@@ -7,30 +7,31 @@ import csv
 import json
 import math
 import sys
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cable_twin.key_figures import values_of
+from cable_twin.frame.records import FloatArray, Place
+from cable_twin.frame.snapshot import Columns, Snapshot
+from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of, values_of
 from cable_twin.offline.check import compared, refined
+from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.line_places import Line, calculate, plan_line
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, changed_value, plots_fault
-from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
-from cable_twin.simulation import EquilibriumError
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
+from cable_twin.scenario import Scenario, ScenarioError, build_system, load_scenario, scenario_lines
+from cable_twin.scenario.command_limits import sense_of, travel_between_stops
+from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.terminal.bars import count_shown
 from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES, MOST = 40, 2000
-PATIENCE = 2.0  # s, after which there is a bar
-STDOUT = "-"
-DRAWN = (".png", ".pdf", ".svg")
+# quantities of a motion, of which there is none
+MOVING = ("drive_force", "drive_power", "speed", "acceleration", "dynamic_amplification")
 EPILOG = """\
 The static equilibrium of the whole line, with its loads, wind and ice, is calculated for N places of the vehicle, from
 one end of its track to the other. The carriers of a moving cable are advanced over one spacing; vehicles on a common
@@ -48,24 +49,45 @@ examples:
 """
 
 
+@dataclass(slots=True)
+class Line:
+    """Static line calculation, with a row for each place.
+
+    Attributes:
+        scenario: what was calculated.
+        moved: the vehicle that was moved, or the carriers of a moving cable, or the drive of a haul rope.
+        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, how far the cable has gone by.
+        columns: what a frame shows, at each place.
+        lowest: least heights (m) of all that is on the rope over the terrain, with x (m) of each, at each place.
+        rows: (n,) values by name and unit, at each place.
+        figures: the envelope; the time of a figure is the place of the vehicle (m).
+    """
+
+    scenario: Scenario
+    moved: str
+    places: FloatArray
+    columns: list[Columns] = field(default_factory=list)
+    lowest: list[Mapping[str, Place]] = field(default_factory=list)
+    rows: dict[str, FloatArray] = field(default_factory=dict)
+    figures: list[KeyFigure] = field(default_factory=list)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Calculate a line and report; the help has the exit codes."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
-    if options.plot is not None and options.plot.suffix.lower() not in DRAWN:
-        return _fault(f"--plot {options.plot}: allowed: a name that ends with {', '.join(DRAWN)}", UNUSABLE)
-    if options.plot is not None and (fault := plots_fault("--plot")):
+    if fault := plot_fault(options.plot):
         return _fault(fault, UNUSABLE)
     console = Console(stderr=True)
     scenario = arguments.given_scenario(options) or DEFAULT_SCENARIO
     try:
         with left_at_once("line"), console.status("compiling the solver, once on this machine: about half a minute"):
             line = plan_line(load_scenario(scenario, dict(options.set)), options.places, options.vehicle)
-        with _progress(console, line.places.size) as on_place:
+        with count_shown(console, "places at rest", line.places.size) as on_place:
             calculate(line, on_place)
         if options.check:
             finer = plan_line(refined(line.scenario), options.places, options.vehicle)
-            with _progress(console, finer.places.size) as on_place:
+            with count_shown(console, "places at rest", finer.places.size) as on_place:
                 calculate(finer, on_place)
             line.figures = compared(line.figures, finer.figures)
     except (ScenarioError, ValueError) as error:
@@ -107,14 +129,7 @@ def parser() -> OneLineParser:
     result.add_argument(
         "--places", type=_places, default=PLACES, metavar="N", help=f"number of places, 2 to {MOST}; default: {PLACES}"
     )
-    result.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=changed_value,
-        metavar="KEY=VALUE",
-        help="change a value of the scenario by its dotted key, as in air.wind=[20, 0]; can be repeated",
-    )
+    add_changes(result)
     result.add_argument(
         "--check",
         action="store_true",
@@ -147,27 +162,6 @@ def _fault(error: object, code: int) -> int:
     return code
 
 
-@contextmanager
-def _progress(console: Console, count: int) -> Iterator[Callable[[int], None]]:
-    """Show a progress bar for long calculations."""
-    columns = (
-        TextColumn("at rest at"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("places,"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("line", total=count, visible=False)
-        began = time.monotonic()
-
-        def on_place(done: int) -> None:
-            left = (time.monotonic() - began) / done * count
-            progress.update(task, completed=done, visible=left > PATIENCE)
-
-        yield on_place
-
-
 def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None:
     if path == STDOUT:
         write(sys.stdout, line)
@@ -194,15 +188,137 @@ def _write_csv(file: TextIO, line: Line) -> None:
 def _write_json(file: TextIO, line: Line) -> None:
     names, rows = _rows(line)
     envelope: list[dict[str, Any]] = []
-    for figure in line.figures:
-        values = {key: value for key, value in values_of(figure).items() if key not in ("time_s", "band")}
+    for one in line.figures:
+        values = {key: value for key, value in values_of(one).items() if key not in ("time_s", "band")}
         numbers: dict[str, Any] = {key: float(values[key]) for key in ("value", "limit") if key in values}
-        if figure.uncertainty is not None:
-            numbers["uncertainty"] = figure.uncertainty
-        envelope.append({"name": figure.name, **values, **numbers, "vehicle_at_m": figure.time, "kept": figure.kept})
+        if one.uncertainty is not None:
+            numbers["uncertainty"] = one.uncertainty
+        envelope.append({"name": one.name, **values, **numbers, "vehicle_at_m": one.time, "kept": one.kept})
     content = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
     json.dump({**content, "columns": names, "rows": rows}, file, indent=1)
     file.write("\n")
+
+
+def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
+    """Choose the places of the vehicle.
+
+    Args:
+        scenario: whose line it is.
+        count: of places, at least 2.
+        vehicle: its name; the first one that is not clamped where None, else what a haul rope pulls, all together.
+
+    Raises:
+        ValueError: there is no such vehicle; one line.
+    """
+    movable = [name for name, one in scenario.carriages.items() if one.joint != "clamped" and not one.clamped_to]
+    hauled = [name for name, one in scenario.carriages.items() if one.clamped_to]
+    pulling = next(iter(scenario.drives), "") if hauled else ""
+    if scenario.carriers is not None and vehicle in (None, scenario.carriers.name):
+        return Line(scenario, scenario.carriers.name, np.arange(count) * scenario.spacing / count)
+    if pulling and (vehicle in (pulling, *hauled) or (vehicle is None and not movable)):
+        return Line(scenario, pulling, np.linspace(*_way(scenario, hauled, pulling), count))
+    if vehicle is None and not movable:
+        return Line(scenario, "", np.zeros(1))
+    name = movable[0] if vehicle is None else vehicle
+    if name not in movable:
+        others = [
+            pulling,
+            *(hauled if pulling else ()),
+            scenario.carriers.name if scenario.carriers is not None else "",
+        ]
+        allowed = ", ".join(filter(None, [*movable, *others]))
+        raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, it has none'}")
+    stroke = float(build_system(scenario).carriages.stop_stroke[list(scenario.vehicles).index(name)])
+    return Line(scenario, name, np.linspace(stroke, scenario.cable.unstrained_length - stroke, count))
+
+
+def calculate(line: Line, on_place: Callable[[], object] = lambda: None) -> None:
+    """Find the equilibrium at all places, and collect the results.
+
+    Args:
+        line: takes the results.
+        on_place: called after each place.
+
+    Raises:
+        EquilibriumError: there is no rest at a place; the line names it.
+    """
+    envelope, found = KeyFigures(line.scenario), []
+    for place in line.places.tolist():
+        simulation = at_place(line, place)
+        here = simulation.snapshot
+        if line.scenario.terrain:
+            line.lowest.append(simulation.clearance().vehicles)
+        # the place stands for the time, of which there is none
+        numbers = here.numbers.copy()
+        numbers[0] = place
+        envelope.update(Snapshot(here.layout, numbers, here.solver))
+        alone = KeyFigures(line.scenario)
+        alone.update(here)
+        values = {f"{one.name} [{one.unit}]": one.value for one in _static(alone.figures())}
+        line.columns.append(here.columns)
+        found.append(values)
+        on_place()
+    names = dict.fromkeys(name for values in found for name in values)
+    line.rows = {name: np.array([values.get(name, np.nan) for values in found]) for name in names}
+    line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_loads(line)]
+
+
+def at_place(line: Line, place: float) -> Simulation:
+    """Simulation of the line in equilibrium with its vehicle at a place."""
+    scenario, moved = line.scenario, line.moved
+    carriers = scenario.carriers
+    changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}
+    if moved in scenario.drives:
+        changes = _hauled_to(scenario, place)
+    if carriers is not None and moved == carriers.name:
+        first = 0.5 * scenario.spacing if carriers.first is None else carriers.first
+        changes = {"carriers.first": (first + place) % scenario.spacing}
+    try:
+        return Simulation(load_scenario(scenario.resolved(), changes))
+    except EquilibriumError as error:
+        raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
+
+
+def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
+    """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
+    if (travel := scenario.drives[drive].travel) is not None:
+        return travel
+    ways = [travel_between_stops(scenario, name) for name in hauled]
+    return max(way.low for way in ways), min(way.high for way in ways)
+
+
+def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
+    """Scenario changes for vehicles on haul ropes after a travel (m) of these."""
+    # that of a drive is from where they stand at the start
+    changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
+    for name, one in scenario.carriages.items():
+        changes |= {f"carriages.{name}.clamped_to.{rope}": place + passed for rope, place in one.clamped_to.items()}
+        if one.clamped_to:
+            changes[f"carriages.{name}.arc_length"] = one.arc_length + sense_of(scenario, name) * passed
+    return changes
+
+
+def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
+    """Key figures with a meaning at rest; of tower margins only those of towers without contact."""
+    found = []
+    for one in figures:
+        quantity = one.id.quantity
+        if quantity == "deropement_margin":  # at rest 1, or 0 where the rope does not touch
+            found += [replace(one, place="does not touch")] if one.value == 0.0 else []
+        elif quantity not in MOVING:
+            found.append(one)
+    return found
+
+
+def _loads(line: Line) -> list[KeyFigure]:
+    """Add the rows of load components of all supports; returns the figures of their largest and least values."""
+    found, forces = [], np.array([-one.support_force for one in line.columns])  # of the cable on its supports
+    for row, subject in enumerate(supports_of(line.scenario)):
+        for quantity, values in (("load_along_track", forces[:, row, 0]), ("load_downwards", -forces[:, row, 2])):
+            line.rows[f"{subject.name}: {QUANTITIES[quantity].name} [{QUANTITIES[quantity].unit}]"] = values
+            for statistic, at in (("highest", int(np.argmax(values))), ("lowest", int(np.argmin(values)))):
+                found.append(figure(quantity, subject, statistic, float(values[at]), float(line.places[at])))
+    return found
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Layout
 from cable_twin.geometry.ground import heights_over_ground
 from cable_twin.key_figures import FigureId
-from cable_twin.offline.line_places import Line
+from cable_twin.offline.line import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 
 LIMIT = "#C0392B"
@@ -253,6 +253,3 @@ def _where(line: Line) -> str:
 
 def _layout(line: Line) -> Layout:
     return Layout.of(line.scenario, line.columns[0].rope_tension.size // max(len(line.scenario.ropes), 1))
-
-
-__all__ = ["tension_envelope", "tension_limits", "write_line_plot"]

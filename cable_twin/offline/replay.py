@@ -32,7 +32,7 @@ from cable_twin.messages import (
 )
 from cable_twin.offline.file_joint import Joint, join
 from cable_twin.offline.replay_result import CommandStream, Comparison, Difference
-from cable_twin.offline.start import start_of
+from cable_twin.offline.scripted_run import start_of
 from cable_twin.recording.log_file import LONGEST_GAP, UNREADABLE, LogFile
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError

@@ -1,20 +1,27 @@
-"""Timed commands for a run, from a YAML or CSV file, or from the log of a run."""
+"""Commands over time for a run, from a YAML or CSV file, or from the log of a run.
+
+Test signals for the identification of a drive, step and chirp, are sequences of commands. Both come on top of the
+speed or force of their entry, which holds again afterwards. A step lasts for its duration. A chirp is a sine of this
+amplitude whose frequency goes from one to the other by equal factors in equal times,
+
+    f(t) = f_0 k^(t / T),  k = f_1 / f_0,  phase(t) = 2 pi f_0 T (k^(t / T) - 1) / ln k,
+
+held from command to command, 20 of them in the shortest period.
+"""
 
 from __future__ import annotations
 
 import csv
+import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cable_twin.basics.limited_yaml import LARGEST, UnreadableYamlError, limited_text, read_yaml
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
-from cable_twin.offline.script_places import Place, check_place, place_of
-from cable_twin.offline.script_signals import KEYS as SIGNAL_KEYS
-from cable_twin.offline.script_signals import signal_values
 from cable_twin.recording.log_reader import Log
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import Simulation
@@ -29,12 +36,31 @@ STOPPED_BY = {"emergency_stop": True, "release": False, "reset": False}  # kinds
 Row = Mapping[str, Any]
 LARGEST_CSV = 64 * 2**20  # bytes
 AT = ("at_name", "at_position")  # columns of CSV for `at`
+SHAPES = ("step", "chirp")  # of test signals
+SIGNAL_KEYS = (*SHAPES, "duration", "from", "to")
+SAMPLES = 20  # commands in the shortest period of a chirp
+HIGHEST = 10.0  # Hz
+MOST = 100_000  # commands of one chirp
 KEYS = ("time", "at", "name", *NUMBERS, "event", *SIGNAL_KEYS)
 ALLOWED = f"allowed: time (s) and either name with {', '.join(BY_NAME)}, or {', '.join(BY_AXIS)}, or event; or at"
 
 
+PLACE_ALLOWED = "allowed: {name: VEHICLE or DRIVE, position: m along the cable}"
+SIGNAL_ALLOWED = (
+    "allowed with a time, a name and a speed or force: step and duration (s), or chirp, duration (s), from and to "
+    "(Hz); step and chirp have the unit of the speed or force"
+)
+
+
 class ScriptError(ValueError):
     """Unusable script; the text has one line for each fault, with file and line."""
+
+
+class Place(NamedTuple):
+    """Place of a command: reached when the joint of a vehicle, or the cable of a drive, passes in either direction."""
+
+    name: str
+    position: float  # m, arc length of a vehicle, travel of the cable of a drive
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,10 +229,7 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
     time = row.get("time", 0.0)
     if not _is_finite(time) or time < 0.0:
         raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
-    try:
-        at = place_of(row["at"]) if "at" in row else None
-    except ValueError as error:
-        raise ScriptError(f"{place}: {error}") from None
+    at = _place(row["at"], place) if "at" in row else None
     command = _meant(row, place)
     if not any(key in row for key in SIGNAL_KEYS):
         return [ScriptedCommand(float(time), command, "script", place, at)]
@@ -215,18 +238,67 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
             f"{place}: {command.kind} with {', '.join(k for k in SIGNAL_KEYS if k in row)} given; {ALLOWED}"
         )
     ((name, base),) = command.values.items()
-    try:
-        values = signal_values(
-            row, base, lambda value, key, unit: _finite(value, key, unit, place), KINDS[command.kind].unit
-        )
-    except ScriptError:
-        raise
-    except ValueError as error:
-        raise ScriptError(f"{place}: {error}") from None
     return [
         ScriptedCommand(float(time) + later, Command(command.kind, {name: value}), "script", place)
-        for later, value in values
+        for later, value in _signal(row, base, KINDS[command.kind].unit, place)
     ]
+
+
+def _place(given: Any, place: str) -> Place:
+    """Parse the value of `at`."""
+    if not isinstance(given, dict) or set(given) != {"name", "position"} or not isinstance(given["name"], str):
+        raise ScriptError(f"{place}: at {dict(given) if isinstance(given, dict) else given!r} given; {PLACE_ALLOWED}")
+    return Place(given["name"], _finite(given["position"], "at position", "m", place))
+
+
+def check_place(place: Place, scenario: Scenario) -> None:
+    """Refuse a place that cannot be passed.
+
+    Raises:
+        CommandError: there is no such vehicle or drive, or its cable does not reach there.
+    """
+    length = scenario.cable.unstrained_length
+    if place.name in scenario.drives:
+        return
+    if place.name not in scenario.vehicles:
+        known = ", ".join([*scenario.drives, *scenario.vehicles]) or "none in this scenario"
+        raise CommandError(f"at '{place.name}'; known: {known}")
+    if not 0.0 <= place.position <= length:
+        raise CommandError(f"at {place.position:g} m of '{place.name}'; allowed: 0 to {length:g} m, on the cable")
+
+
+def _signal(row: Mapping[str, Any], base: float, unit: str, place: str) -> list[tuple[float, float]]:
+    """Times (s, relative to the entry) and values of a step or chirp around a base in a unit, ending with the base."""
+    shapes = [shape for shape in SHAPES if shape in row]
+    given = {key for key in SIGNAL_KEYS if key in row}
+    needed = {"step", "duration"} if "step" in row else {*SIGNAL_KEYS} - {"step"}
+    if "at" in row or len(shapes) != 1 or given != needed:
+        found = ", ".join(f"{key} {row[key]!r}" for key in ("at", *SIGNAL_KEYS) if key in row)
+        raise ScriptError(f"{place}: {found} given; {SIGNAL_ALLOWED}")
+    height, duration = _finite(row[shapes[0]], shapes[0], unit, place), _finite(row["duration"], "duration", "s", place)
+    if duration <= 0.0:
+        raise ScriptError(f"{place}: duration {duration:g} s given; allowed: more than 0 s")
+    if "step" in row:
+        return [(0.0, base), (0.0, base + height), (duration, base)]
+    first, last = _finite(row["from"], "from", "Hz", place), _finite(row["to"], "to", "Hz", place)
+    for key, frequency in (("from", first), ("to", last)):
+        if not 0.0 < frequency <= HIGHEST:
+            raise ScriptError(f"{place}: {key} {frequency:g} Hz given; allowed: more than 0, up to {HIGHEST:g} Hz")
+    count = math.ceil(duration * SAMPLES * max(first, last))
+    if count > MOST:
+        allowed = f"{MOST}, {SAMPLES} in the shortest period"
+        raise ScriptError(f"{place}: a chirp of {count} commands given; allowed: {allowed}")
+    times = [duration * number / count for number in range(count)]
+    values = [base + height * math.sin(_phase(time, duration, first, last)) for time in times]
+    return [*zip(times, values, strict=True), (duration, base)]
+
+
+def _phase(time: float, duration: float, first: float, last: float) -> float:
+    """Phase (rad) of a chirp of `duration` (s) from one frequency (Hz) to another at a time (s)."""
+    growth = math.log(last / first)
+    if abs(growth) < 1e-9:
+        return 2.0 * math.pi * first * time
+    return 2.0 * math.pi * first * duration * math.expm1(growth * time / duration) / growth
 
 
 def _meant(row: Mapping[str, Any], place: str) -> Command:
@@ -265,13 +337,3 @@ def _finite(value: Any, key: str, unit: str, place: str) -> float:
 def _is_finite(value: Any) -> bool:
     # math.isfinite fails for a whole number of four hundred digits
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-__all__ = [
-    "ScriptError",
-    "ScriptedCommand",
-    "check_script",
-    "commands_ahead",
-    "read_script",
-    "script_of_log",
-]

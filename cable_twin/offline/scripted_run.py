@@ -1,4 +1,4 @@
-"""Simulation as fast as possible, with the commands of a script, recorded as by the node."""
+"""Simulation as fast as possible, with the commands of a script, recorded as by the node; start of a recorded run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
+from math import copysign
 
 from cable_twin.frame.rates import LOGGED
 from cable_twin.frame.records import AppliedCommand, CommandError, RefusedCommand
@@ -16,12 +18,15 @@ from cable_twin.messages import KEY_FIGURES, topics
 from cable_twin.messages.figure_messages import figures_message
 from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.script import ScriptedCommand, commands_ahead
-from cable_twin.offline.script_places import PlaceWatch
 from cable_twin.recording.frame_output import FrameOutput
+from cable_twin.recording.log_reader import Log
+from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.recording.run import Run
-from cable_twin.simulation import Simulation, SolverError
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import SAMPLES, Meanwhile, Simulation, SnapshotError, SolverError
 
 BACKLOG = 500  # frames that may wait for the disk
+FASTER = 5.0  # m/s by which nothing gets faster within a frame
 FIGURES_PERIOD = 10.0  # s of simulated time between two records of the key figures
 
 
@@ -157,3 +162,88 @@ def _apply(
     outcome.applied += 1
     output.command(applied)
     return applied
+
+
+class PlaceWatch:
+    """Commands that wait for a place; each is given once.
+
+    Args:
+        script: those with a place; each waits from its time on.
+    """
+
+    def __init__(self, script: Iterable[ScriptedCommand]) -> None:
+        self._waiting: list[tuple[ScriptedCommand, float]] = []  # with the side on which it was, 0 where not looked at
+        self._later = sorted(script, key=lambda item: item.time)
+
+    @property
+    def left(self) -> list[str]:
+        """Messages about commands whose place has not been reached."""
+        waiting = [*(item for item, _ in self._waiting), *self._later]
+        return [f"{one.place}: '{one.at.name}' has not passed {one.at.position:g} m" for one in waiting if one.at]
+
+    def reached(self, simulation: Simulation) -> list[ScriptedCommand]:
+        """Commands whose place has been reached since the last call, removed from the waiting ones."""
+        while self._later and self._later[0].time <= simulation.time + 0.5 * simulation.step:
+            self._waiting.append((self._later.pop(0), 0.0))
+        found, waiting = [], []
+        for item, before in self._waiting:
+            distance = _distance(item, simulation)[0]
+            if distance == 0.0 or (distance * before < 0.0 and abs(distance - before) < _half(simulation)):
+                found.append(item)
+            else:
+                waiting.append((item, distance))
+        self._waiting = waiting
+        return found
+
+    def near(self, simulation: Simulation, duration: float) -> bool:
+        """Whether a place may be reached within `duration` (s), and each step has to be checked."""
+        if self._later and self._later[0].time <= simulation.time + duration:
+            return True
+        for item, _ in self._waiting:
+            distance, speed = _distance(item, simulation)
+            if abs(distance) <= (abs(speed) + FASTER) * duration:
+                return True
+        return False
+
+
+def _half(simulation: Simulation) -> float:
+    """Half the rope length (m); a larger jump of a place means the change to the other strand."""
+    return 0.5 * simulation.scenario.cable.unstrained_length
+
+
+def _distance(item: ScriptedCommand, simulation: Simulation) -> tuple[float, float]:
+    """Distance (m) past the place of a command, negative before it, and speed (m/s)."""
+    assert item.at is not None
+    columns, layout = simulation.snapshot.columns, simulation.layout
+    name, position = item.at
+    if (row := layout.drive_rows.get(name)) is not None:
+        return float(columns.drive_position[row]) - position, float(columns.drive_speed[row])
+    row = layout.vehicle_rows[name]
+    place = float(columns.arc_length[row])
+    if not columns.attached[row]:  # in a station: on neither side
+        return copysign(_half(simulation) + abs(place - position), place - position), 0.0
+    return place - position, float(columns.speed[row])
+
+
+def start_of(log: Log, *, samples: int = SAMPLES, meanwhile: Meanwhile | None = None) -> Simulation:
+    """Build the simulation of a log: its scenario at the start, or in the attached state.
+
+    Args:
+        log: The run.
+        samples: Points at which snapshots hold the cable.
+        meanwhile: See `Simulation`.
+
+    Raises:
+        ScenarioError, EquilibriumError, SnapshotError: It cannot be simulated.
+    """
+    if log.snapshot is None:
+        return Simulation(load_scenario(log.scenario), samples=samples, meanwhile=meanwhile)
+    if not log.snapshot:
+        raise SnapshotError(
+            f"{log.path}: the run started from a snapshot, and {SNAPSHOT_NAME} is no longer attached: "
+            "its messages can be read, and nothing replayed"
+        )
+    try:
+        return Simulation.load(BytesIO(log.snapshot), samples=samples, meanwhile=meanwhile)
+    except SnapshotError as error:
+        raise SnapshotError(f"{log.path}: {error}") from None

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from cable_twin.key_figures import KeyFigures, compile_figures
+from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures
 from cable_twin.messages import nanoseconds, topics
+from cable_twin.messages.figure_messages import describe
 from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.explain import print_entries
 from cable_twin.offline.export import Export, RunTable, export_fault
-from cable_twin.offline.run_progress import run_progress
-from cable_twin.offline.run_report import report
+from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.script import (
     ScriptedCommand,
     ScriptError,
@@ -30,19 +32,20 @@ from cable_twin.offline.script import (
     read_script,
     script_of_log,
 )
-from cable_twin.offline.scripted_run import Outcome, simulate
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, parser, rates_of
-from cable_twin.offline.start import start_of
-from cable_twin.offline.sweep import plot_fault, sweep
+from cable_twin.offline.scripted_run import Outcome, simulate, start_of
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, parser, plot_fault, rates_of
+from cable_twin.offline.sweep import sweep
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario.schema import Solver
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import ending_signals, left_at_once, tell
+from cable_twin.terminal.command_line import ending_signals, left_at_once, tell, typed
 
+DEFAULT_STEP: float = Solver().step  # s
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 
 
@@ -70,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     options.scenario = arguments.given_scenario(options)
-    if fault := export_fault(options) or plot_fault(options):
+    if fault := export_fault(options) or _plot_fault(options):
         arguments.error(fault)
     if options.sweep is not None:
         return sweep(options)
@@ -112,6 +115,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         if table is not None:
             table.figures = shown
         return code if export.write("simulate") else FAILED
+
+
+def _plot_fault(options: argparse.Namespace) -> str:
+    """Message about a `--plot` that is not possible, in a line; empty for one that is."""
+    if options.plot is not None and options.sweep is None:
+        return f"--plot {options.plot} without --sweep; plots of a single run are made by: review LOG --plots DIR"
+    return plot_fault(options.plot)
 
 
 def _explain(key: str) -> None:
@@ -276,6 +286,102 @@ def _signals(*, last: bool) -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if last and flag.is_set() else handler)
+
+
+@contextmanager
+def run_progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
+    """Show a bar with simulated time, real-time factor and remaining time; yields its updating callback."""
+    columns = (
+        TextColumn("simulate"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.completed:.0f} of {task.total:.0f} s, {task.fields[factor]:.1f} times real time, remaining"),
+        TimeRemainingColumn(),
+    )
+    # a file gets nothing of it, not even the empty line in the end
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("simulate", total=duration, factor=0.0)
+        began = time.monotonic()
+
+        def on_frame(simulated: float) -> None:
+            elapsed = max(time.monotonic() - began, 1e-3)
+            done = simulated - start
+            progress.update(task, completed=min(done, duration), factor=done / elapsed)
+
+        yield on_frame
+
+
+def report(
+    scenario: Scenario,
+    start: float,
+    outcome: Outcome,
+    figures: Sequence[KeyFigure],
+    run: Run | None,
+    faults: Sequence[str],
+) -> bool:
+    """Print the results of a run; returns whether something failed.
+
+    Args:
+        scenario: what ran.
+        start: simulated time (s) at which it began.
+        outcome: of the run.
+        figures: that it showed.
+        run: its log, where there is one.
+        faults: what failed, a line each.
+    """
+    print_figures(table_console(), [figures])
+    warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
+    met = [one for one in figures if one.id.quantity == "buffer_force"]
+    told = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
+    told += [f"refused: {line}" for line in outcome.refused[:5]]
+    told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
+    told += [*faults]
+    told += (
+        [f"not carried out, because their time is at or after the end of the run: {_count(outcome.left)}"]
+        if outcome.left
+        else []
+    )
+    told += [f"not carried out: {line}" for line in outcome.not_reached]
+    told += (
+        [f"not carried out, because their time is before that of the snapshot: {_count(outcome.past)}"]
+        if outcome.past
+        else []
+    )
+    simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
+    factor = simulated / max(outcome.wall_time, 1e-9)
+    told += [_shorter_than_needed(scenario)] if factor < 1.0 and scenario.solver.step == DEFAULT_STEP else []
+    for line in told:
+        tell("simulate", line)
+    print(
+        f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
+        + _count(outcome.applied)
+        + (f", {len(outcome.refused)} refused" if outcome.refused else "")
+    )
+    if _idle(scenario, outcome):
+        print("no drive was commanded: give commands with --script FILE")
+    if run is not None:
+        print(f"log: {run.directory}\nto view it: {typed('review')} {shlex.quote(str(run.directory))}")
+    return bool(faults or outcome.refused)
+
+
+def _count(commands: int) -> str:
+    return f"{commands} command{'' if commands == 1 else 's'}"
+
+
+def _idle(scenario: Scenario, outcome: Outcome) -> bool:
+    """Whether all drives stood still for lack of a command."""
+    carriages = scenario.carriages.values()
+    drives = [one.speed for one in scenario.drives.values()]
+    drives += [one.speed for one in carriages if one.drive.mode == "speed"]
+    given = outcome.applied or outcome.refused or outcome.past or outcome.left or outcome.not_reached
+    return bool(drives) and not any(drives) and not given
+
+
+def _shorter_than_needed(scenario: Scenario) -> str:
+    return (
+        f"slower than real time with solver.step at its default of {DEFAULT_STEP:g} s; ropeways usually do with 0.005 "
+        "to 0.01 s: --set solver.step=0.005, and --check says what that changes"
+    )
 
 
 if __name__ == "__main__":

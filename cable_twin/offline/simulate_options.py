@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,16 @@ from typing import Any
 from cable_twin.frame.rates import EVERY_FRAME, LOGGED
 from cable_twin.frame.rates import fault as rate_fault
 from cable_twin.offline.export import add_export
-from cable_twin.offline.sweep_runs import sweep_of
 from cable_twin.recording.splitting import HOURLY
-from cable_twin.scenario import assignment, scenario_lines
+from cable_twin.scenario import assignment, full_key, scenario_lines
 from cable_twin.terminal.command_line import OneLineParser, typed
 
 UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"
 DURATION = 60.0  # s, after the last command of a script
+DRAWN = (".png", ".pdf", ".svg")
+MOST_RUNS = 1000  # of a sweep
+FORM = "KEY=START:STOP:STEP is needed, as in wind.y=0:30:2.5"
 SPLITTING = (
     ("split-duration", "S", "begin new log files after so many simulated seconds; 0: never"),
     ("split-size", "MB", "begin new log files when the MCAP file has reached this size; 0: no limit"),
@@ -73,6 +76,14 @@ examples:
 """
 
 
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """Dotted key of a scenario and its swept values."""
+
+    key: str
+    values: tuple[float, ...]
+
+
 def parser() -> OneLineParser:
     """Parser of the options of `simulate`."""
     result = OneLineParser(
@@ -99,14 +110,7 @@ def parser() -> OneLineParser:
         "the scenario in it; "
         "simulated time continues from there, also for the times of a script",
     )
-    result.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=changed_value,
-        metavar="KEY=VALUE",
-        help="change a value of the scenario by its dotted key, as in cable.elements=48; can be repeated",
-    )
+    add_changes(result)
     result.add_argument(
         "--duration",
         type=_number(0.0, math.inf, "s"),
@@ -167,7 +171,7 @@ def _add_recording(result: OneLineParser) -> None:
         result.add_argument(
             f"--log-{group.removesuffix('s')}-rate",
             dest=f"rate_{group}",
-            type=_rate,
+            type=_number(0.0, 1000.0, "Hz", zero=True),  # whether it divides the frame rate is checked later
             metavar="HZ",
             help=f"rate at which {text} recorded; 0: every frame; default: {rate:g}",
         )
@@ -187,6 +191,26 @@ def _add_recording(result: OneLineParser) -> None:
     )
 
 
+def add_changes(result: OneLineParser) -> None:
+    """Add the option `--set`."""
+    result.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_changed_value,
+        metavar="KEY=VALUE",
+        help="change a value of the scenario by its dotted key, as in cable.elements=48 or air.wind=[20, 0]; can be "
+        "repeated",
+    )
+
+
+def plot_fault(path: Path | None) -> str:
+    """Message about a file for `--plot` that cannot be drawn, in a line; empty for one that can, or none."""
+    if path is not None and path.suffix.lower() not in DRAWN:
+        return f"--plot {path}: allowed: a name that ends with {', '.join(DRAWN)}"
+    return "" if path is None else plots_fault("--plot")
+
+
 def plots_fault(option: str) -> str:
     """Message about a missing plot library for an option, in a line; empty where installed."""
     if find_spec("matplotlib") is not None:
@@ -194,39 +218,27 @@ def plots_fault(option: str) -> str:
     return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
 
 
-def changed_value(text: str) -> tuple[str, Any]:
-    """Key and value of an option KEY=VALUE."""
+def _changed_value(text: str) -> tuple[str, Any]:
     try:
         return assignment(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
-    """Parser of an option with a number above 0 and within bounds."""
+def _number(low: float, high: float, unit: str, *, zero: bool = False) -> Callable[[str], float]:
+    """Parser of an option with a number within bounds, above 0 unless `zero` is allowed."""
 
     def convert(text: str) -> float:
         try:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not (low <= value <= high and 0.0 < value < math.inf):
+        if not (low <= value <= high and (zero or value > 0.0) and value < math.inf):
             allowed = f"more than 0 {unit} is" if high == math.inf else f"{low:g} to {high:g} {unit} are"
             raise argparse.ArgumentTypeError(f"{text!r} given, {allowed} allowed")
         return value
 
     return convert
-
-
-def _rate(text: str) -> float:
-    """Rate in Hz from an option; its divisibility of the frame rate is checked later."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value <= 1000.0:
-        raise argparse.ArgumentTypeError(f"{text!r} given, 0 to 1000 Hz are allowed")
-    return value
 
 
 def rates_of(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:
@@ -242,3 +254,41 @@ def _limit(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} given, a number is needed") from None
+
+
+def sweep_of(text: str) -> Sweep:
+    """Parse KEY=START:STOP:STEP; the values are integers where all three numbers are.
+
+    Raises:
+        argparse.ArgumentTypeError: one line with what was given and what is allowed.
+    """
+    key, equals, span = text.partition("=")
+    parts = span.split(":")
+    if not equals or not key.strip() or len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text!r} given, {FORM}")
+    try:
+        start, stop, step = (_finite(part) for part in parts)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} given, {error} is no finite number; {FORM}") from None
+    if step == 0.0 or (stop - start) * step < 0.0:
+        way = "0" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
+        raise argparse.ArgumentTypeError(f"{text!r} given with a step of {way}; allowed: one from START towards STOP")
+    count = math.floor((stop - start) / step + 1e-9) + 1
+    if count > MOST_RUNS:
+        raise argparse.ArgumentTypeError(f"{text!r} given, {count} runs; allowed: at most {MOST_RUNS}")
+    values = (start + number * step for number in range(count))
+    whole = all(isinstance(number, int) for number in (start, stop, step))
+    return Sweep(full_key(key.strip()), tuple(value if whole else round(value, 12) for value in values))
+
+
+def _finite(text: str) -> float:
+    try:
+        value = int(text)
+    except ValueError:
+        try:
+            value = float(text)  # type: ignore[assignment]
+        except ValueError:
+            raise ValueError(repr(text)) from None
+    if not math.isfinite(value):
+        raise ValueError(repr(text))
+    return value

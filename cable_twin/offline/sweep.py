@@ -3,33 +3,47 @@
 from __future__ import annotations
 
 import argparse
+import multiprocessing
+import os
+import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from cable_twin.key_figures import compile_figures
+from cable_twin.key_figures import KeyFigures, compile_figures
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import table_console
-from cable_twin.offline.script import ScriptError, read_script
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, plots_fault
-from cable_twin.offline.sweep_limits import limited_figures, unsure_gaps, windows_of
+from cable_twin.offline.script import ScriptedCommand, ScriptError, read_script
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, Sweep
+from cable_twin.offline.sweep_limits import SweptRun, limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import print_sweep, window_lines, write_csv, write_json
-from cable_twin.offline.sweep_runs import Job, SweptRun, is_whole, side_by_side, swept_scenarios
-from cable_twin.scenario import ScenarioError
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown
+from cable_twin.terminal.bars import compilation_shown, count_shown
 from cable_twin.terminal.command_line import INTERRUPTED, left_at_once, tell
 
 DONE, FAILED = 0, 1
-DRAWN = (".png", ".pdf", ".svg")
 PRECISION, TURNS = 0.01, 12  # of a step, to which ends of windows are sought at least, and how often
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Inputs of one run of a sweep."""
+
+    value: float
+    scenario: Scenario
+    script: Sequence[ScriptedCommand]
+    duration: float  # s
+    frame_steps: int
 
 
 def sweep(options: argparse.Namespace) -> int:
@@ -47,7 +61,7 @@ def sweep(options: argparse.Namespace) -> int:
         for path in (options.csv, options.json, options.plot):
             if path not in (None, STDOUT):
                 Path(path).touch()  # what cannot be written is said before anything runs
-        with side_by_side(len(jobs)) as run_all, _progress(console, len(jobs)) as show:
+        with side_by_side(len(jobs)) as run_all, count_shown(console, "runs", len(jobs)) as show:
             runs = run_all(jobs, show)
             runs = _refined(options, jobs[0], runs, lambda more: run_all(more, show))
         return _report(options, jobs[0].scenario.name, runs)
@@ -65,17 +79,6 @@ def _fault(options: argparse.Namespace) -> str:
         if getattr(options, name):
             return f"--sweep cannot be combined with --{name.replace('_', '-')}: a sweep starts every run from rest"
     return ""
-
-
-def plot_fault(options: argparse.Namespace) -> str:
-    """Message about an invalid `--plot`, in a line; empty for a valid one."""
-    if options.plot is None:
-        return ""
-    if options.sweep is None:
-        return f"--plot {options.plot} without --sweep; plots of a single run are made by: review LOG --plots DIR"
-    if options.plot.suffix.lower() not in DRAWN:
-        return f"--plot {options.plot}: allowed: a name that ends with {', '.join(DRAWN)}"
-    return plots_fault("--plot")
 
 
 def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
@@ -166,22 +169,63 @@ def _unit(key: str) -> str:
         return _unit(key.rpartition(".")[0]) if "." in key else ""
 
 
+def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> list[Scenario]:
+    """Scenarios at all swept values.
+
+    Args:
+        sweep: key and values; a part of the key may be an axis, or a number in a list.
+        source: as `load_scenario` takes it.
+        changes: of other values, by dotted key.
+
+    Raises:
+        ScenarioError: one line a fault, of the first value that has any.
+    """
+    return [load_scenario(source, {**changes, sweep.key: value}) for value in sweep.values]
+
+
+def is_whole(scenario: Scenario, key: str) -> bool:
+    """Whether a scenario key takes integers only."""
+    node: Any = scenario.resolved()
+    for part in key.split("."):
+        node = node.get(part) if isinstance(node, Mapping) else None
+    return isinstance(node, int)
+
+
 @contextmanager
-def _progress(console: Console, count: int) -> Iterator[Callable[[SweptRun], None]]:
-    """Progress bar over the runs, on a terminal."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("runs", total=count)
-        done = 0
+def side_by_side(count: int) -> Iterator[Callable[[Sequence[Job], Callable[[], object]], list[SweptRun]]]:
+    """Worker processes for up to `count` parallel runs; yields a function from jobs to runs in equal order."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    context = multiprocessing.get_context("spawn")  # a process that has threads must not be forked
+    pool = ProcessPoolExecutor(min(cores, count), context, _leave_ctrl_c)
 
-        def show(_: SweptRun) -> None:
-            nonlocal done
-            done += 1
-            if done > count:  # more of them, in the gaps in which limits are passed
-                progress.update(task, description="runs between", total=None)
-            progress.advance(task)
+    def run_all(jobs: Sequence[Job], on_run: Callable[[], object]) -> list[SweptRun]:
+        done = []
+        for run in pool.map(run_job, jobs):
+            on_run()
+            done.append(run)
+        return done
 
-        yield show
+    try:
+        yield run_all
+    finally:
+        processes = list((pool._processes or {}).values())
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:  # after Ctrl-C nobody waits for a run
+            process.terminate()
 
 
-__all__ = ["plot_fault", "sweep"]
+def _leave_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def run_job(job: Job) -> SweptRun:
+    """Carry out one run of a sweep."""
+    try:
+        simulation = Simulation(job.scenario)
+    except EquilibriumError as error:
+        return SweptRun(job.value, (), str(error))
+    figures = KeyFigures(job.scenario)
+    outcome = simulate(
+        simulation, job.script, duration=job.duration, frame_steps=job.frame_steps, epoch_ns=0, figures=figures
+    )
+    return SweptRun(job.value, figures.figures(), outcome.fault, outcome.refused)

@@ -12,7 +12,16 @@ from scipy.interpolate import PchipInterpolator
 
 from cable_twin.key_figures import FigureId, KeyFigure
 from cable_twin.key_figures.figure import TOLERANCE
-from cable_twin.offline.sweep_runs import SweptRun
+
+
+@dataclass(frozen=True, slots=True)
+class SweptRun:
+    """Result of the run at one swept value."""
+
+    value: float
+    figures: Sequence[KeyFigure]
+    fault: str = ""  # why it ended early, or could not start
+    refused: Sequence[str] = ()  # commands, a line each
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,6 +228,3 @@ def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least:
         until = min(abs(figure.crossing(gap) - one.value) for figure in broken[1].values())
         if again < until:
             yield gap, one.value + math.copysign(0.5 * (again + until), other.value - one.value)
-
-
-__all__ = ["Edge", "SweptFigure", "Window", "keeps_all", "limited_figures", "unsure_gaps", "use_of", "windows_of"]

@@ -74,6 +74,3 @@ def _panel(axes: Axes, figure: SweptFigure, color: str, windows: Sequence[Window
     axes.set_title(figure.name, fontsize=9.5)
     axes.set_ylabel("" if unit == "-" else unit)
     axes.margins(y=0.15)
-
-
-__all__ = ["write_sweep_plot"]

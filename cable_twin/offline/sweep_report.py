@@ -19,8 +19,7 @@ from rich.table import Table
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.offline.export import STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_notes, shown
-from cable_twin.offline.sweep_limits import Edge, SweptFigure, Window, keeps_all
-from cable_twin.offline.sweep_runs import SweptRun
+from cable_twin.offline.sweep_limits import Edge, SweptFigure, SweptRun, Window, keeps_all
 
 COLUMN = 17  # characters of a column of the table
 MOST_COLUMNS = 9
@@ -193,6 +192,3 @@ def _opened(path: str) -> Any:
         stream: TextIO = sys.stdout
         return nullcontext(stream)
     return Path(path).open("w", encoding="utf-8", newline="")
-
-
-__all__ = ["print_sweep", "window_lines", "write_csv", "write_json"]

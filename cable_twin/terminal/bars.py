@@ -15,7 +15,14 @@ from io import StringIO
 from typing import TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.text import Text
 
 from cable_twin.simulation.engine import RelaxationMoment, watching_relaxation
@@ -26,9 +33,28 @@ LARGE = 5000  # elements, from which on a line reports the settling of the rope 
 SETTLING_TIME = 1.0  # s, before which it does not
 REPORTED = (0.1, 0.4, 0.7)  # shares of compilation at which a line reports the remaining time where there is no bar
 PERIOD = 0.25  # s
+PATIENCE = 2.0  # s that a count takes at least where it has a bar
 FEWEST_ROWS, FEWEST_COLUMNS = 4, 20  # of a terminal that has room for it
 SAVE, RESTORE = "\x1b7", "\x1b8"  # the place of the cursor
 SCROLL_ALL, ERASE_ROW, ERASE_BELOW = "\x1b[r", "\x1b[2K", "\x1b[J"
+
+
+@contextmanager
+def count_shown(console: Console, things: str, count: int) -> Iterator[Callable[[], None]]:
+    """Show a bar over a number of things, such as runs, where they take long; yields the callback for each one done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task, began, done = progress.add_task(things, total=count, visible=False), time.monotonic(), 0
+
+        def show() -> None:
+            nonlocal done
+            done += 1
+            duration = (time.monotonic() - began) / done * count
+            if done > count:  # some that were added
+                progress.update(task, description=f"more {things}", total=None)
+            progress.update(task, completed=done, visible=duration > PATIENCE)
+
+        yield show
 
 
 @contextmanager

@@ -16,8 +16,7 @@ from test_jig_back import QUICK
 from cable_twin.offline import line as line_command
 from cable_twin.offline import review, simulate, simulate_options
 from cable_twin.offline.check import refined
-from cable_twin.offline.line import main
-from cable_twin.offline.line_places import calculate, plan_line
+from cable_twin.offline.line import calculate, main, plan_line
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -46,7 +45,7 @@ def test_a_load_on_a_light_rope_makes_a_triangle():
     """The ends share the weight as those of a beam, and the pull along the track is that weight by the sag."""
     line = plan_line(load_scenario(SPAN), 9, None)
     places = []
-    calculate(line, places.append)
+    calculate(line, lambda: places.append(len(line.columns)))
     assert places == list(range(1, 10))
     weight = 100.0 * 9.81
     cars = np.array([columns.joint_position[0] for columns in line.columns])
@@ -66,7 +65,7 @@ def test_a_load_on_a_light_rope_makes_a_triangle():
 def test_every_place_is_a_rest_of_its_own():
     scenario = load_scenario("aerial_tramway")
     line = plan_line(scenario, 4, "cabin")
-    calculate(line, lambda _: None)
+    calculate(line)
     there = Simulation(load_scenario("aerial_tramway", {"carriages.cabin.arc_length": line.places[2]})).snapshot
     assert line.rows["cabin: haul force [N]"][2] == pytest.approx(there.carriages["cabin"].haul_rope.force)
     x, _, z = there.supports["tower"].force
@@ -79,7 +78,7 @@ def test_every_place_is_a_rest_of_its_own():
 def test_carriers_go_by_one_spacing():
     scenario = load_scenario("gondola")
     line = plan_line(scenario, 3, None)
-    calculate(line, lambda _: None)
+    calculate(line)
     spacing = scenario.loop_length / 20
     np.testing.assert_allclose(line.places, np.array([0.0, 1.0, 2.0]) * spacing / 3.0)
     up = [columns.arc_length[(columns.attached > 0.0) & (columns.vehicle_rope == 0.0)] for columns in line.columns]
@@ -92,7 +91,7 @@ def test_what_a_haul_rope_pulls_goes_together_by_the_travel_of_its_drive():
     line = plan_line(load_scenario("jig_back"), 3, None)
     assert (line.moved, line.places.tolist()) == ("haul_rope", [0.0, 506.0, 1012.0])
     assert plan_line(line.scenario, 3, "cabin_2").moved == "haul_rope"
-    calculate(line, lambda _: None)
+    calculate(line)
     places = np.array([columns.arc_length for columns in line.columns])
     np.testing.assert_allclose(places[:, 0], [14.0, 520.0, 1026.0], rtol=0.0, atol=1.5)  # the haul rope gives way
     np.testing.assert_allclose(places[:, 1], [1028.0, 522.0, 16.0], rtol=0.0, atol=3.0)
@@ -126,7 +125,7 @@ HOLD_DOWN = {"rollers": {"position": [200.0, -7.8], "contacts": 2, "length": 1.0
 def test_a_hold_down_in_the_air_is_told(space):
     """The bare rope presses up against it; a load in the middle of the span takes the rope off it."""
     line = plan_line(load_scenario({**SPAN, "space": space, "towers": HOLD_DOWN}), 3, None)
-    calculate(line, lambda _: None)
+    calculate(line)
     found = {figure.name: figure for figure in line.figures}
     margin = found["rollers: deropement margin, load over that at rest"]
     assert (margin.value, margin.kept, margin.place, margin.time) == (0.0, False, "does not touch", line.places[1])
@@ -147,7 +146,7 @@ def test_a_hold_down_in_the_air_is_told(space):
 def test_a_hold_down_of_a_strand_in_the_air_is_told(space):
     changes = {"towers.tower_2.hold_down": True, "towers.tower_2.position": [150.0, 28.0], "space": space}
     line = plan_line(load_scenario("chairlift", changes), 2, None)
-    calculate(line, lambda _: None)
+    calculate(line)
     found = {figure.name: figure for figure in line.figures}
     margins = [name for name in found if "deropement" in name]
     assert margins == ["tower_2_up: deropement margin, load over that at rest"]
@@ -188,7 +187,7 @@ def test_what_a_finer_mesh_changes_stands_beside_each_figure(tmp_path, capsys):
     envelope = {one["name"]: one for one in json.loads(path.read_text())["envelope"]}
     sag = envelope["sag below the chord"]
     finer = plan_line(refined(load_scenario(str(scenario))), 3, None)
-    calculate(finer, lambda _: None)
+    calculate(finer)
     assert sag["uncertainty"] == pytest.approx(abs(finer.rows["sag below the chord [m]"].max() - sag["value"]))
     assert sag["uncertainty"] > 0.0
 
@@ -214,7 +213,7 @@ def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
     heights = {}
     for wind in (0.0, 20.0):
         line = plan_line(load_scenario(SPAN, {**changes, "air.wind": [0.0, wind, 0.0]}), 2, None)
-        calculate(line, lambda _: None)
+        calculate(line)
         write_line_plot(line, tmp_path / "line.png")
         heights[wind] = plt.imread(tmp_path / "line.png").shape[0]
         rope = line.columns[0].rope_position
@@ -286,7 +285,7 @@ def test_so_many_places_are_not_allowed(given, capsys):
 def test_the_envelope_of_a_haul_rope_has_no_steps_where_cabins_stood():
     """Its tension jumps at the clamps: by some 6 kN it stepped at each place but between the ends of the way."""
     line = plan_line(load_scenario("jig_back", QUICK), 5, None)
-    calculate(line, lambda _: None)
+    calculate(line)
     layout = Simulation(line.scenario).layout
     envelopes = tension_envelope(line, np.array([columns.rope_tension for columns in line.columns]))
     for rope, start in (("haul_1", 30.0), ("haul_2", 30.0)):

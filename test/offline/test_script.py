@@ -9,8 +9,7 @@ import pytest
 from scipy import integrate
 
 from cable_twin.frame.records import Command
-from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script
-from cable_twin.offline.script_places import Place
+from cable_twin.offline.script import Place, ScriptedCommand, ScriptError, check_script, read_script
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

@@ -14,9 +14,8 @@ from twin_process import COMPILING, TwinProcess, environment, run_module, wait_u
 
 from cable_twin.frame.records import Command, RefusedCommand
 from cable_twin.offline import replay, review
-from cable_twin.offline.run_report import report
 from cable_twin.offline.scripted_run import Outcome
-from cable_twin.offline.simulate import main
+from cable_twin.offline.simulate import main, report
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario

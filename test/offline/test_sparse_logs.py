@@ -18,7 +18,7 @@ from cable_twin.messages import KEY_FIGURES
 from cable_twin.offline import review, scripted_run, simulate
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.script import script_of_log
-from cable_twin.offline.start import start_of
+from cable_twin.offline.scripted_run import start_of
 from cable_twin.offline.thinned_series import compare
 from cable_twin.recording.log_reader import read_log
 

@@ -12,9 +12,9 @@ from named_figures import named
 from ruamel.yaml import YAML
 
 from cable_twin.offline.simulate import main
-from cable_twin.offline.sweep_limits import limited_figures, unsure_gaps, windows_of
+from cable_twin.offline.simulate_options import sweep_of
+from cable_twin.offline.sweep_limits import SweptRun, limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import window_lines
-from cable_twin.offline.sweep_runs import SweptRun, sweep_of
 from verification import JIT
 
 LIMIT = 0.2  # rad
