@@ -136,17 +136,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         options.node = f"{node.get_namespace().rstrip('/')}/cable_twin"
     try:
         if (kind is not None and kind.drives) or options.to is not None:
-            fault = _drive(node, kind, options, ending)
+            _drive(node, kind, options, ending)
         else:
-            fault = _request(node, kind, options, ending)
+            _request(node, kind, options, ending)
     except KeyboardInterrupt:
         return INTERRUPTED
+    except TwinError as error:
+        print(f"drive: {printable_lines(error)}", file=sys.stderr)
+        return 1
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
-    if fault:
-        print(f"drive: {printable_lines(fault)}", file=sys.stderr)
-        return 1
     return 0
 
 
@@ -186,8 +186,8 @@ def _waiting(text: str) -> Status:
     return Console(stderr=True).status(text)
 
 
-def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
-    """Repeat a drive command until the end; returns the error message, empty without an error."""
+def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> None:
+    """Repeat a drive command until the end."""
     from cable_twin.ros.client.driver import Driver, Trip  # noqa: PLC0415 - an emergency stop does without
 
     driver = (
@@ -196,31 +196,24 @@ def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: En
         else Driver(node, kind, getattr(options, kind.name), options, ending)
     )
     with _waiting(f"looking for {options.node}"):
-        fault = driver.find_twin()
-    if fault is None and ending.is_set():
-        raise KeyboardInterrupt
-    return fault or driver.run() or ""
+        driver.find_twin()
+    driver.run()
 
 
-def _request(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> str:
-    """Send one request and print its answer; returns the error message, empty without an error."""
+def _request(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> None:
+    """Send one request and print its answer."""
     if options.list:
         with _waiting("looking for twins"):
             lines = list_twins(node, options.wait, ending)
-        if ending.is_set():
-            raise KeyboardInterrupt
-        print(*lines, sep="\n", end="\n" if lines else "")
-        return (
-            "" if lines else f"no twin found after {options.wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?"
-        )
+        if not lines:
+            wait = options.wait
+            raise TwinError(f"no twin found after {wait:g} s: is `sim` running, with the same ROS_DOMAIN_ID?")
+        print(*lines, sep="\n")
+        return
     client = TwinClient(node, options.node, options.wait, ending)
-    try:
-        with _waiting(f"asking {options.node}"):
-            answer = _ask(client, kind, options)
-        print(f"{options.node}: {answer}")
-    except TwinError as error:
-        return str(error)
-    return ""
+    with _waiting(f"asking {options.node}"):
+        answer = _ask(client, kind, options)
+    print(f"{options.node}: {answer}")
 
 
 def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> str:

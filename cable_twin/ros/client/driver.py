@@ -8,7 +8,8 @@ import os
 import shutil
 import sys
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,9 +17,11 @@ from cable_twin.basics.printable import LONGEST_MESSAGE, printable
 from cable_twin.frame.commands import KINDS, Kind
 from cable_twin.messages import APPLIED_COMMANDS, REFUSED_COMMANDS
 from cable_twin.messages.command_messages import applied_command_from_message
-from cable_twin.ros.client.twin_client import ANSWER, nobody_listens, published_scenario
+from cable_twin.ros.client.twin_client import ANSWER, TwinError, nobody_listens, published_scenario, spin_until
 from cable_twin.ros.startup import Ending
-from cable_twin.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from cable_twin.scenario import Scenario
 
 RATE = 20.0  # Hz, well inside the node's command time-out
 REFUSING = 0.5  # s without an applied command, after which a refusal is that of our commands
@@ -63,63 +66,75 @@ class Driver:
         node.create_subscription(JointState, f"{twin}/{APPLIED_COMMANDS}", self._on_applied, 50, raw=True)
         node.create_subscription(DiagnosticArray, f"{twin}/{REFUSED_COMMANDS}", self._on_refused, 50)
 
-    def find_twin(self) -> str | None:
-        """Wait for the twin and check the command against its scenario; returns the error message."""
+    def find_twin(self) -> Scenario:
+        """Wait for the twin and check the command against its scenario; returns the scenario.
+
+        Raises:
+            TwinError: there is no twin, it does not advance, or its scenario excludes the command.
+        """
         from cable_twin.scenario import command_fault, load_scenario  # noqa: PLC0415 - takes a second, while it is sought
 
-        deadline = time.monotonic() + self._options.wait
-        while not (self._publisher.get_subscription_count() and self._scenario is not None and self._heard):
-            self._spin(0.05)
-            if self._ending.is_set():
-                return None
-            if time.monotonic() > deadline:
-                if self._scenario is not None:
-                    return f"the twin on {self._topic} does not advance: if it is paused, `drive --resume` continues it"
-                return nobody_listens(self._node, self._topic, self._options.wait)
-        scenario = load_scenario(self._scenario)
-        return command_fault(scenario, self._kind.name, self._kind.unit, self._options.name, self._value)
+        def found() -> bool:
+            listens = self._publisher.get_subscription_count() > 0
+            return listens and self._scenario is not None and self._heard
 
-    def run(self) -> str | None:
-        """Send commands until the end, and stop the drive in every case; returns the error message."""
+        if not self._until(found, self._options.wait):
+            if self._scenario is None:
+                raise TwinError(nobody_listens(self._node, self._topic, self._options.wait))
+            raise TwinError(
+                f"the twin on {self._topic} does not advance: if it is paused, `drive --resume` continues it"
+            )
+        assert self._scenario is not None
+        scenario = load_scenario(self._scenario)
+        if fault := command_fault(scenario, self._kind.name, self._kind.unit, self._options.name, self._value):
+            raise TwinError(fault)
+        return scenario
+
+    def run(self) -> None:
+        """Send commands until the end, and stop the drive in every case.
+
+        Raises:
+            TwinError: the twin refuses the command, or does not apply it.
+        """
         try:
-            fault = self._send_until_the_end()
+            self._send_until_the_end()
         except BrokenPipeError:  # the reader of a pipe has ended: as Ctrl-C
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return None
+            return
         finally:
             self._stop()
-        return fault or self._unanswered()
+        self._check_applied()
 
-    def _send_until_the_end(self) -> str | None:
+    def _send_until_the_end(self) -> None:
         unit = self._kind.unit
         terminal = sys.stdout.isatty()
         started = time.monotonic()
         next_command = next_line = started
         self._answered = started
-        fault = None
         value: float | None = 0.0
-        while not self._ending.is_set() and fault is None:
-            now = time.monotonic()
-            if now - self._answered > ANSWER:
-                fault = UNANSWERED
-                break
-            if now >= next_command:
-                value = self._next(now - started)
-                if value is None:
-                    break
-                self._send(value)
-                next_command = max(next_command + 1.0 / RATE, now)
-                if now >= next_line:
-                    given = f"{value / 1e3:+.2f} kN" if unit == "N" else f"{value:+.2f} {unit}"
-                    self._print_state(now - started, given, terminal)
-                    next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
-            self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
-            fault = self._fault()
-        if terminal:
-            print()
+        try:
+            while not self._ending.is_set():
+                now = time.monotonic()
+                if now - self._answered > ANSWER:
+                    raise TwinError(UNANSWERED)
+                if now >= next_command:
+                    value = self._next(now - started)
+                    if value is None:
+                        break
+                    self._send(value)
+                    next_command = max(next_command + 1.0 / RATE, now)
+                    if now >= next_line:
+                        given = f"{value / 1e3:+.2f} kN" if unit == "N" else f"{value:+.2f} {unit}"
+                        self._print_state(now - started, given, terminal)
+                        next_line = now + (TERMINAL_PERIOD if terminal else PIPE_PERIOD)
+                self._spin(max(min(next_command - time.monotonic(), 0.05), 0.0))
+                if self._refusal and self._is_refused():
+                    raise TwinError(self._refusal)
+        finally:
+            if terminal:
+                print()
         if value is None:
             self._report_end(time.monotonic() - started)
-        return fault
 
     def _next(self, elapsed: float) -> float | None:
         """Command value due at a time (s) after the first command; None at the end."""
@@ -128,19 +143,16 @@ class Driver:
             return None
         return self._value * (1.0 if not options.ramp else min(elapsed / options.ramp, 1.0))
 
-    def _fault(self) -> str | None:
-        """Refusal message that ends the command, in a line; None otherwise."""
-        applied = time.monotonic() - self._answered < REFUSING  # then the refused command was of another sender
-        return None if applied else self._refusal or None
+    def _is_refused(self) -> bool:
+        """Whether a refusal is that of our commands; while they are applied, it is that of another sender."""
+        return time.monotonic() - self._answered >= REFUSING
 
-    def _unanswered(self) -> str | None:
-        """Error message where no sent command, the final stop included, was applied; None otherwise."""
-        deadline = time.monotonic() + ANSWER
-        while not self._applied and not self._ending.is_set():
-            if self._refusal or time.monotonic() > deadline:
-                return self._refusal or UNANSWERED
-            self._spin(0.05)
-        return None
+    def _check_applied(self) -> None:
+        """Raise TwinError if no sent command, the final stop included, was applied."""
+        if self._ending.is_set():
+            return
+        if not self._until(lambda: self._applied or self._refusal, ANSWER) or not self._applied:
+            raise TwinError(self._refusal or UNANSWERED)
 
     def _remark(self) -> str:
         """Additional text for the state line."""
@@ -177,6 +189,9 @@ class Driver:
         else:
             line += pull
         print(line, end="" if terminal else "\n", flush=True)
+
+    def _until(self, condition: Callable[[], Any], seconds: float) -> bool:
+        return spin_until(self._node, self._ending, condition, seconds)
 
     def _spin(self, seconds: float) -> None:
         import rclpy  # noqa: PLC0415
@@ -230,28 +245,24 @@ class Trip(Driver):
         node.create_subscription(Log, "/rosout", self._on_log, 50)
         node.create_subscription(PointCloud2, f"{options.node}/cable", self._on_rope, 1)
 
-    def find_twin(self) -> str | None:
-        """Wait for the twin and resolve the target place in its scenario; returns the error message."""
+    def find_twin(self) -> Scenario:
+        """Wait for the twin and resolve the target place in its scenario; returns the scenario.
+
+        Raises:
+            TwinError: there is no twin, or the place is out of its reach.
+        """
         from cable_twin.runtime.point_to_point import target_of  # noqa: PLC0415 - numpy and the mechanics, half a second
 
-        fault = super().find_twin()
-        if fault is not None or self._ending.is_set():
-            return fault
-        assert self._scenario is not None
-        scenario = load_scenario(self._scenario)
-        towers: dict[str, float] = {}
+        scenario, towers = super().find_twin(), {}
         if self._options.to in scenario.towers:
-            deadline = time.monotonic() + self._options.wait
-            while self._rope is None and not self._ending.is_set():
-                if time.monotonic() > deadline:
-                    return f"tower '{self._options.to}' cannot be found: the twin does not publish `cable`"
-                self._spin(0.05)
+            if not self._until(lambda: self._rope is not None, self._options.wait):
+                raise TwinError(f"tower '{self._options.to}' cannot be found: the twin does not publish `cable`")
             towers = tower_places(scenario, points_of(self._rope))
         try:
             self._target = target_of(scenario, self._options.name, self._options.to, towers)
         except ValueError as error:
-            return f"--to {error}"
-        return None
+            raise TwinError(f"--to {error}") from None
+        return scenario
 
     def _next(self, elapsed: float) -> float | None:
         """Speed (m/s) commanded by the twin; None after arrival."""
@@ -267,11 +278,11 @@ class Trip(Driver):
         if self._sent and not self._arrived and not self._refusal:
             super()._stop()
 
-    def _fault(self) -> str | None:
-        return self._refusal or None
+    def _is_refused(self) -> bool:
+        return True
 
-    def _unanswered(self) -> str | None:
-        return None  # arrival or refusal is known
+    def _check_applied(self) -> None:
+        """Do nothing, as arrival or refusal is known."""
 
     def _remark(self) -> str:
         return f", {self._target - self._states[self._options.name][0]:+.2f} m to go"

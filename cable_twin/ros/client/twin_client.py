@@ -120,7 +120,8 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
     node.create_subscription(DiagnosticArray, DIAGNOSTICS, on_status, 50)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     started, enough = time.monotonic(), discovery_time(rclpy.get_rmw_implementation_identifier())
-    while not ending.is_set():
+
+    def finished() -> bool:
         for name in twin_names(node):
             if name not in twins:
                 twins[name] = _Twin()
@@ -128,14 +129,14 @@ def list_twins(node: Any, wait: float, ending: Ending) -> list[str]:
                     node.create_subscription(
                         String, name + topic, lambda m, name=name, callback=callback: callback(name, m), latched
                     )
-        rclpy.spin_once(node, timeout_sec=0.05)
         elapsed = time.monotonic() - started
         complete = bool(twins) and all(
             twin.scenario and twin.values and (twin.limits is not None or not node.count_publishers(name + ROBOT))
             for name, twin in twins.items()
         )
-        if elapsed > (enough if complete else max(wait, enough) if twins else wait):
-            break
+        return elapsed > (enough if complete else max(wait, enough) if twins else wait)
+
+    spin_until(node, ending, finished, wait + enough)
     return [twin.describe(name, node.count_publishers(name + SCENARIO)) for name, twin in sorted(twins.items())]
 
 
@@ -220,7 +221,8 @@ class TwinClient:
         try:
             self._find(client.service_is_ready, name)
             future = client.call_async(request)
-            self._until(future.done, patience, f"{name} has not answered for {patience:g} s")
+            if not spin_until(self._node, self._ending, future.done, patience):
+                raise TwinError(f"{name} has not answered for {patience:g} s")
             return future.result()
         finally:
             self._node.destroy_client(client)
@@ -269,11 +271,10 @@ class TwinClient:
         )
         message.header.stamp = self._node.get_clock().now().to_msg()
         publisher.publish(message)
-        self._until(
-            lambda: applied or refusals,
-            ANSWER,
-            f"the twin has not applied it within {ANSWER:g} s: its terminal shows the reason of each refusal",
-        )
+        if not spin_until(self._node, self._ending, lambda: applied or refusals, ANSWER):
+            raise TwinError(
+                f"the twin has not applied it within {ANSWER:g} s: its terminal shows the reason of each refusal"
+            )
         if not applied:
             raise TwinError(refusals[0])
         what = ", ".join(f"{name} {value:g} {kind.unit}" for name, value in values.items())
@@ -290,7 +291,7 @@ class TwinClient:
         )
 
     def _find(self, found: Callable[[], Any], name: str) -> None:
-        """Wait for the twin behind a topic or service; an emergency stop does not wait where only others run."""
+        """Wait for the twin behind a topic or service; for an emergency stop only until other twins are known."""
         import rclpy  # noqa: PLC0415
 
         started, wait = time.monotonic(), self._wait
@@ -301,21 +302,23 @@ class TwinClient:
             others = name.endswith(URGENT) and elapsed > enough and twin_names(self._node)
             return bool(found()) or elapsed > wait or bool(others)
 
-        self._until(finished, wait + ANSWER, "")
+        spin_until(self._node, self._ending, finished, wait + ANSWER)
         if not found():
             raise TwinError(nobody_listens(self._node, name, min(time.monotonic() - started, wait)))
 
-    def _until(self, condition: Callable[[], Any], seconds: float, fault: str) -> None:
-        """Wait for a condition; raises TwinError at the time-out, or KeyboardInterrupt at a signal."""
-        import rclpy  # noqa: PLC0415
 
-        deadline = time.monotonic() + seconds
-        while not condition():
-            if self._ending.is_set():
-                raise KeyboardInterrupt
-            if time.monotonic() > deadline:
-                raise TwinError(fault)
-            rclpy.spin_once(self._node, timeout_sec=0.05)
+def spin_until(node: Any, ending: Ending, condition: Callable[[], Any], seconds: float) -> bool:
+    """Spin a node until a condition holds; returns False after a time (s), or raises KeyboardInterrupt at a signal."""
+    import rclpy  # noqa: PLC0415
+
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if ending.is_set():
+            raise KeyboardInterrupt
+        if time.monotonic() > deadline:
+            return False
+        rclpy.spin_once(node, timeout_sec=0.05)
+    return True
 
 
 def nobody_listens(node: Any, name: str, wait: float) -> str:
