@@ -43,8 +43,8 @@ def test_the_quick_start_keeps_to_this_machine():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     first = re.findall(r"^```sh\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)[0]
     assert "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST" in first.splitlines()[-2]
-    assert re.search(r"`emergency_stop` is no\s+safety\s+function", text)
-    assert "**`emergency_stop` is no safety function.**" in (ROOT / "docs" / "ros2.md").read_text(encoding="utf-8")
+    for page in (text, (ROOT / "docs" / "ros2.md").read_text(encoding="utf-8")):
+        assert re.search(r"`emergency_stop`[^.]*\bno\s+safety\s+function", page)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -124,7 +124,5 @@ def names_in(folder):
 
 def test_the_page_of_logs_names_the_formats_that_are_written():
     text = " ".join((ROOT / "docs" / "logs.md").read_text(encoding="utf-8").split())
-    assert (
-        f'`format_version`, at present "{FORMAT_VERSION}"; a snapshot file (`.npz`) has format {SNAPSHOT_VERSION}'
-        in text
-    )
+    assert re.search(rf'`format_version`[^.]*"{FORMAT_VERSION}"', text)
+    assert re.search(rf"\(`\.npz`\)[^.]*\bformat {SNAPSHOT_VERSION}\b", text)

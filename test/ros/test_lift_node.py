@@ -70,33 +70,29 @@ def running(tmp_path_factory):
     process.kill()
 
 
-def publishers(directory: Path, chairs: int) -> set[str]:
+def published(participant: Participant) -> set[str]:
     """Topics that the node of a lift publishes."""
-    process = TwinProcess(directory, "--scenario", str(write_lift(directory, chairs)), "--record", "false")
-    participant = Participant(process.domain)
-    try:
-        participant.subscribe_standard()
-        node = participant.node
-        participant.until(lambda: "cable_twin" in node.get_node_names(), what="the node in the graph")
-        last = "/diagnostics"  # of its topics, so that all are known when this one is
+    node, last = participant.node, "/diagnostics"  # of its topics, so that all are known when this one is
 
-        def found() -> set[str]:
-            return {name for name, _ in node.get_publisher_names_and_types_by_node("cable_twin", "/")}
+    def found() -> set[str]:
+        return {name for name, _ in node.get_publisher_names_and_types_by_node("cable_twin", "/")}
 
-        participant.until(lambda: last in found(), what=last)
-        names = found()
-        assert process.end() == 0
-        return names
-    finally:
-        participant.close()
-        process.kill()
+    participant.until(lambda: "cable_twin" in node.get_node_names(), what="the node in the graph")
+    participant.until(lambda: last in found(), what=last)
+    return found()
 
 
-def test_the_number_of_publishers_does_not_depend_on_the_number_of_chairs(tmp_path):
-    few, many = publishers(tmp_path, CHAIRS), publishers(tmp_path, 3 * CHAIRS)
-    assert few == many
-    assert "/cable_twin/carriers/poses" in few
-    assert not any("chair_" in name for name in few)
+def test_the_number_of_publishers_does_not_depend_on_the_number_of_chairs(running, processes, participants, tmp_path):
+    few = published(running[1])
+    many_chairs = processes("--scenario", str(write_lift(tmp_path, 3 * CHAIRS)), "--record", "false")
+    participant = participants(many_chairs.domain)
+    participant.subscribe_standard()
+    many = published(participant)
+    own = {name for name in few if "chair_" in name}
+    assert {name.split("/")[3] for name in own} == {"chair_3", "chair_5"}
+    assert few - own == many
+    assert "/cable_twin/carriers/poses" in many
+    assert many_chairs.end() == 0
 
 
 def common(*topics: list) -> list[tuple]:

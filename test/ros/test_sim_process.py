@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -317,35 +316,28 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
         assert any(f": {key}: " in line for line in lines), key
 
 
-def test_another_name_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignored(processes, participants):
-    names = [
-        "-r",
-        "__node:=tram",
-        "-r",
-        "__ns:=/site",
-        "-p",
-        "frame_rat:=50",
-        "-p",
-        "use_sim_time:=false",
-        "-p",
-        "rerun:=off",
-    ]
-    sim = processes("--frame-rate", "30", "--ros-args", *names)
+def test_names_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignored(processes, participants, tmp_path):
+    """Also a scenario in the working directory whose path YAML would read as a number."""
+    shutil.copy(config_directory() / "seed_example.yaml", tmp_path / "1e3")
+    ros = ["-r", "__node:=tram", "-r", "__ns:=/site"]
+    ros += ["-p", "frame_rat:=50", "-p", "use_sim_time:=false", "-p", "rerun:=off"]
+    sim = processes("--scenario", "1e3", "--frame-rate", "30", "--ros-args", *ros)
     participant = participants(sim.domain, node="/site/tram")
     participant.subscribe_standard()
-    assert (
-        "unknown parameter 'frame_rat' is ignored; known: scenario, set, scenario_directories, snapshot, frame_rate"
-        in sim.output
-    )
+    assert "unknown parameter 'frame_rat' is ignored; known: scenario, set, scenario_directories, snapsh" in sim.output
     assert "use_sim_time" not in sim.output
-    assert "frame_rate 30 Hz is no whole number of solver steps of 0.005 s: 28.5714 Hz is used" in sim.output
-    participant.publish(name=["cabin"], velocity=[1.0])
+    sim.wait_for("runs at")
+    assert "frame_rate 30 Hz is no whole number of solver steps of 0.001 s: 30.303 Hz is used" in sim.output
+    assert "'1e3' runs at 30.303 Hz; carriages: carriage" in sim.output
+    participant.publish(name=["carriage"], effort=[1.0])
     participant.until(lambda: participant.received["applied_commands"])
     assert sim.end() == 0
     log = read_log(sim.run_directory)
     assert log.metadata["namespace"] == "/site/tram"
+    assert log.scenario["name"] == "1e3"
     assert not list(sim.run_directory.glob("*.rrd"))  # off is YAML's false, and none of ours
     assert len(log.commands) >= 1
+    assert os.listdir(tmp_path / "cable_twin_logs")
 
 
 @pytest.mark.parametrize(("module", "command"), [("sim", "sim"), ("client.drive", "drive")])
@@ -373,13 +365,3 @@ def test_help_has_examples(tmp_path, command):
     result = run_module(command, "--help", directory=tmp_path)
     assert result.returncode == 0
     assert "examples:" in result.stdout
-
-
-def test_scenario_of_the_working_directory_and_numbers_as_names(tmp_path, processes, participants):
-    """A path that YAML would read as a number is still a path."""
-    shutil.copy(config_directory() / "seed_example.yaml", tmp_path / "1e3")
-    sim = processes("--scenario", "1e3", "--rerun", "off")
-    sim.wait_for("'1e3' runs at 100 Hz; carriages: carriage")
-    assert sim.end() == 0
-    assert json.loads(json.dumps(read_log(sim.run_directory).scenario))["name"] == "1e3"
-    assert os.listdir(tmp_path / "cable_twin_logs")
