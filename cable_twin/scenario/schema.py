@@ -6,7 +6,7 @@ are in `checks/`; use `load_scenario`, which applies both.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -86,6 +86,15 @@ class Solver(Section):
     max_halvings: int = quantity("-", "halvings of a step before it fails", 6, ge=0, le=30)
 
 
+class Whole(NamedTuple):
+    """Relations of one rope to the others of its scenario, kept in the scenario of this rope alone."""
+
+    strand: Strand | None = None
+    riding: Riding | None = None
+    hauls: bool = False
+    track: tuple[float, float] | None = None  # m, direction in plan
+
+
 class Scenario(Section):
     """Complete definition of a run except its commands."""
 
@@ -130,10 +139,7 @@ class Scenario(Section):
     limits: KeyFigureLimits = Field(default_factory=KeyFigureLimits, description="limits of the key figures")
     sensors: dict[str, Sensor] = Field(default_factory=dict, description="sensors by name")
     solver: Solver = Field(default_factory=Solver, description="time integration")
-    _strand: Strand | None = PrivateAttr(default=None)
-    _rides: Riding | None = PrivateAttr(default=None)
-    _hauls: bool = PrivateAttr(default=False)
-    _track: tuple[float, float] | None = PrivateAttr(default=None)
+    _whole: Whole = PrivateAttr(default=Whole())
 
     @model_validator(mode="before")
     @classmethod
@@ -175,7 +181,7 @@ class Scenario(Section):
         strand = self.strands.get(name)
         cable = self.ropes[name]
         towers = self._along(name, {key: one for key, one in self.towers.items() if self.rope_of(one) == name})
-        if cable.lateral and self.dim == 3:  # there it is where the mechanics have it
+        if cable.lateral and self.dim == 3:  # a part of the positions, in space
             ends = {
                 key: end.model_copy(update={"position": self.placed(name, end.position)})
                 for key, end in cable.ends.items()
@@ -198,9 +204,8 @@ class Scenario(Section):
             carriers = self.carriers.on_strand(along) if self.carriers and along and slides == bool(riding) else None
             update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
         alone = self.model_copy(update=update)
-        alone._strand, alone._rides = strand, riding
-        alone._track = self.track
-        alone._hauls = strand is not None and any(rope not in self.strands for rope in self.ropes)
+        hauls = strand is not None and any(rope not in self.strands for rope in self.ropes)
+        alone._whole = Whole(strand, riding, hauls, self.track)
         return alone
 
     def _riding(self, rope: str) -> Riding | None:
@@ -214,7 +219,7 @@ class Scenario(Section):
     @property
     def riding(self) -> Riding | None:
         """Strand and loop of the carriers on the cable, for the track rope of a loop; else None."""
-        return self._rides
+        return self._whole.riding
 
     def _along(self, name: str, towers: dict[str, Tower]) -> dict[str, Tower]:
         """Towers of one rope, sorted along a strand or its track, which may run opposite to the order of the file."""
@@ -223,10 +228,10 @@ class Scenario(Section):
         ends = [in_space(end.position) for end in self.ropes[name].ends.values()]
         chord = [there - here for here, there in zip(*ends, strict=True)]
 
-        def way(item: tuple[str, Tower]) -> float:
+        def along_chord(item: tuple[str, Tower]) -> float:
             return sum(part * place for part, place in zip(chord, in_space(item[1].position), strict=True))
 
-        return dict(sorted(towers.items(), key=way))
+        return dict(sorted(towers.items(), key=along_chord))
 
     def placed(self, rope: str | None, position: tuple[float, ...]) -> tuple[float, float, float]:
         """Position (3,) in m in space of a place on a rope (None: the first), with the lateral offset of the rope."""
@@ -236,8 +241,8 @@ class Scenario(Section):
     @property
     def track(self) -> tuple[float, float]:
         """Direction of the track in plan, x, y in m: along the first rope, reversed if needed towards +x."""
-        if self._track is not None:
-            return self._track
+        if self._whole.track is not None:
+            return self._whole.track
         x, y = _in_plan(self.cable)
         return (-x, -y) if x < -ACROSS * abs(y) else (x, y)
 
@@ -259,25 +264,24 @@ class Scenario(Section):
     @property
     def strand(self) -> Strand | None:
         """Position of the cable on its loop, for a strand of several ropes; else None."""
-        return self._strand
+        return self._whole.strand
 
     @property
     def hauls(self) -> bool:
         """True if the cable is a haul rope: a strand in a scenario with track ropes as well."""
-        return self._hauls
+        return self._whole.hauls
 
     @property
     def vehicles(self) -> dict[str, Carriage]:
         """All vehicles by name: the carriages of the file, then the carriers in order."""
         carriers, carriages = self.carriers, self.carriages
-        if self.ropes:  # rope by rope, as they are read
-            rows = {name: row for row, name in enumerate(self.ropes)}
-            carriages = dict(sorted(carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
-        if carriers is None or carriers.count != carriers.count:  # of a file whose count is a fault
+        rows = {name: row for row, name in enumerate(self.cables)}
+        carriages = dict(sorted(carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
+        if carriers is None or carriers.count != carriers.count:  # NaN, of a file whose count is a fault
             return carriages
         spacing = self.spacing
         first = 0.5 * spacing if carriers.first is None else carriers.first
-        where = self._strand or self._rides
+        where = self.strand or self.riding
         start = where.offset if where else 0.0
         places = [(first - start + number * spacing) % self.loop_length for number in range(carriers.count)]
         return carriages | {
@@ -287,14 +291,16 @@ class Scenario(Section):
 
     def _carrier(self, kind: CarrierKind, place: float) -> Carriage:
         """Carrier at a place (m) of the loop, with its payload there."""
-        room, length, payload = kind.payload, self.cable.unstrained_length, None
-        if room is not None:
+        given, length, payload = kind.payload, self.cable.unstrained_length, None
+        if given is not None:
             beyond = place - length
-            mass = room.from_start if room.on_cable is None else room.on_cable
-            if beyond > 0.0:  # it comes on next at the nearer station
-                mass = room.from_end if 2.0 * beyond < self.loop_length - length else room.from_start
-            payload = Payload.model_construct(capacity=room.capacity, mass=mass, body=room.body, position=room.position)
-        riding, carriers = self._rides, self.carriers
+            mass = given.from_start if given.on_cable is None else given.on_cable
+            if beyond > 0.0:  # it enters the cable at the nearer station
+                mass = given.from_end if 2.0 * beyond < self.loop_length - length else given.from_start
+            payload = Payload.model_construct(
+                capacity=given.capacity, mass=mass, body=given.body, position=given.position
+            )
+        riding, carriers = self.riding, self.carriers
         if riding is None or carriers is None:
             return Carriage.model_construct(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
         return Carriage.model_construct(
@@ -321,7 +327,7 @@ class Scenario(Section):
     @property
     def loop_length(self) -> float:
         """Unstrained length (m) of the loop of a moving cable; without carriers, twice the length of the cable."""
-        if (where := self._strand or self._rides) is not None:
+        if (where := self.strand or self.riding) is not None:
             return where.loop_length
         for strand in self.strands.values():
             return strand.loop_length
