@@ -218,7 +218,7 @@ class LiveParameterService(ParameterService):
             return "another scenario is being loaded"
         read, self._read = self._read, None
         if read is None or read[0] != wanted:
-            return "one scenario at a time"
+            return f"scenario '{wanted}' given while another one is being read; allowed: one at a time"
         try:
             scenario = read[1].result()
         except ScenarioError as error:

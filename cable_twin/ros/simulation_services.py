@@ -71,7 +71,8 @@ SERVICES = (  # types; the name of each is that of a method of `SimulationServic
     "LoadWorld",
 )
 ABOUT = (
-    "entities are the bodies of vehicles; their acceleration is not given; a step is a frame; a reset lets time run on"
+    "entities are the bodies of vehicles; their acceleration is not given; a step is a frame; after a reset simulated "
+    "time continues"
 )
 
 
@@ -113,7 +114,7 @@ class WorldLoading:
         """
         self.busy, self.paused_before = True, self._loop.paused
         self._loop.pause(True)
-        self._node.get_logger().info(f"loading '{scenario.name}'; time stands still meanwhile")
+        self._node.get_logger().info(f"loading '{scenario.name}'; simulated time is paused meanwhile")
         future: Future[str] = Future()
         threading.Thread(
             target=self._load, args=(scenario, source, paused, future), name="loading", daemon=True
@@ -260,7 +261,7 @@ class SimulationServices:
     async def get_available_worlds(self, request: Any, response: Any) -> Any:
         """Report the installed scenarios."""
         if request.additional_sources or request.filter.tags:
-            return answered(response, UNSUPPORTED, "additional_sources and tags are not known; allowed: none")
+            return answered(response, UNSUPPORTED, "additional_sources and tags are not supported; allowed: none")
         reading = self._reader.worlds()
         await done(reading)
         response.worlds = []
@@ -331,7 +332,10 @@ class SimulationServices:
     async def _matching_entities(self, filters: Any) -> tuple[list[str], tuple[int, str] | None]:
         """Names that match the filters, or result code and message of an unsupported filter."""
         if filters.categories or filters.tags.tags or filters.bounds.points:
-            return [], (UNSUPPORTED, "categories, tags, bounds are not known; allowed: a regular expression of names")
+            return [], (
+                UNSUPPORTED,
+                "categories, tags and bounds are not supported; allowed: a regular expression of names",
+            )
         matching = matching_names(filters.filter, [*self._rows])
         await done(matching)
         try:

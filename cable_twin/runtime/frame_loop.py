@@ -268,7 +268,7 @@ class FrameLoop:
         except SolverError as error:
             self.fault = str(error)
             self._paused = True
-            self._on_fault(f"{error}; the twin is paused, reset it to go on")
+            self._on_fault(f"{error}; the twin is paused; reset it to continue")
             return None
         self.fault = ""
         report, statistics = snapshot.solver, self._statistics

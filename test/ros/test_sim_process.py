@@ -186,7 +186,7 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
     participant.publish(name=["carriage"], effort=[1e9])
     participant.until(lambda: participant.received["/diagnostics"] and participant.diagnostics[0] == 2)
     assert "the last Newton increment was" in participant.diagnostics[1]
-    assert "reset it to go on" in sim.output
+    assert "reset it to continue" in sim.output
     refusal = participant.call("pause", SetBool, data=False)
     assert not refusal.success
     assert "~/reset first" in refusal.message
