@@ -18,10 +18,11 @@ from cable_twin.frame.rates import LOGGED, PUBLISHED
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import NAMESPACE, MessageEncoder, Schedule, Topic, topics
-from cable_twin.recording.log_formats import open_view
+from cable_twin.messages.columns import COLUMNS, COLUMNS_TOPIC, RowEncoder, groups_due
 from cable_twin.recording.log_writer import McapLog, run_metadata
+from cable_twin.recording.run import open_view
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import SAMPLES, Simulation
+from cable_twin.simulation import Simulation
 
 RUNS = {"aerial_tramway": ("cabin", 7.0), "chairlift": ("haul_rope", 2.5), "gondola": ("haul_rope", 6.0)}  # m/s
 PERIOD = 0.01  # s
@@ -94,10 +95,11 @@ def _round(scenario: str, drive: str, speed: float, count: int) -> dict[str, Tim
         if publish is not None:
             stages["publish"] = timed(lambda: [publish(messages) for messages in frames])
     with tempfile.TemporaryDirectory(prefix="frame-") as name:
-        metadata = run_metadata(scenario=scenario, frame_period=PERIOD, sample_count=SAMPLES)
-        log = McapLog(Path(name) / "log", table, metadata)
+        metadata = run_metadata(simulation.scenario.resolved(), simulation.layout, frame_period=PERIOD)
+        log = McapLog(Path(name) / "log", (*table, COLUMNS_TOPIC), metadata)
         log.begin(epoch_ns)
-        stages["MCAP"] = timed(lambda: _write(log, encoder, snapshots, logged))
+        columns = [groups_due(one.groups[1]) for one in due]
+        stages["MCAP"] = timed(lambda: _write(log, encoder, snapshots, columns, logged))
         view = open_view(simulation.scenario, Path(name) / "log.rrd", live=False)
         stages["rerun"] = timed(lambda: _draw(view, snapshots))
     stages["capture"] = timed(lambda: _repeat(ahead.capture, count))
@@ -117,9 +119,18 @@ def _under_way(scenario: str, drive: str, speed: float, *, on_demand: bool) -> S
     return simulation
 
 
-def _write(log: McapLog, encoder: MessageEncoder, snapshots: list[Snapshot], frames: list[Messages]) -> None:
-    for snapshot, messages in zip(snapshots, frames, strict=True):
+def _write(
+    log: McapLog,
+    encoder: MessageEncoder,
+    snapshots: list[Snapshot],
+    columns: list[tuple[str, ...]],
+    frames: list[Messages],
+) -> None:
+    rows = RowEncoder(snapshots[0].layout)
+    for snapshot, groups, messages in zip(snapshots, columns, frames, strict=True):
         stamp_ns = encoder.stamp_ns(snapshot)
+        if (row := rows.encode(snapshot, groups)) is not None:
+            log.write(COLUMNS, stamp_ns, row)
         for topic, data in messages:
             log.write(topic, stamp_ns, data)
     log.close()

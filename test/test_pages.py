@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cable_twin.offline import line, replay, review, simulate
-from cable_twin.recording.log_versions import FORMAT_VERSION
+from cable_twin.recording.log_writer import FORMAT_VERSION
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
 from cable_twin.scenario.checks.fault import inner_model

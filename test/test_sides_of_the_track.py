@@ -11,9 +11,7 @@ from bent_line import BENT
 
 from cable_twin.frame.sensors import Sensors
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages.derailments import DerailmentMessage
-from cable_twin.messages.texts import statuses_of_message
-from cable_twin.recording.logged_supports import LoggedSupports
+from cable_twin.messages.texts import DerailmentMessage, statuses_of_message
 from cable_twin.ros.rviz import robot_description
 from cable_twin.scenario import load_scenario, masts, tower_axes
 from cable_twin.simulation import Simulation
@@ -123,18 +121,6 @@ def test_left_is_that_of_the_track_for_both_ropes_of_a_line_to_anywhere(heading,
     for name in ropes:
         _, across = tower_axes(scenario.of_rope(name))
         np.testing.assert_allclose(across, [[cos(radians(left)), sin(radians(left)), 0.0]], atol=1e-9)
-
-
-@needs_kernels
-def test_a_log_gives_back_forces_and_ratios_of_its_towers():
-    """What `review` makes of the forces on all supports, which is all that a log has of them."""
-    simulation = Simulation(load_scenario("chairlift", LIFT | HELD_DOWN))
-    shown, read = (simulation.layout.columns(simulation.snapshot.numbers.copy()) for _ in range(2))
-    read.tower_lateral[:] = read.tower_lateral_ratio[:] = np.nan
-    LoggedSupports(simulation.scenario, simulation.layout).fill(read)
-    np.testing.assert_allclose(read.tower_lateral, shown.tower_lateral, rtol=1e-3)
-    np.testing.assert_allclose(read.tower_lateral_ratio, shown.tower_lateral_ratio, rtol=5e-3)
-    assert np.isnan(read.tower_lateral_ratio[simulation.layout.support_rows["tower_2_up"]])
 
 
 @needs_kernels

@@ -284,6 +284,17 @@ class SolverReport:
     energy_lost: float = 0.0  # J, by the integrator itself, which no damper or friction has taken
     energy_moved: float = 0.0  # J, changes of kinetic energy from step to step, either way, added up
 
+    def then(self, later: SolverReport) -> SolverReport:
+        """Statistics of both periods, this one and a later one."""
+        return SolverReport(
+            self.steps + later.steps,
+            self.iterations + later.iterations,
+            self.halvings + later.halvings,
+            max(self.constraint_residual, later.constraint_residual),
+            self.energy_lost + later.energy_lost,
+            self.energy_moved + later.energy_moved,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Energy:

@@ -1,6 +1,5 @@
-"""Messages of topics and bags: CDR (`cdr`), the table of topics (`topics`), frames (`frame`) and texts (`texts`)."""
+"""Messages of topics and bags: their table (`topics`), CDR (`cdr`), frames (`frame`, `columns`) and texts (`texts`)."""
 
-from cable_twin.messages.bullwheels import bullwheel_numbers, fill_bullwheels
 from cable_twin.messages.cdr import (
     SECOND,
     TYPESTORE,
@@ -13,15 +12,13 @@ from cable_twin.messages.cdr import (
     stamp_in,
     time_of,
 )
-from cable_twin.messages.derailments import DerailmentWatch, read_derailments
-from cable_twin.messages.frame import CABLE_FIELDS, FORCE_FIELDS, ROPE_FIELD, MessageEncoder, clock_message
-from cable_twin.messages.joints import hung_rows, joint_names
-from cable_twin.messages.names import NAMESPACE, FrameNames, TopicNames
-from cable_twin.messages.references import fill_references, reference_numbers
-from cable_twin.messages.refusals import refused_command_from_message, refused_command_message
+from cable_twin.messages.frame import MessageEncoder, clock_message, read_rope
 from cable_twin.messages.texts import (
+    DerailmentWatch,
     Status,
     diagnostics_message,
+    refused_command_from_message,
+    refused_command_message,
     scenario_from_message,
     scenario_message,
     statuses_of_message,
@@ -41,6 +38,7 @@ from cable_twin.messages.topics import (
     JOINT_STATES,
     KEY_FIGURES,
     MARKERS,
+    NAMESPACE,
     PANTOGRAPHS,
     REFUSED_COMMANDS,
     ROBOT_DESCRIPTION,
@@ -49,9 +47,11 @@ from cable_twin.messages.topics import (
     TENSIONS,
     TF,
     TF_STATIC,
+    FrameNames,
     JointState,
     Schedule,
     Topic,
+    TopicNames,
     contact_force_topic,
     haul_force_topic,
     head_topic,
@@ -64,7 +64,6 @@ __all__ = [
     "AIR_WIND",
     "APPLIED_COMMANDS",
     "CABLE",
-    "CABLE_FIELDS",
     "CABLE_PATH",
     "CARRIER_FORCES",
     "CARRIER_POSES",
@@ -72,7 +71,6 @@ __all__ = [
     "CONNECTORS",
     "DERAILMENTS",
     "DIAGNOSTICS",
-    "FORCE_FIELDS",
     "JOINT_REFERENCES",
     "JOINT_STATES",
     "KEY_FIGURES",
@@ -81,7 +79,6 @@ __all__ = [
     "PANTOGRAPHS",
     "REFUSED_COMMANDS",
     "ROBOT_DESCRIPTION",
-    "ROPE_FIELD",
     "SCENARIO",
     "SECOND",
     "SHEAVES",
@@ -99,22 +96,16 @@ __all__ = [
     "Time",
     "Topic",
     "TopicNames",
-    "bullwheel_numbers",
     "clock_message",
     "contact_force_topic",
     "decode",
     "diagnostics_message",
-    "fill_bullwheels",
-    "fill_references",
     "haul_force_topic",
     "head_topic",
     "header",
-    "hung_rows",
-    "joint_names",
     "nanoseconds",
     "pose_topic",
-    "read_derailments",
-    "reference_numbers",
+    "read_rope",
     "refused_command_from_message",
     "refused_command_message",
     "scenario_from_message",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.messages.names import FRAME_ID
+from cable_twin.messages.topics import FRAME_ID
 
 Time = ros2_jazzy.builtin_interfaces__msg__Time
 Header = ros2_jazzy.std_msgs__msg__Header
@@ -164,21 +164,3 @@ def _strided(numbers: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any] | 
         steps.append(int(differences.flat[0]) if differences.size else 1)
     first, size = int(places.flat[0]), numbers.itemsize
     return np.ndarray(places.shape, numbers.dtype, numbers, first * size, tuple(step * size for step in steps))
-
-
-__all__ = [
-    "SECOND",
-    "STAMP",
-    "TYPESTORE",
-    "Header",
-    "Message",
-    "Template",
-    "Time",
-    "decode",
-    "header",
-    "marks",
-    "nanoseconds",
-    "serialize",
-    "stamp_in",
-    "time_of",
-]

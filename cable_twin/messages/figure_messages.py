@@ -52,6 +52,3 @@ def describe(figure: KeyFigure) -> str:
     if figure.limit is not None:
         parts.append(f"allowed: {figure.bound} {rounded(figure.limit * scale)}{unit} ({figure.source})")
     return ", ".join(parts)
-
-
-__all__ = ["OK", "WARNING", "describe", "figure_statuses", "figures_message", "figures_of_statuses"]

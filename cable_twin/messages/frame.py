@@ -16,24 +16,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.frame.snapshot import Columns, Layout, Snapshot
-from cable_twin.messages.bullwheels import BullwheelsMessage
-from cable_twin.messages.cdr import SECOND, STAMP, Header, Template, marks, nanoseconds, serialize, time_of
-from cable_twin.messages.derailments import DerailmentMessage
-from cable_twin.messages.joints import hung_rows, joint_names
-from cable_twin.messages.names import FrameNames
-from cable_twin.messages.references import ReferencesMessage
-from cable_twin.messages.templates import (
-    UPRIGHT,
-    body_pose_template,
-    cloud_template,
-    joint_pose_template,
-    pose_of,
-    transform_of,
-    vector_template,
-    wrench_template,
-)
+from cable_twin.messages.cdr import STAMP, Header, Template, marks, nanoseconds, serialize, time_of
+from cable_twin.messages.drive_messages import BullwheelsMessage, ReferencesMessage
+from cable_twin.messages.texts import DerailmentMessage
 from cable_twin.messages.topics import (
     AIR_WIND,
     CABLE,
@@ -50,11 +38,15 @@ from cable_twin.messages.topics import (
     TENSIONS,
     TF,
     Clock,
+    FrameNames,
     JointState,
     Path,
+    PointCloud2,
     PoseArray,
     PoseStamped,
     TFMessage,
+    Vector3Stamped,
+    WrenchStamped,
     contact_force_topic,
     haul_force_topic,
     head_topic,
@@ -62,6 +54,17 @@ from cable_twin.messages.topics import (
     support_force_topic,
 )
 
+Point = ros2_jazzy.geometry_msgs__msg__Point
+Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
+Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
+Pose = ros2_jazzy.geometry_msgs__msg__Pose
+Wrench = ros2_jazzy.geometry_msgs__msg__Wrench
+Transform = ros2_jazzy.geometry_msgs__msg__Transform
+TransformStamped = ros2_jazzy.geometry_msgs__msg__TransformStamped
+PointField = ros2_jazzy.sensor_msgs__msg__PointField
+
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 CABLE_FIELDS = ("x", "y", "z", "arc_length", "tension")  # m, m, m, m, N
 ROPE_FIELD = "rope"  # of several: their number in the order of the scenario
 FORCE_FIELDS = ("x", "y", "z", "fx", "fy", "fz")  # m and N, of the joint of each carrier
@@ -296,6 +299,19 @@ class MessageEncoder:
         return Template(TFMessage(transforms), [joints, bodies, turns])
 
 
+def read_rope(data: bytes, layout: Layout, numbers: FloatArray) -> None:
+    """Fill shape and tension of the ropes from the message `cable`, where the numbers of its frame lack them.
+
+    Raises:
+        ValueError: The message is shorter than its points.
+    """
+    c, count = layout.columns(numbers), layout.arc_lengths.size
+    if np.isnan(c.rope_position[0, 0]):
+        width = len(CABLE_FIELDS) + bool(layout.alone)
+        points = np.frombuffer(data, "<f4", count * width, len(data) - 1 - 4 * count * width).reshape(count, width)
+        c.rope_position[:], c.rope_tension[:] = points[:, :3], points[:, 4]
+
+
 def tension_names(layout: Layout) -> list[str]:
     """Row names of the topic `tensions`."""
     return [f"{rope}/{which}" for which in ("lowest", "highest") for rope in layout.ropes]
@@ -310,4 +326,61 @@ def _maker(make: Callable[..., Template], header: Header, *sources: FloatArray) 
     return lambda: make(header, *sources)
 
 
-__all__ = ["CABLE_FIELDS", "FORCE_FIELDS", "SECOND", "MessageEncoder", "clock_message"]
+def joint_names(layout: Layout) -> list[str]:
+    """Names of the joints of all bodies in a URDF: VEHICLE_BODY."""
+    return [body.replace("/", "_") for body in layout.bodies]
+
+
+def hung_rows(layout: Layout) -> NDArray[np.intp]:
+    """Rows (n,) of bodies below another body, which is in the row before."""
+    return np.array([row for row in range(len(layout.bodies)) if row not in layout.first_body], dtype=np.intp)
+
+
+def pose_of(position: Sequence[float] | FloatArray, orientation: Sequence[float] | FloatArray) -> Pose:
+    """Pose from a position (3,) in m and a quaternion (4,)."""
+    return Pose(Point(*map(float, position)), Quaternion(*map(float, orientation)))
+
+
+def joint_pose_template(header: Header, position: FloatArray) -> Template:
+    """Template of a PoseStamped at a place (3,) in m, upright."""
+    return Template(PoseStamped(header, pose_of(marks(3), UPRIGHT)), [position])
+
+
+def body_pose_template(header: Header, position: FloatArray, orientation: FloatArray) -> Template:
+    """Template of a PoseStamped with a place (3,) in m and a quaternion (4,)."""
+    numbers = marks(7)
+    return Template(PoseStamped(header, pose_of(numbers[:3], numbers[3:])), [position, orientation])
+
+
+def wrench_template(header: Header, force: FloatArray) -> Template:
+    """Template of a WrenchStamped with a force (3,) in N and no moment."""
+    return Template(WrenchStamped(header, Wrench(Vector3(*map(float, marks(3))), Vector3(0.0, 0.0, 0.0))), [force])
+
+
+def vector_template(header: Header, vector: FloatArray) -> Template:
+    """Template of a Vector3Stamped with a vector (3,)."""
+    return Template(Vector3Stamped(header, Vector3(*map(float, marks(3)))), [vector])
+
+
+def transform_of(
+    header: Header, child: str, position: FloatArray, orientation: Sequence[float] | FloatArray
+) -> TransformStamped:
+    """TransformStamped of a frame with a place (3,) in m and a quaternion (4,)."""
+    turn = Quaternion(*map(float, orientation))
+    return TransformStamped(header, child, Transform(Vector3(*map(float, position)), turn))
+
+
+def cloud_template(header: Header, fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
+    """Template of a PointCloud2 of float32 fields, with a point for each row of the sources (n, k)."""
+    count, step = len(sources[0]), 4 * len(fields)
+    numbers = marks(count * len(fields), "<f4")
+    points = np.empty((count, len(fields)), "<f4")
+    taken = column = 0
+    for source in sources:
+        width = source.shape[1]
+        points[:, column : column + width] = numbers[taken : taken + source.size].reshape(source.shape)
+        taken, column = taken + source.size, column + width
+    described = [PointField(name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(fields)]
+    data = points.view(np.uint8).reshape(-1)
+    message = PointCloud2(header, 1, count, described, False, step, count * step, data, True)
+    return Template(message, sources, "<f4")

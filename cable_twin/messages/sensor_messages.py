@@ -81,6 +81,3 @@ class SensorOutput:
 def _square(deviation: float) -> np.ndarray:
     """Covariance (9,) of three independent numbers from a standard deviation."""
     return deviation**2 * np.eye(3).reshape(9)
-
-
-__all__ = ["SensorOutput", "sensor_topic", "sensor_topics"]

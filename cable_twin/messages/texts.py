@@ -1,4 +1,4 @@
-"""Text messages: the scenario, and diagnostics."""
+"""Text messages: the scenario, and statuses for people: diagnostics, refused commands, derailments."""
 
 from __future__ import annotations
 
@@ -9,11 +9,16 @@ from typing import Any
 
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.frame.records import RefusedCommand
+from cable_twin.frame.snapshot import Columns, Layout, Snapshot, derailments
 from cable_twin.messages.cdr import decode, header, serialize
-from cable_twin.messages.topics import DiagnosticArray, String
+from cable_twin.messages.topics import DERAILMENTS, DiagnosticArray, String
 
 DiagnosticStatus = ros2_jazzy.diagnostic_msgs__msg__DiagnosticStatus
 KeyValue = ros2_jazzy.diagnostic_msgs__msg__KeyValue
+
+WARNING, ERROR = 1, 2  # levels of a status
+COUNT = "refused"  # commands of the run so far, this one included
 
 
 def scenario_message(scenario: Mapping[str, Any]) -> bytes:
@@ -62,3 +67,55 @@ def statuses_of_message(data: bytes) -> list[Status]:
         Status(status.level, status.name, status.message, {pair.key: pair.value for pair in status.values})
         for status in decode(data, DiagnosticArray.__msgtype__).status
     ]
+
+
+def refused_command_message(refused: RefusedCommand, stamp_ns: int) -> bytes:
+    """Encode a refused command as diagnostic_msgs/DiagnosticArray with a stamp (ns)."""
+    return diagnostics_message(stamp_ns, Status(WARNING, refused.source, refused.reason, {COUNT: str(refused.count)}))
+
+
+def refused_command_from_message(data: bytes, time: float) -> RefusedCommand:
+    """Decode a refused command at a simulated time (s), inverse of `refused_command_message`.
+
+    Raises:
+        ValueError, KeyError: it is no such message.
+    """
+    (status,) = statuses_of_message(data)
+    return RefusedCommand(time, status.name, status.message, int(status.values[COUNT]))
+
+
+class DerailmentMessage:
+    """Message of derailments, filled from the columns of a frame: a status for each tower without its rope.
+
+    Args:
+        layout: of the frame.
+        columns: which are filled in before each call.
+    """
+
+    def __init__(self, layout: Layout, columns: Columns) -> None:
+        self._layout, self._columns = layout, columns
+
+    def fill(self, stamp_ns: int) -> bytes:
+        """Encoded message with a stamp (ns)."""
+        statuses = []
+        for one in derailments(self._layout, self._columns):
+            values = {"how": one.how, "time_s": repr(one.time)}
+            values |= {} if one.ratio is None else {"ratio": repr(one.ratio)}
+            values |= {f"{axis}_m": repr(float(place)) for axis, place in zip("xyz", one.position, strict=True)}
+            statuses.append(Status(ERROR, one.tower, str(one), values))
+        return diagnostics_message(stamp_ns, *statuses)
+
+
+class DerailmentWatch:
+    """Watch for changes of the derailed towers."""
+
+    def __init__(self) -> None:
+        self._told: list[tuple[str, float]] = []
+
+    def due(self, snapshot: Snapshot, *, everything: bool = False) -> tuple[str, ...]:
+        """Topic `derailments` after a change of the derailed towers, or where any are for a new file; else empty."""
+        found = [(one.tower, one.time) for one in snapshot.derailments]
+        if found == self._told and not (everything and found):
+            return ()
+        self._told = found
+        return (DERAILMENTS,)

@@ -1,4 +1,4 @@
-"""Table of the topics of the twin: names, types, QoS and rate groups.
+"""Table of the topics of the twin: names, types, QoS and rate groups; and names that a run calls otherwise.
 
 Carriages, which have names of their own, have topics of their own; carriers, many of one kind, come in columns, so
 that the number of topics does not grow with them. A few carriers may be asked for by name.
@@ -6,8 +6,9 @@ that the number of topics does not grow with them. A few carriers may be asked f
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from rosbags.typesys.stores import ros2_jazzy
@@ -28,6 +29,9 @@ JointState = ros2_jazzy.sensor_msgs__msg__JointState
 PointCloud2 = ros2_jazzy.sensor_msgs__msg__PointCloud2
 MarkerArray = ros2_jazzy.visualization_msgs__msg__MarkerArray
 DiagnosticArray = ros2_jazzy.diagnostic_msgs__msg__DiagnosticArray
+
+NAMESPACE = "/cable_twin"
+FRAME_ID = "map"
 
 JOINT_STATES = "joint_states"
 JOINT_REFERENCES = "joint_references"
@@ -175,6 +179,7 @@ class Due(NamedTuple):
 
     names: tuple[str, ...]  # all that anybody takes
     taken: tuple[tuple[int, ...], ...]  # for each taker the numbers of its names
+    groups: tuple[tuple[str, ...], ...]  # for each taker those that are due
 
 
 class Schedule:
@@ -220,4 +225,65 @@ class Schedule:
                 for indexes, taker in zip(taken, takers, strict=True):
                     if taker[group]:
                         indexes.extend(numbers)
-        return Due(tuple(names), tuple(map(tuple, taken)))
+        due = tuple(tuple(group for group, own in zip(self._groups, taker, strict=True) if own) for taker in takers)
+        return Due(tuple(names), tuple(map(tuple, taken)), due)
+
+
+@dataclass(frozen=True, slots=True)
+class TopicNames:
+    """Full names of topics, and their inverse.
+
+    Attributes:
+        namespace: full name of the node, in front of relative names.
+        remapped: full names by the names of the table, of those that ROS was told to call otherwise.
+    """
+
+    namespace: str = NAMESPACE
+    remapped: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, str]) -> TopicNames:
+        """Topic names from log `metadata`, with defaults for missing entries."""
+        return cls(metadata.get("namespace", NAMESPACE), json.loads(metadata.get("remapped", "{}")))
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Topic names as log metadata."""
+        return {"namespace": self.namespace, "remapped": json.dumps(self.remapped)}
+
+    def full(self, topic: str) -> str:
+        """Full name of a topic given relative to the node ("joint_states") or absolute ("/tf")."""
+        plain = topic if topic.startswith("/") else f"{self.namespace.rstrip('/')}/{topic}"
+        return self.remapped.get(topic, plain)
+
+    def own(self, name: str) -> str:
+        """Name in the topic table of a topic with a given full name."""
+        topics = {remapped: topic for topic, remapped in self.remapped.items()}
+        return topics.get(name, name.removeprefix(f"{self.namespace.rstrip('/')}/"))
+
+
+@dataclass(frozen=True, slots=True)
+class FrameNames:
+    """Names of coordinate frames.
+
+    Attributes:
+        frame_id: of the frame in which everything is, x along the track, y lateral, z up (REP-103).
+        frame_prefix: in front of the names of vehicles, their bodies and supports, as robot_state_publisher has it.
+    """
+
+    frame_id: str = FRAME_ID
+    frame_prefix: str = ""
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, str]) -> FrameNames:
+        """Frame names from log `metadata`, with defaults for missing entries."""
+        return cls(metadata.get("frame_id", FRAME_ID), metadata.get("frame_prefix", ""))
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """Frame names as log metadata."""
+        return {"frame_id": self.frame_id, "frame_prefix": self.frame_prefix}
+
+    def named(self, thing: str) -> str:
+        """Name of the frame of a vehicle ("cabin"), a body ("cabin/hanger") or a support ("tower_1")."""
+        return f"{self.frame_prefix}{thing}"

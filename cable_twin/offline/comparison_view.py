@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.offline.figure_table import LABELS
-from cable_twin.recording.log_formats import open_view
+from cable_twin.recording.run import open_view
 from cable_twin.scenario import Scenario
 from cable_twin.view.picture import blueprint, plot_titles
 from cable_twin.view.plots import PLOT_COLORS

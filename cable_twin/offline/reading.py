@@ -13,8 +13,8 @@ from cable_twin.messages.figure_messages import figures_of_statuses
 from cable_twin.offline.export import RunTable
 from cable_twin.offline.responses import Responses
 from cable_twin.offline.thinned_series import Signals, signal_values
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
 from cable_twin.scenario import ScenarioError, load_scenario
 

@@ -10,11 +10,9 @@ from mcap.records import Channel
 
 from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.messages import TYPESTORE, Topic, TopicNames
-from cable_twin.recording.log_file import UNREADABLE, LogFile, one_line
-from cable_twin.recording.log_metadata import LOST_FROM
+from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log
-from cable_twin.recording.log_versions import LogError
-from cable_twin.recording.log_writer import McapLog
+from cable_twin.recording.log_writer import LOST_FROM, McapLog
 
 QOS_LIMIT = 10_000  # characters of the QoS of a topic
 DEEPEST = 1_000_000  # messages of a history

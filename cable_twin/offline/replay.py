@@ -8,10 +8,13 @@ import json
 import math
 import signal
 import sys
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import Enum, auto
 from functools import partial
 from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -21,24 +24,18 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.messages import (
-    APPLIED_COMMANDS,
-    DERAILMENTS,
-    SECOND,
-    FrameNames,
-    MessageEncoder,
-    decode,
-    topics,
-)
-from cable_twin.offline.file_joint import Joint, join
-from cable_twin.offline.replay_result import CommandStream, Comparison, Difference
+from cable_twin.mechanics.language.declared import arrays_of
+from cable_twin.messages import APPLIED_COMMANDS, CLOCK, SECOND, FrameNames, MessageEncoder
+from cable_twin.messages.columns import COLUMNS, Row, RowDecoder
+from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline.scripted_run import start_of
-from cable_twin.recording.log_file import LONGEST_GAP, UNREADABLE, LogFile
+from cable_twin.recording.log_file import LONGEST_GAP, UNREADABLE, LogError, LogFile, one_line
 from cable_twin.recording.log_reader import Log, read_log
-from cable_twin.recording.log_versions import LogError
-from cable_twin.recording.log_writer import run_metadata
+from cable_twin.recording.log_writer import program_metadata
+from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
+from cable_twin.simulation.snapshot_file import FullState, read_full_state
 from cable_twin.terminal.bars import compilation_shown
 from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell
 
@@ -64,11 +61,146 @@ examples:
 """
 
 
-def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
-    """Simulate a log again and compare each message of the twin's motion with the logged one.
+@dataclass(slots=True)
+class Difference:
+    """Difference between log and replay in one field."""
 
-    All files are simulated in one go; to the last bit, the state attached to each of them is compared too. Where
-    something is lost before a file, it goes on from that state.
+    time: float  # s
+    topic: str
+    place: str
+    logged: Any
+    replayed: Any
+
+    def __str__(self) -> str:
+        return f"at {self.time:.6f} s on {self.topic}, {self.place}: logged {self.logged!r}, replayed {self.replayed!r}"
+
+
+@dataclass(slots=True)
+class CommandStream:
+    """Counted commands of a log."""
+
+    kinds: Counter[str] = field(default_factory=Counter)
+    sources: Counter[str] = field(default_factory=Counter)
+    digest: Any = field(default_factory=sha256)
+
+    def add(self, applied: AppliedCommand) -> None:
+        """Count one command."""
+        self.kinds[applied.command.kind] += 1
+        self.sources[applied.source] += 1
+        self.digest.update(applied_command_message(applied, 0))
+
+    def __str__(self) -> str:
+        sources = f" from {_counted(self.sources)}" if self.sources else ""
+        return f"{_counted(self.kinds)}{sources}, sha256 {self.digest.hexdigest()[:12]}"
+
+
+@dataclass(slots=True)
+class Comparison:
+    """Result of the comparison of a replay with its log."""
+
+    samples: Counter[str] = field(default_factory=Counter)
+    differing: Counter[str] = field(default_factory=Counter)
+    first: Difference | None = None
+    largest: float = 0.0  # greatest difference of two numbers found, relative where they are above 1
+    commands: CommandStream = field(default_factory=CommandStream)
+    restarts: list[str] = field(default_factory=list)  # files that were simulated from their own state, a line each
+    end: float = 0.0  # s, of what was compared last
+    tolerance: float = 0.0  # greatest difference that counts as agreement
+
+    def differ(self, difference: Difference) -> None:
+        """Count a sample that differs."""
+        self.first = self.first or difference
+        self.differing[difference.topic] += 1
+
+
+def _counted(counts: Counter[Any]) -> str:
+    """Text of words with their counts."""
+    return ", ".join(f"{count} {word}" for word, count in counts.items()) or "none"
+
+
+class Joint(Enum):
+    """Kinds of transition of a replay to the next file."""
+
+    GOES_ON = auto()
+    FROM_ITS_STATE = auto()
+    LEFT_OUT = auto()
+
+
+def join(
+    before: LogFile,
+    file: LogFile,
+    simulation: Simulation,
+    advance: Callable[[float], Snapshot],
+    result: Comparison,
+    *,
+    exactly: bool,
+) -> Joint:
+    """Go from one file of a log to the next, by comparing or taking over the attached state.
+
+    A state that is damaged is said; where it is needed, the file is left out.
+
+    Args:
+        before: What has been read.
+        file: What comes next.
+        simulation: Where the file before has ended.
+        advance: Brings the simulation to a time (s), with the commands until then.
+        result: Gets what differs, that the state was taken over, or that it is damaged.
+        exactly: The states have to be equal to the last bit; else they are not compared.
+
+    Returns:
+        Whether the simulation goes on without a break, or from the state of the file, or cannot go on with it.
+    """
+    whole, name = file.follows(before), f"{file.path.name}: {SNAPSHOT_NAME}"
+    try:
+        full = read_full_state(BytesIO(file.snapshot() or b""), name)
+        if not whole:
+            simulation.restore(full)
+    except SnapshotError as error:
+        if not whole:
+            result.restarts.append(
+                f"{file.path.name}: left out, because the data before it is lost and "
+                f"its own state cannot be used: {error}"
+            )
+            return Joint.LEFT_OUT
+        if exactly:
+            result.restarts.append(f"{error}; its state is not compared")
+        return Joint.GOES_ON  # of another version, or damaged, and not needed
+    if not whole:
+        result.end = full.time
+        result.restarts.append(
+            f"{file.path.name}: data before {full.time:.2f} s is lost; the replay continues from the state "
+            "at the start of this file"
+        )
+        return Joint.FROM_ITS_STATE
+    if exactly:
+        advance(full.time)
+        result.samples[SNAPSHOT_NAME] += 1
+        difference = next(_state_differences(full, simulation.capture()), None)
+        if difference is not None:
+            result.differ(difference)
+    return Joint.GOES_ON
+
+
+def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
+    """Bitwise differences of two full states."""
+    for part in ("state", "start"):
+        others = arrays_of(getattr(replayed, part))
+        for name, array in arrays_of(getattr(logged, part)).items():
+            other = others[name]
+            if array.tobytes() != other.tobytes():
+                same = np.array([a.tobytes() == b.tobytes() for a, b in zip(array.flat, other.flat, strict=True)])
+                place = int(np.argmin(same))
+                values = array.flat[place].item(), other.flat[place].item()
+                yield Difference(logged.time, SNAPSHOT_NAME, f"{part}/{name}[{place}]", *values)
+    if (logged.emergency_stopped, logged.commands) != (replayed.emergency_stopped, replayed.commands):
+        yield Difference(logged.time, SNAPSHOT_NAME, "commands in force", logged.commands, replayed.commands)
+
+
+def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
+    """Simulate a log again and compare all numbers of each frame with the logged ones.
+
+    To the last bit, each other message of a frame and the state attached to each file are compared, too. All files are
+    simulated in one go; where something is lost before a file, it goes on from the state attached to it.
 
     Args:
         log: what to replay.
@@ -80,14 +212,12 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     Raises:
         LogError, CommandError, SolverError: it cannot be simulated to its end.
     """
-    # carriers with topics of their own: those that were asked for, and all in logs of format 1
-    layout = simulation.layout
-    frames = FrameNames.of(log.metadata)
-    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=frames)
-    table = topics(layout, own=layout.carriers, tf=True)
-    types = {topic.name: topic.type for topic in table if topic.group or topic.name == DERAILMENTS}
+    layout = simulation.layout  # any carrier may have topics of its own
+    encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=FrameNames.of(log.metadata))
+    decoder = log.row_decoder(layout)
+    exact = [topic for topic in encoder.topics if topic != CLOCK] if tolerance == 0.0 else []
     waiting: deque[AppliedCommand] = deque()
-    result = Comparison(end=simulation.time)
+    result = Comparison(end=simulation.time, tolerance=tolerance)
     task = progress.add_task("replay", total=log.size, simulated="0.0 s") if progress is not None else None
     position = 0
 
@@ -114,7 +244,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
                     continue
                 if how is Joint.FROM_ITS_STATE:
                     waiting.clear()
-            yield from file.messages([*types, APPLIED_COMMANDS], moved, whole=True)
+            yield from file.messages([COLUMNS, APPLIED_COMMANDS, *exact], moved, whole=True)
             before = file
 
     stamp = -1
@@ -125,79 +255,47 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
             result.commands.add(waiting[-1])
             continue
         if stamp_ns != stamp:
-            stamp = stamp_ns
-            time = (stamp_ns - log.epoch_ns) / SECOND
+            stamp, time = stamp_ns, (stamp_ns - log.epoch_ns) / SECOND
             snapshot = advance(time)
             result.end = time
             if progress is not None and task is not None:
                 progress.update(task, completed=position, simulated=f"{time:.1f} s")
         result.samples[topic] += 1
-        ((_, replayed),) = encoder.frame(snapshot, [topic])
-        if replayed == data:
+        if topic == COLUMNS:
+            try:
+                row = decoder.decode(data)
+            except UNREADABLE as error:
+                raise LogError(f"{COLUMNS} at {result.end:.6f} s is unreadable: {one_line(error)}") from error
+            _compare_columns(result, row, snapshot, decoder)
             continue
-        for difference in _differences(topic, types[topic], stamp_ns - log.epoch_ns, data, replayed):
-            if isinstance(difference.logged, float) and isinstance(difference.replayed, float):
-                scale = max(abs(difference.logged), abs(difference.replayed), 1.0)
-                size = abs(difference.logged - difference.replayed) / scale
-                result.largest = max(result.largest, size if math.isfinite(size) else math.inf)
-                if size <= tolerance:
-                    continue
-            result.first = result.first or difference
-            result.differing[topic] += 1
-            break
+        ((_, replayed),) = encoder.frame(snapshot, [topic])
+        if replayed != data:
+            result.differ(Difference(result.end, topic, "message", _digest(data), _digest(replayed)))
     return result
 
 
-def _differences(
-    topic: str, message_type: str, time_ns: int, logged: bytes, replayed: bytes | None
-) -> Iterator[Difference]:
-    """Fields that differ between two messages, decoded."""
-    time = time_ns / SECOND
-    if replayed is None:
-        yield Difference(time, topic, "message", "present", "absent")
+def _compare_columns(result: Comparison, row: Row, snapshot: Snapshot, decoder: RowDecoder) -> None:
+    """Compare the numbers of a logged frame with those of the simulation at its time."""
+    logged, replayed = row.numbers[row.places], snapshot.numbers[row.places]
+    differs = ~((logged == replayed) | (np.isnan(logged) & np.isnan(replayed)))
+    if not differs.any():
         return
-    try:
-        message = decode(logged, message_type)
-    except UNREADABLE as error:
-        raise LogError(f"{topic} at {time:.6f} s is unreadable: {' '.join(str(error).split())}") from error
-    pairs = zip(_leaves(message), _leaves(decode(replayed, message_type)), strict=False)
-    for (place, a), (other_place, b) in pairs:
-        if place != other_place:
-            yield Difference(time, topic, "layout", place, other_place)
-            return
-        if a != b and not (isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)):
-            yield Difference(time, topic, place, a, b)
+    with np.errstate(invalid="ignore"):
+        sizes = np.abs(logged - replayed) / np.maximum(np.maximum(np.abs(logged), np.abs(replayed)), 1.0)
+    sizes[~np.isfinite(sizes)] = math.inf
+    result.largest = max(result.largest, float(sizes[differs].max()))
+    for first in np.flatnonzero(differs & (sizes > result.tolerance))[:1]:
+        place, values = decoder.name(int(row.places[first])), (logged[first].item(), replayed[first].item())
+        result.differ(Difference(result.end, COLUMNS, place, *values))
 
 
-def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """All plain values of a decoded message, with the path to each."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        names = [item.name for item in dataclasses.fields(value)]
-        if "point_step" in names:
-            yield from _points(value)
-            names.remove("data")
-        for name in names:
-            yield from _leaves(getattr(value, name), f"{place}.{name}" if place else name)
-    elif isinstance(value, (list, tuple, np.ndarray)):
-        yield f"{place}.length", len(value)
-        for index, item in enumerate(value):
-            yield from _leaves(item, f"{place}[{index}]")
-    elif isinstance(value, np.generic):
-        yield place, value.item()
-    else:
-        yield place, value
-
-
-def _points(cloud: Any) -> Iterator[tuple[str, float]]:
-    """Values of a PointCloud2 of float32 fields, with their names."""
-    points = np.frombuffer(cloud.data, dtype="<f4").reshape(-1, cloud.point_step // 4)
-    for (row, column), number in np.ndenumerate(points):
-        yield f"point {row}, {cloud.fields[column].name}", float(number)
+def _digest(data: bytes) -> str:
+    return f"sha256 {sha256(data).hexdigest()[:12]}"
 
 
 def origin(log: Log, commands: CommandStream) -> list[str]:
     """Lines about version, scenario and command stream of a log, and about differences of this machine."""
-    here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
+    here = program_metadata()
     made = ", ".join(f"{name} {log.metadata.get(key, 'unknown')}" for key, name in MADE_BY.items())
     other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
     scenario = json.dumps(log.scenario, sort_keys=True).encode()
@@ -233,7 +331,7 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
 
 def made_here(log: Log) -> bool:
     """Whether identical bits can be expected: equal versions, numba, numpy and kind of CPU."""
-    here = run_metadata(scenario="", frame_period=0.0, sample_count=0)
+    here = program_metadata()
     return all(log.metadata.get(key) == here[key] for key in MADE_BY)
 
 

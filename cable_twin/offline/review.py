@@ -29,8 +29,8 @@ from cable_twin.offline.responses import print_responses
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
 from cable_twin.offline.simulate_options import plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log, read_log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.terminal.command_line import OneLineParser, print_line, tell
 from cable_twin.view.web_view import why_not
 

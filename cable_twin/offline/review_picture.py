@@ -65,7 +65,7 @@ class MadeRecording:
 
     def __init__(self, readings: Sequence[Reading]) -> None:
         from cable_twin.offline.comparison_view import ComparisonView  # noqa: PLC0415 - half a second
-        from cable_twin.recording.log_formats import open_view  # noqa: PLC0415
+        from cable_twin.recording.run import open_view  # noqa: PLC0415
 
         names = [reading.name for reading in readings]
         name = _made_name([reading.log for reading in readings])

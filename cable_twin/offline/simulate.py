@@ -35,8 +35,8 @@ from cable_twin.offline.script import (
 from cable_twin.offline.scripted_run import Outcome, simulate, start_of
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, parser, plot_fault, rates_of
 from cable_twin.offline.sweep import sweep
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log, read_log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario

@@ -19,6 +19,7 @@ from cable_twin.messages import (
     nanoseconds,
     refused_command_message,
 )
+from cable_twin.messages.columns import groups_due
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.messages.sensor_messages import SensorOutput
 from cable_twin.recording.run import Run
@@ -35,6 +36,7 @@ class Prepared(NamedTuple):
     stamp_ns: int
     messages: Messages  # all that are due
     taken: tuple[tuple[int, ...], ...]  # numbers of those, for each taker
+    columns: tuple[str, ...]  # groups of columns that the log gets
     split: FullState | None  # where a new file of the log begins with it
 
 
@@ -105,7 +107,7 @@ class FrameOutput:
         if arrived:
             own = tuple(range(len(messages), len(messages) + len(arrived)))
             messages, taken = messages + arrived, tuple((*numbers, *own) for numbers in taken)
-        return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, taken, split)
+        return Prepared(snapshot, self.encoder.stamp_ns(snapshot), messages, taken, groups_due(due.groups[-1]), split)
 
     def record(self, frame: Prepared) -> None:
         """Record a frame, after the start of a new file where due; waits while the backlog exceeds its limit."""
@@ -114,7 +116,8 @@ class FrameOutput:
         recorder = self.run.recorder
         if frame.split is not None:
             recorder.split(frame.split)
-        recorder.record([frame.messages[number] for number in frame.taken[-1]], frame.stamp_ns, frame.snapshot)
+        messages = [frame.messages[number] for number in frame.taken[-1]]
+        recorder.record(messages, frame.stamp_ns, frame.snapshot, frame.columns)
         while recorder.backlog > self._backlog:  # as fast as possible is not faster than the disk
             time.sleep(0.002)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -17,9 +19,13 @@ from rosbags.serde.errors import SerdeError
 
 from cable_twin.messages import APPLIED_COMMANDS, SECOND, TopicNames
 from cable_twin.recording import mcap_records
-from cable_twin.recording.log_metadata import LATEST, LOST_FROM, check_metadata
-from cable_twin.recording.log_versions import LogError
-from cable_twin.recording.log_writer import AFTER_LOSS
+from cable_twin.recording.log_writer import (
+    AFTER_LOSS,
+    FORMAT_VERSION,
+    LOST_FROM,
+    SCENARIO_CHECKSUM,
+    SCENARIO_TEXT,
+)
 from cable_twin.recording.mcap_file import METADATA_NAME, SNAPSHOT_NAME
 from cable_twin.recording.mcap_records import (
     CHUNK,
@@ -42,6 +48,19 @@ LONGEST_GAP = 86400.0  # s of simulated time from one message to the next: a dis
 MOST_TOLD = 5  # pieces of a file that are lost, each in words
 # what a message raises that is not what it says
 UNREADABLE = (*mcap_records.UNREADABLE, SerdeError, AssertionError, IndexError, TypeError, RecursionError)
+
+LATEST = 2**31 * SECOND  # ns since 1970, what the stamp of a message has room for
+NUMBERS = {  # key: lowest and highest, what it is a number of, and whether it may be left out
+    "epoch_ns": (0, LATEST - 1, "nanoseconds", False),
+    "sample_count": (2, 100_000, "points", False),
+    LOST_FROM: (0, LATEST - 1, "nanoseconds", True),
+}
+DIGITS = 19
+SHOWN = 40  # characters of what is given
+
+
+class LogError(ValueError):
+    """File that is no readable log of this package: one line with the file and its fault."""
 
 
 class _Piece(NamedTuple):
@@ -110,6 +129,18 @@ class LogFile:
         """Whether no command is missing between a previous, fully read file and this one."""
         lost = not before.complete or before.commands_lost or AFTER_LOSS in self.metadata
         return not lost and self.number <= before.number + 1
+
+    @property
+    def scenario(self) -> dict[str, Any] | None:
+        """Scenario from the metadata of the file; None where missing or damaged, by a checksum of its own."""
+        text = self.metadata.get(SCENARIO_TEXT, "")
+        if self.metadata.get(SCENARIO_CHECKSUM) != str(zlib.crc32(text.encode())):
+            return None
+        try:
+            scenario = json.loads(text)
+        except (ValueError, RecursionError):
+            return None
+        return scenario if isinstance(scenario, dict) else None
 
     def snapshot(self) -> bytes | None:
         """Read the attached full state from which the file starts, None where that is the start of the scenario.
@@ -278,8 +309,57 @@ def open_file(path: Path) -> LogFile:
     """
     with _open(path) as stream:
         metadata = _metadata(path, stream)
-    check_metadata(path, metadata)
+    _check_metadata(path, metadata)
     return LogFile(path, metadata, int(metadata["epoch_ns"]))
+
+
+def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
+    """Refuse a bag with metadata that do not belong to a run.
+
+    Raises:
+        LogError: with what is given, and what is allowed.
+    """
+    version = metadata.get("format_version", "")
+    if len(version) > DIGITS:
+        raise LogError(f"{file}: format version {_shown(version)}; allowed: a number of {DIGITS} digits at most")
+    _check_format(file, metadata)
+    for key, (low, high, unit, optional) in NUMBERS.items():
+        given = metadata.get(key, "")
+        if not given and optional:
+            continue
+        sound = len(given) <= DIGITS and given.isascii() and given.isdecimal()
+        if not (sound and low <= int(given) <= high):
+            raise LogError(f"{file}: {key} is {_shown(given)}, a whole number of {unit} is expected, {low} to {high}")
+    try:
+        remapped = json.loads(metadata.get("remapped", "{}"))
+    except (ValueError, RecursionError):
+        remapped = None
+    if not isinstance(remapped, dict) or not all(isinstance(name, str) for name in remapped.values()):
+        raise LogError(f"{file}: remapped is {_shown(metadata['remapped'])}, names of topics by others are expected")
+
+
+def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
+    """Refuse an unknown log format, with advice where it is a newer one.
+
+    Raises:
+        LogError: with what the file is, and what is read.
+    """
+    given = metadata.get("format_version", "")
+    if given == FORMAT_VERSION:
+        return
+    if given.isdecimal() and int(given) > int(FORMAT_VERSION):
+        raise LogError(
+            f"{file}: format version {given} is newer than this cable_twin reads ({FORMAT_VERSION}); "
+            f"update cable_twin: the log was made by {metadata.get('package_version', 'an unknown version')}"
+        )
+    raise LogError(
+        f"{file}: format version {given!r}, this cable_twin reads {FORMAT_VERSION}; "
+        f"made by cable_twin {metadata.get('package_version', '(unknown)')}, which replays it"
+    )
+
+
+def _shown(given: str) -> str:
+    return repr(given if len(given) <= SHOWN else f"{given[:SHOWN]}...")
 
 
 def _open(file: Path) -> IO[bytes]:

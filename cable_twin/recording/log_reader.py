@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, scenario_from_message
+from cable_twin.messages.columns import RowDecoder
 from cable_twin.messages.command_messages import applied_command_from_message
-from cable_twin.recording.log_file import UNREADABLE, LogFile, file_number, one_line, open_file
-from cable_twin.recording.log_metadata import scenario_of_metadata
-from cable_twin.recording.log_versions import LogError
+from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, file_number, one_line, open_file
 
 STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: they are one, but for rounding
 
@@ -129,6 +129,13 @@ class Log:
             yield file, None if on_position is None else partial(_add_and_tell, on_position, before)
             before += file.size
 
+    def row_decoder(self, layout: Layout) -> RowDecoder:
+        """Decoder of the columns of frames in a layout; raises LogError where the log has other ones."""
+        try:
+            return RowDecoder(self.metadata, layout)
+        except ValueError as error:
+            raise LogError(f"{self.path}: {error}") from error
+
 
 def _add_and_tell(on_position: Callable[[int], None], before: int, position: int) -> None:
     on_position(before + position)
@@ -197,14 +204,10 @@ def _read_scenario(file: LogFile) -> dict[str, Any]:
                 return scenario_from_message(data)
             except UNREADABLE as error:
                 raise LogError(f"{file.path}: scenario is unreadable: {one_line(error)}") from error
-    scenario = scenario_of_metadata(file.metadata)
-    if scenario is not None and not (empty and not file.damage):
-        return scenario
+    if file.scenario is not None and not (empty and not file.damage):
+        return file.scenario
     if file.damage:
         raise LogError(f"{file.path}: damaged: {file.damage[0]}")
     raise LogError(
         f"{file.path}: " + ("empty: no message was written" if empty else "no scenario in it, cannot be used")
     )
-
-
-__all__ = ["UNREADABLE", "Log", "LogError", "one_line", "read_log"]

@@ -9,7 +9,9 @@ state, each file is enough to repeat what it holds.
 
 from __future__ import annotations
 
+import json
 import platform
+import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,36 +22,21 @@ from typing import Any
 from llvmlite.binding import get_host_cpu_name
 
 from cable_twin.basics.files import sync
+from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
+from cable_twin.messages.columns import columns_metadata
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
-from cable_twin.recording.log_metadata import LOST_FROM, scenario_metadata
-from cable_twin.recording.log_versions import FORMAT_VERSION
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_version
 from cable_twin.recording.splitting import ClosedSize, Splitting, size_of_states
 
+FORMAT_VERSION = "5"
 AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing
+LOST_FROM = "commands_lost_from"  # stamp (ns since 1970) after which commands are missing, of a file that was repaired
+SCENARIO_TEXT, SCENARIO_CHECKSUM = "scenario_text", "scenario_crc32"
 
 
-def run_metadata(
-    *,
-    scenario: str,
-    frame_period: float,
-    sample_count: int,
-    frames: FrameNames | None = None,
-    resolved: Mapping[str, Any] | None = None,
-) -> dict[str, str]:
-    """Metadata about the origin of a run.
-
-    Args:
-        scenario: Name of the scenario.
-        frame_period: s of simulated time between frames.
-        sample_count: Points of the cable in each frame.
-        frames: Names of coordinate frames, where they are not the usual ones.
-        resolved: The whole scenario, for a second copy of it in each file.
-
-    Returns:
-        The metadata for `McapLog`.
-    """
+def program_metadata() -> dict[str, str]:
+    """Metadata about versions and machine, on which the bits of a result depend."""
     return {
         "package_version": package_version("cable_twin"),
         "python_version": platform.python_version(),
@@ -57,11 +44,34 @@ def run_metadata(
         "numba_version": package_version("numba"),
         "machine": f"{platform.system()} {platform.machine()}",
         "cpu": get_host_cpu_name(),  # what the kernels were compiled for
-        "scenario": scenario,
+    }
+
+
+def run_metadata(
+    scenario: Mapping[str, Any], layout: Layout, *, frame_period: float, frames: FrameNames | None = None
+) -> dict[str, str]:
+    """Metadata about the origin of a run.
+
+    Args:
+        scenario: The whole scenario, resolved; a second copy of it with a checksum is in each file, in case the chunk
+            with its message is damaged.
+        layout: Of the frames.
+        frame_period: s of simulated time between frames.
+        frames: Names of coordinate frames, where they are not the usual ones.
+
+    Returns:
+        The metadata for `McapLog`.
+    """
+    text = json.dumps(scenario, ensure_ascii=False)
+    return {
+        **program_metadata(),
+        "scenario": str(scenario.get("name", "")),
         "frame_period": repr(frame_period),
-        "sample_count": str(sample_count),
+        "sample_count": str(layout.arc_lengths.size // len(layout.ropes)),
         **(frames or FrameNames()).metadata,
-        **(scenario_metadata(resolved) if resolved is not None else {}),
+        **columns_metadata(layout),
+        SCENARIO_TEXT: text,
+        SCENARIO_CHECKSUM: str(zlib.crc32(text.encode())),
     }
 
 

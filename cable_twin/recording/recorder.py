@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, Protocol
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, nanoseconds
+from cable_twin.messages.columns import COLUMNS, GROUPS, RowEncoder
 from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.mcap_file import GoneError
 from cable_twin.recording.splitting import MEGABYTE, UNSPLIT, Splitting
@@ -72,6 +73,7 @@ class _Item(NamedTuple):
     messages: Sequence[tuple[str, bytes]]
     stamp_ns: int
     snapshot: Snapshot | None
+    columns: Sequence[str]
     applied: AppliedCommand | None
 
 
@@ -88,6 +90,7 @@ class _LogSink:
         self._log, self._new_directory = log, new_directory
         self.gone = False
         self.may_move = new_directory is not None
+        self._rows: RowEncoder | None = None  # of the layout of the first snapshot
         self.close = log.close
 
     def flush_if_due(self) -> None:
@@ -100,7 +103,13 @@ class _LogSink:
         return f"; readable up to {self._log.safe_until:.2f} s of simulated time, nothing later is written"
 
     def write(self, item: _Item) -> None:
-        for topic, data in item.messages if not self.gone else ():
+        if self.gone:
+            return
+        if item.snapshot is not None:
+            self._rows = self._rows or RowEncoder(item.snapshot.layout)
+            if (row := self._rows.encode(item.snapshot, item.columns)) is not None:
+                self._log.write(COLUMNS, item.stamp_ns, row)  # the first of a frame
+        for topic, data in item.messages:
             self._log.write(topic, item.stamp_ns, data)
 
     def begin(self, beginning: _Beginning, number: int) -> None:
@@ -249,18 +258,25 @@ class Recorder:
         stamp_ns = first.epoch_ns + nanoseconds(full_state.time)
         self._queue.append(_Beginning(first.epoch_ns, stamp_ns, first.scenario, full_state, first=False))
 
-    def record(self, messages: Sequence[tuple[str, bytes]], stamp_ns: int, snapshot: Snapshot | None = None) -> None:
+    def record(
+        self,
+        messages: Sequence[tuple[str, bytes]],
+        stamp_ns: int,
+        snapshot: Snapshot | None = None,
+        columns: Sequence[str] = GROUPS,
+    ) -> None:
         """Queue one frame; returns at once.
 
         Args:
             messages: Pairs of topic and CDR, for the log; not changed afterwards.
             stamp_ns: Stamp (ns since 1970) of all of them.
-            snapshot: The twin at that time, for the view.
+            snapshot: The twin at that time, for the view and, with its columns, for the log.
+            columns: Groups of its columns for the log, of `groups_due`.
         """
         if self._closing or len(self._queue) >= self._capacity:
             self.dropped += 1
         elif self.recording:
-            self._queue.append(_Item(messages, stamp_ns, snapshot, None))
+            self._queue.append(_Item(messages, stamp_ns, snapshot, columns, None))
 
     def record_command(self, applied: AppliedCommand, message: bytes, stamp_ns: int) -> None:
         """Queue an applied command; never dropped, as a replay needs every one.
@@ -273,7 +289,7 @@ class Recorder:
         if self._closing:
             self.dropped += 1
         elif self.recording:
-            self._queue.append(_Item([(APPLIED_COMMANDS, message)], stamp_ns, None, applied))
+            self._queue.append(_Item([(APPLIED_COMMANDS, message)], stamp_ns, None, (), applied))
 
     def close(self) -> None:
         """Write all queued items, close the sinks and end the thread; repeatable, also from a signal handler."""

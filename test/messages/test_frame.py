@@ -40,7 +40,7 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.cdr import STAMP, Template, marks
 from cable_twin.messages.command_messages import applied_command_message
-from cable_twin.messages.templates import Point, Pose, Quaternion, Vector3, Wrench
+from cable_twin.messages.frame import Point, Pose, Quaternion, Vector3, Wrench
 from cable_twin.messages.topics import JointState, Path, PoseArray, PoseStamped, WrenchStamped
 from cable_twin.ros.rviz import static_transforms
 from cable_twin.scenario import load_scenario

@@ -21,13 +21,14 @@ from cable_twin.messages import (
     scenario_message,
     topics,
 )
+from cable_twin.messages.columns import COLUMNS, COLUMNS_TOPIC, GROUPS, RowEncoder
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline import replay
 from cable_twin.offline.review import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import SAMPLES, Simulation
+from cable_twin.simulation import Simulation
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -38,15 +39,15 @@ def whole(tmp_path_factory):
     simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
     resolved = simulation.scenario.resolved()
-    metadata = run_metadata(scenario="single_span", frame_period=0.01, sample_count=SAMPLES, resolved=resolved)
+    metadata = run_metadata(resolved, simulation.layout, frame_period=0.01)
     names = TopicNames("/valley/twin", {"cable": "/rope", "joint_states": "/js"})
-    log = McapLog(directory, topics(simulation.layout), metadata, names=names)
+    log = McapLog(directory, (*topics(simulation.layout), COLUMNS_TOPIC), metadata, names=names)
     log.begin(EPOCH)
-    encoder = MessageEncoder(simulation.layout, EPOCH)
+    encoder, rows = MessageEncoder(simulation.layout, EPOCH), RowEncoder(simulation.layout)
     log.write(SCENARIO, EPOCH, scenario_message(simulation.scenario.resolved()))
     for frame in range(200):
         snapshot = simulation.advance_to(frame * 0.01)
-        for topic, data in encoder.frame(snapshot):
+        for topic, data in ((COLUMNS, rows.encode(snapshot, GROUPS)), *encoder.frame(snapshot)):
             log.write(topic, EPOCH + nanoseconds(snapshot.time), data)
         if frame == 0:
             applied = simulation.apply(Command("speed", {"cabin": 2.0}), "script")

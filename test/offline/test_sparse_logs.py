@@ -115,11 +115,13 @@ def test_log_cut_before_its_first_record_has_the_figures_of_its_frames(sparse, t
     assert KEY_FIGURES not in {topic for topic, *_ in read_log(cut).messages()}
     found = {figure.name: figure.value for figure in reading.figures}
     expected = {figure.name: figure.value for figure in figures_again(sparse[0], round(reading.end, 2))}
-    assert expected.pop("energy lost by the solver, relative") < 0.005  # which frames do not tell
-    assert expected.pop("cabin: passenger's stopping distance") > 0.0  # nor those without poses
+    assert expected.pop("cabin: passenger's stopping distance") > 0.0  # which frames without poses do not tell
     assert found.keys() == expected.keys()
     for name in ("speed", "drive force", "drive power, highest", "swing along the track"):  # known at every frame
         assert found[f"cabin: {name}"] == expected[f"cabin: {name}"]
+    assert found["energy lost by the solver, relative"] == pytest.approx(
+        expected["energy lost by the solver, relative"], rel=0.02
+    )
     for name in ("rope tension, highest", "rope tension, lowest", "end: support load, highest"):
         assert found[name] == pytest.approx(expected[name], rel=0.02)
     assert 0.1 < found["cabin: vehicle acceleration"] <= expected["cabin: vehicle acceleration"]
@@ -180,7 +182,9 @@ def test_logs_of_different_rates_are_compared_where_both_hold_a_signal(sparse, d
     assert found.only_in == (set(), set())
     counts = {"speed/cabin": FRAMES, "swing/cabin/cabin": FRAMES, "contact_force/cabin": 501, "tension/highest": 251}
     assert {name: found.differences[name].count for name in counts} == counts
-    assert {difference.largest for difference in found.differences.values()} == {0.0}
+    differing = {name: one.largest for name, one in found.differences.items() if one.largest}
+    assert differing.keys() <= {"tension/start", "tension/end"}  # of the topic `cable`, in single precision
+    assert max(differing.values()) < 0.1  # N, of 1 MN
 
 
 def test_logs_of_different_frame_rates_are_compared_where_both_have_a_frame(sparse, directory):

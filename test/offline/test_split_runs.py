@@ -23,9 +23,8 @@ from twin_process import wait_until
 from cable_twin.messages import SCENARIO, MessageEncoder, topics
 from cable_twin.offline import replay, review, simulate
 from cable_twin.offline.repair import repair
-from cable_twin.recording.log_file import LogFile
+from cable_twin.recording.log_file import LogError, LogFile
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import UNSPLIT, Splitting
 from cable_twin.scenario import load_scenario
@@ -93,7 +92,7 @@ def test_nothing_is_lost_or_doubled_between_files(split, unsplit):
 def test_files_begin_with_the_frame_of_their_state(split):
     for number, file in enumerate(bags(split)):
         begun = [(topic, stamp) for topic, stamp, _ in read_log(file).messages()]
-        assert begun[:2] == [(SCENARIO, EPOCH + number * 2 * 10**9), ("joint_states", EPOCH + number * 2 * 10**9)]
+        assert begun[:2] == [(SCENARIO, EPOCH + number * 2 * 10**9), ("columns", EPOCH + number * 2 * 10**9)]
     first = read_log(bags(split)[1]).commands[0]
     assert (first.time, first.command) == (2.0, COMMANDS[2.0])  # after the frame of its time
 

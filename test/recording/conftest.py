@@ -6,6 +6,7 @@ import pytest
 from logged_run import LAYOUT, open_log, write_run
 
 from cable_twin.messages import topics
+from cable_twin.messages.columns import COLUMNS_TOPIC
 
 
 @pytest.fixture
@@ -15,7 +16,7 @@ def directory(tmp_path):
 
 @pytest.fixture
 def finished(directory):
-    with_clock = topics(LAYOUT, clock=True)  # a channel without messages
+    with_clock = (*topics(LAYOUT, clock=True), COLUMNS_TOPIC)  # a channel without messages
     log = open_log(directory, with_clock)
     messages = write_run(log, 40)
     log.close()

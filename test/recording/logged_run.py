@@ -16,14 +16,16 @@ from cable_twin.frame.records import (
 )
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, MessageEncoder, scenario_message, topics
+from cable_twin.messages.columns import COLUMNS, COLUMNS_TOPIC, GROUPS, RowEncoder
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.recording.log_writer import McapLog, run_metadata
 
 SAMPLES = 50
 LAYOUT = Layout({"cabin": ("hanger",)}, ("start", "end"), (), np.linspace(0.0, 4.0, SAMPLES))
 EPOCH = 1_700_000_000_123_456_789
-SCENARIO_VALUES = {"description": "Prüfstand", "cable": {"elements": 24}}
-METADATA = run_metadata(scenario="bench", frame_period=0.01, sample_count=SAMPLES, resolved=SCENARIO_VALUES)
+SCENARIO_VALUES = {"name": "bench", "description": "Prüfstand", "cable": {"elements": 24}}
+METADATA = run_metadata(SCENARIO_VALUES, LAYOUT, frame_period=0.01)
+TABLE = (*topics(LAYOUT), COLUMNS_TOPIC)
 
 COMMANDS = [
     AppliedCommand(0.0, Command("speed", {"cabin": 1.5}), "joint_commands"),
@@ -34,7 +36,7 @@ COMMANDS = [
 
 def open_log(directory: Path, table=None, metadata=METADATA, **options) -> McapLog:
     """A log that has begun."""
-    log = McapLog(directory, topics(LAYOUT) if table is None else table, metadata, **options)
+    log = McapLog(directory, TABLE if table is None else table, metadata, **options)
     log.begin(EPOCH)
     return log
 
@@ -49,11 +51,12 @@ def make_snapshot(time: float) -> Snapshot:
 
 def run_messages(frames: int) -> list[tuple[str, int, bytes]]:
     """Scenario, frames at 100 Hz and commands."""
-    encoder = MessageEncoder(LAYOUT, EPOCH)
+    encoder, rows = MessageEncoder(LAYOUT, EPOCH), RowEncoder(LAYOUT)
     messages = [(SCENARIO, EPOCH, scenario_message(SCENARIO_VALUES))]
     waiting = list(COMMANDS)
     for frame in range(frames):
         snapshot = make_snapshot(frame / 100)
+        messages.append((COLUMNS, encoder.stamp_ns(snapshot), rows.encode(snapshot, GROUPS)))
         messages += [(name, encoder.stamp_ns(snapshot), data) for name, data in encoder.frame(snapshot)]
         while waiting and waiting[0].time <= snapshot.time:
             applied = waiting.pop(0)

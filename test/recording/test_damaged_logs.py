@@ -17,8 +17,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 import cable_twin
 from cable_twin.messages import TYPESTORE, decode, scenario_message
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.log_versions import LogError
 
 
 def test_every_cut_is_read_up_to_the_last_whole_chunk(directory):
@@ -179,8 +179,9 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         writer.write(connection, 1, scenario_message({}))
     assert "not a bag made by cable_twin" in complaint(tmp_path / "foreign")
     for name, metadata, words in [
-        ("later", {**METADATA, "format_version": "5"}, "format version 5 is newer than this cable_twin reads (4)"),
-        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this cable_twin reads 4; made by "),
+        ("later", {**METADATA, "format_version": "6"}, "format version 6 is newer than this cable_twin reads (5)"),
+        ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this cable_twin reads 5; made by "),
+        ("earlier", {**METADATA, "format_version": "4"}, "format version '4', this cable_twin reads 5; made by "),
         ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
         ("pointless", {**METADATA, "sample_count": "many"}, "sample_count is 'many', a whole number of points is"),
     ]:
@@ -196,7 +197,7 @@ from pathlib import Path
 from logged_run import *
 from test_recorder import *
 
-log = McapLog(Path(sys.argv[1]), topics(LAYOUT), METADATA)
+log = McapLog(Path(sys.argv[1]), TABLE, METADATA)
 recorder = Recorder(log)
 recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))
 for applied in COMMANDS[:1]:
@@ -244,7 +245,7 @@ from logged_run import *
 from test_recorder import *
 
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-log = McapLog(Path(sys.argv[1]), topics(LAYOUT), METADATA)
+log = McapLog(Path(sys.argv[1]), TABLE, METADATA)
 view = FakeView()
 recorder = Recorder(log, view)
 recorder.begin(EPOCH, 0.0, scenario_message(SCENARIO_VALUES))

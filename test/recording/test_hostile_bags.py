@@ -21,8 +21,8 @@ from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, serialize
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.messages.topics import String
 from cable_twin.offline.review import main as review
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.mcap_records import CHUNK_LIMIT
 
 GIGABYTE = 2**30

@@ -67,7 +67,7 @@ def test_rosbags_opens_the_directory(finished):
             1,
         )
         assert "/clock" in connections
-        assert reader.deserialize(messages[1][2], "sensor_msgs/msg/JointState").name == ["cabin", "cabin_hanger"]
+        assert reader.deserialize(messages[2][2], "sensor_msgs/msg/JointState").name == ["cabin", "cabin_hanger"]
 
 
 def test_rosbags_opens_the_file_alone(finished):

@@ -6,13 +6,13 @@ import threading
 import time
 from pathlib import Path
 
-from logged_run import COMMANDS, EPOCH, LAYOUT, METADATA, SCENARIO_VALUES, make_snapshot
+from logged_run import COMMANDS, EPOCH, LAYOUT, METADATA, SCENARIO_VALUES, TABLE, make_snapshot
 from twin_process import wait_until
 
 from cable_twin.frame.records import (
     AppliedCommand,
 )
-from cable_twin.messages import MessageEncoder, scenario_message, topics
+from cable_twin.messages import MessageEncoder, scenario_message
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.log_writer import McapLog
@@ -60,7 +60,7 @@ def record_run(recorder: Recorder, frames: int) -> None:
 
 def test_recorder_writes_log_and_view(directory):
     view = FakeView()
-    recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA), view)
+    recorder = Recorder(McapLog(directory, TABLE, METADATA), view)
     record_run(recorder, 30)
     wait_until(lambda: recorder.idle and view.flushes >= 1)
     recorder.close()
@@ -77,7 +77,7 @@ def test_recorder_writes_log_and_view(directory):
 
 
 def test_messages_reach_the_disk_where_no_more_follow(directory):
-    log = McapLog(directory, topics(LAYOUT), METADATA)
+    log = McapLog(directory, TABLE, METADATA)
     recorder = Recorder(log)
     record_run(recorder, 10)
     wait_until(lambda: recorder.idle and log.safe_until >= COMMANDS[-1].time)  # which stand before the frames
@@ -87,7 +87,7 @@ def test_messages_reach_the_disk_where_no_more_follow(directory):
 
 def test_a_broken_view_does_not_stop_the_log(directory):
     view = FakeView(broken_after=3)
-    recorder = Recorder(McapLog(directory, topics(LAYOUT), METADATA), view)
+    recorder = Recorder(McapLog(directory, TABLE, METADATA), view)
     record_run(recorder, 20)
     recorder.close()
     assert recorder.faults == ["recording: view stopped: no more paper"]

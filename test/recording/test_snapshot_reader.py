@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
-from bags import alter, bag
+from bags import alter, bag, unchanged
 from test_moving_cable_twin import SHORT
 from twin_process import write_quick_scenario
 
+from cable_twin.frame.rates import EVERY_FRAME, LOGGED, frames_between
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import topics
+from cable_twin.messages.columns import COLUMNS_OF, GROUPS
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import load_scenario, scenario_names
 from cable_twin.simulation import Simulation
 
-LAST_BITS = 1e-15  # rad, rad/s; of sums of joints
 EPOCH = 1_700_000_000_123_456_789  # ns
 SCRIPT = [
     ScriptedCommand(0.0, Command("speed", {"cabin": 4.0}), "script", ""),
@@ -61,87 +65,55 @@ def scenario(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recorded(scenario, tmp_path_factory):
-    """A run of 0.5 s with all of every frame, and its frames as the simulation gives them again."""
-    directory, _ = record(tmp_path_factory.mktemp("recorded"), scenario, SCRIPT, 0.5, rates={})
-    again = Simulation(scenario)
-    waiting = list(SCRIPT)
-    frames = []
-    for frame in range(51):
-        while waiting and waiting[0].time < frame * 0.01:
-            item = waiting.pop(0)
-            again.advance_to(item.time)
-            again.apply(item.command)
-        frames.append(again.advance_to(frame * 0.01))
-    return directory, frames
+    """A run of 0.5 s with all of every frame, and its frames."""
+    return record(tmp_path_factory.mktemp("recorded"), scenario, SCRIPT, 0.5, rates={})
 
 
 def snapshots_of(directory):
     return [item for item in read_snapshots(read_log(directory)) if isinstance(item, Snapshot)]
 
 
-def test_frames_and_commands_come_back_in_order(recorded):
+def frames_due(rates):
+    """Frames from one to the next with each group."""
+    return {group: frames_between(100.0, rates.get(group, EVERY_FRAME)) for group in GROUPS}
+
+
+def assert_held(read, frame, number, due=None) -> None:
+    """What was due comes back to the last bit, else the rope in single precision, and the rest as NaN."""
+    due = due or frames_due(LOGGED)
+    complete = number % due["path"] == 0
+    for name, expected in frame.columns._asdict().items():
+        period = next((due[group] for group, names in COLUMNS_OF.items() if name in names), due["joints"])
+        if not complete and number % period:
+            rope = name in ("rope_position", "rope_tension") and number % due["rope"] == 0
+            expected = expected.astype("f4") if rope else np.full_like(expected, np.nan)  # noqa: PLW2901
+        np.testing.assert_array_equal(getattr(read.columns, name), expected, f"{name}, {read.time} s")
+
+
+def test_frames_and_commands_come_back_in_order_and_to_the_last_bit(recorded):
     directory, frames = recorded
     items = list(read_snapshots(read_log(directory)))
     kinds = [item.command.kind if isinstance(item, AppliedCommand) else type(item).__name__[0] for item in items]
     assert kinds == ["S", "speed", *"S" * 11, "emergency_stop", *"S" * 9, "release", *"S" * 30, "R"]
     assert [item.time for item in items if isinstance(item, AppliedCommand)] == [0.0, 0.115, 0.2]
-    snapshots = [item for item in items if isinstance(item, Snapshot)]
-    assert len(snapshots) == len(frames)
-    for read, frame in zip(snapshots, frames, strict=True):
-        assert read.time == frame.time
-        np.testing.assert_array_equal(read.cable.positions, frame.cable.positions.astype("f4"))
-        np.testing.assert_array_equal(read.cable.tensions, frame.cable.tensions.astype("f4"))
-        np.testing.assert_array_equal(read.cable.arc_lengths, frame.cable.arc_lengths)
-        for name, support in frame.supports.items():
-            np.testing.assert_array_equal(read.supports[name].force, support.force)
-        state, expected = read.carriages["cabin"], frame.carriages["cabin"]
-        assert (state.arc_length, state.speed) == (expected.arc_length, expected.speed)
-        assert state.drive_force == expected.drive_force
-        np.testing.assert_array_equal(state.contact_force, expected.contact_force)
-        np.testing.assert_array_equal(state.position, expected.position)
-        assert list(state.bodies) == list(expected.bodies)
-        for name, body in expected.bodies.items():
-            got = state.bodies[name]
-            assert (got.x, got.z) == (body.x, body.z)
-            assert got.pitch == pytest.approx(body.pitch, abs=LAST_BITS)
-            assert got.angular_velocity[1] == pytest.approx(body.angular_velocity[1], abs=LAST_BITS)
+    for read, frame in zip(snapshots_of(directory), frames, strict=True):
+        np.testing.assert_array_equal(read.numbers, frame.numbers)
+        assert read.solver == frame.solver
 
 
-JOINTS = ("arc_length", "speed", "drive_force", "drive_position", "drive_speed", "moving_cable_force", "attached")
-PLACES = ("joint_position", "body_position", "body_orientation")
-FORCES = ("contact_force", "support_force")
-ROPE = ("rope_position", "rope_tension")
-
-
-def assert_columns(read, frame, names, *, held: bool, single=()) -> None:
-    """What was held comes back to the last bit, of single precision where it is logged so; the rest is NaN."""
-    for name in names:
-        got, expected = getattr(read.columns, name), getattr(frame.columns, name)
-        kept = expected.astype("f4") if name in single else expected
-        np.testing.assert_array_equal(got, kept if held else np.full_like(expected, np.nan), f"{name}, {read.time} s")
-
-
-def test_each_group_is_there_at_its_frames_and_nan_between(scenario, tmp_path):
-    directory, frames = record(tmp_path, scenario, SCRIPT, 0.5)
+@pytest.mark.parametrize(
+    "rates", [LOGGED, {"joints": 50.0, "poses": 0.0, "forces": 10.0, "rope": 25.0, "path": 5.0}], ids=["usual", "given"]
+)
+def test_each_group_is_there_at_its_frames_and_nan_between(scenario, tmp_path, rates):
+    directory, frames = record(tmp_path, scenario, SCRIPT, 0.5, rates=rates)
+    due = frames_due(rates)
     read = snapshots_of(directory)
     assert [one.time for one in read] == [frame.time for frame in frames]
     for number, (got, frame) in enumerate(zip(read, frames, strict=True)):
-        assert_columns(got, frame, JOINTS, held=True)
-        for name in ("body_angles", "body_angular_velocity"):
-            expected = getattr(frame.columns, name)[:, 1]
-            np.testing.assert_allclose(getattr(got.columns, name)[:, 1], expected, rtol=0.0, atol=LAST_BITS)
-        assert_columns(got, frame, (*PLACES, *FORCES), held=number % 5 == 0)  # 20 of 100 Hz
-        assert_columns(got, frame, ROPE, held=number % 10 == 0, single=ROPE)
-
-
-def test_rates_that_are_asked_for_are_those_that_come_back(scenario, tmp_path):
-    rates = {"joints": 50.0, "poses": 0.0, "forces": 10.0, "rope": 25.0}
-    directory, frames = record(tmp_path, scenario, [], 0.2, rates=rates)
-    for number, (got, frame) in enumerate(zip(snapshots_of(directory), frames, strict=True)):
-        assert_columns(got, frame, JOINTS, held=number % 2 == 0)
-        assert_columns(got, frame, PLACES, held=True)
-        assert_columns(got, frame, FORCES, held=number % 10 == 0)
-        assert_columns(got, frame, ROPE, held=number % 4 == 0, single=ROPE)
+        assert_held(got, frame, number, due)
+    for name in ("steps", "iterations", "halvings", "energy_lost", "energy_moved"):
+        logged, taken = (sum(getattr(one.solver, name) for one in run) for run in (read, frames))
+        assert logged == pytest.approx(taken, rel=1e-12), f"{name}: reports are sums since the one before"
 
 
 def test_carriers_come_back_from_their_columns(tmp_path):
@@ -150,26 +122,65 @@ def test_carriers_come_back_from_their_columns(tmp_path):
     named = {topic for topic, *_ in read_log(directory).messages()}
     assert {"carriers/poses", "carriers/forces"} <= named
     assert not [topic for topic in named if topic.startswith("carriages/")]
-    single = ("joint_position", "contact_force", *ROPE)
     for number, (got, frame) in enumerate(zip(snapshots_of(directory), frames, strict=True)):
-        assert_columns(got, frame, JOINTS, held=True)
-        assert_columns(got, frame, (*PLACES, *FORCES), held=number % 5 == 0, single=single)
-        assert_columns(got, frame, ROPE, held=number % 10 == 0, single=single)
+        assert_held(got, frame, number)
 
 
-def test_log_without_forces_reads_as_nan(recorded, tmp_path):
-    old = alter(
-        bag(recorded[0]), tmp_path / "old.mcap", lambda topic, _, data: None if topic.endswith("force") else data
-    )
-    first = next(read_snapshots(read_log(old)))
-    assert np.isnan(first.carriages["cabin"].contact_force).all()
-    assert np.isnan(first.supports["start"].force).all()
-    assert np.isfinite(first.cable.tensions).all()
+@pytest.mark.long
+@pytest.mark.parametrize("name", scenario_names())
+def test_shipped_scenario_comes_back_to_the_last_bit(tmp_path, name):
+    directory, frames = record(tmp_path, load_scenario(name), [], 0.12)
+    for number, (got, frame) in enumerate(zip(snapshots_of(directory), frames, strict=True)):
+        assert_held(got, frame, number)
+
+
+def test_a_stranger_reads_the_columns_by_their_description(recorded):
+    """As docs/logs.md has it: with mcap, numpy and rosbags, and nothing of this program."""
+    directory, frames = recorded
+    page = Path(__file__).parents[2].joinpath("docs", "logs.md").read_text()
+    (example,) = re.findall(r"```python\n(import json.*?)```", page, re.DOTALL)
+    found = {}
+    exec(example.replace("TIME_0.mcap", str(bag(directory))), found)
+    assert found["columns"]["arc_length"] == frames[-1].columns.arc_length
+    np.testing.assert_array_equal(found["columns"]["rope_position"], frames[-1].columns.rope_position)
+    names = found["layout"]["names"]["bodies"]
+    assert names == [*frames[-1].layout.bodies]
+    np.testing.assert_array_equal(found["columns"]["body_angles"][1], frames[-1].columns.body_angles[:, 1])
+
+
+SPEED = '"name": "speed", "unit": "m/s", "shape": [1]'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('"speed"', '"new_speed"', ""),
+        ('"vehicles"', '"cars"', ""),
+        (SPEED, '"name": "speed", "shape": [2]', "speed has the shape (2,); expected: (1,)"),
+        (SPEED, '"name": "speed", "shape": [1e99]', "speed has the shape"),
+        (SPEED, '"name": "other", "shape": [999, 9999]', "9989001 numbers; allowed: 1000000 at most"),
+        ('"groups"', '"other"', "a JSON object with groups of columns is expected"),
+        ("{", "[" * 100_000, "a JSON object with groups of columns is expected"),
+    ],
+    ids=["unknown", "axes", "shape", "no_shape", "many", "none", "deep"],
+)
+def test_columns_of_another_version_are_left_out_and_nonsense_is_named(recorded, tmp_path, old, new, expected):
+    text = read_log(recorded[0]).metadata["columns"]
+    assert old in text
+    text = text.replace(old, new)
+    other = read_log(alter(bag(recorded[0]), tmp_path / "other.mcap", unchanged, metadata={"columns": text}))
+    if expected:
+        with pytest.raises(LogError, match=f"other.mcap: columns are not understood: .*{re.escape(expected)}"):
+            next(read_snapshots(other))
+        return
+    first = next(read_snapshots(other))
+    assert first.columns.arc_length == recorded[1][0].columns.arc_length
+    assert np.isnan(first.columns.speed[0]) == ("new_speed" in text)
 
 
 @pytest.mark.parametrize(
     ("topic", "time"),
-    [("cable", 0.0), ("joint_states", 0.0), ("carriages/cabin/pose", 0.0), ("command", 0.0), ("key_figures", 0.5)],
+    [("columns", 0.0), ("command", 0.0), ("key_figures", 0.5)],
 )
 def test_unreadable_message_is_named_with_topic_and_time(recorded, tmp_path, topic, time):
     broken = alter(

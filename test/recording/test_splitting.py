@@ -5,16 +5,17 @@ from __future__ import annotations
 from errno import ENOSPC
 
 import pytest
-from logged_run import EPOCH, LAYOUT, METADATA, make_snapshot, open_log, run_messages
+from logged_run import EPOCH, LAYOUT, METADATA, TABLE, make_snapshot, open_log, run_messages
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 from small_tramway import TRAMWAY
 
 from cable_twin.messages import SECOND, MessageEncoder, scenario_message, topics
+from cable_twin.messages.columns import COLUMNS_TOPIC
 from cable_twin.recording import mcap_file
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.log_versions import LogError
 from cable_twin.recording.log_writer import McapLog
 from cable_twin.recording.mcap_file import McapFile
 from cable_twin.recording.recorder import Recorder
@@ -93,13 +94,13 @@ def test_directory_is_read_as_one_by_us_and_by_rosbags(directory):
 
 
 def test_metadata_comes_first_in_each_file(directory):
-    log = McapLog(directory, topics(LAYOUT), METADATA)
+    log = McapLog(directory, TABLE, METADATA)
     with pytest.raises(ValueError, match="has not begun"):
         log.write(*run_messages(1)[0])
     log.begin(EPOCH, STATE)
     log.close()
     content = log.path.read_bytes()
-    assert content.index(b"format_version") < content.index(STATE) < 1000
+    assert content.index(b"format_version") < content.index(STATE) < 10_000
 
 
 def test_files_that_lasted_long_enough_go_with_their_recordings(directory):
@@ -212,7 +213,7 @@ def test_disk_without_room_for_the_next_file_leaves_no_empty_one(directory, monk
 
 def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path):
     simulation = Simulation(load_scenario(TRAMWAY))
-    table = topics(simulation.layout)
+    table = (*topics(simulation.layout), COLUMNS_TOPIC)
     log = McapLog(tmp_path / "run", table, METADATA)
     recorder = Recorder(log, splitting=Splitting(split_duration=1.0))
     recorder.begin(EPOCH, 0.0, scenario_message(simulation.scenario.resolved()))
@@ -234,7 +235,7 @@ def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path)
 def test_size_asks_for_one_file_at_a_time(tmp_path):
     """However slow the disk is, and however large the file still is that is being closed."""
     simulation = Simulation(load_scenario(TRAMWAY))
-    log = McapLog(tmp_path / "run", topics(LAYOUT), METADATA)
+    log = McapLog(tmp_path / "run", TABLE, METADATA)
     recorder = Recorder(log, splitting=Splitting(split_duration=0.0, split_size=1.0))
     recorder.begin(EPOCH, 0.0, scenario_message(simulation.scenario.resolved()))
     encoder = MessageEncoder(LAYOUT, EPOCH)

@@ -457,7 +457,7 @@ def test_reruns_own_loader_shows_rope_and_vehicles_of_a_bag(shown, tmp_path):
     pytest.importorskip("rerun")
     simulation, snapshot, *_ = shown
     table = topics(simulation.layout, tf=True, robot=True)
-    log = McapLog(tmp_path / "run", table, run_metadata(scenario="shown", frame_period=0.01, sample_count=200))
+    log = McapLog(tmp_path / "run", table, run_metadata({"name": "shown"}, simulation.layout, frame_period=0.01))
     log.begin(STAMP)
     log.write(ROBOT_DESCRIPTION, STAMP, serialize(String(robot_description(simulation.scenario))))
     log.write(TF_STATIC, STAMP, static_transforms(simulation.scenario, STAMP))

@@ -12,7 +12,7 @@ pytest.importorskip("rerun")
 from drawn_run import column
 from rerun.chunk import RrdReader
 
-from cable_twin.recording.log_formats import open_view
+from cable_twin.recording.run import open_view
 from cable_twin.scenario import load_scenario, scenario_names
 from cable_twin.simulation import Simulation
 from cable_twin.view.labels import apart, label_sizes

@@ -13,7 +13,7 @@ from drawn_run import column
 from rerun.chunk import RrdReader
 
 from cable_twin.messages import MARKERS, MessageEncoder, decode
-from cable_twin.recording.log_formats import open_view
+from cable_twin.recording.run import open_view
 from cable_twin.ros.markers import Markers
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

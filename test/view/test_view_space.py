@@ -17,7 +17,7 @@ from small_tramway import IN_SPACE, TRAMWAY
 
 from cable_twin.frame.records import Command
 from cable_twin.geometry.bodies import body_solid
-from cable_twin.recording.log_formats import open_view
+from cable_twin.recording.run import open_view
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.view.batch import QUIET
