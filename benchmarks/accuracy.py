@@ -1,4 +1,4 @@
-"""What accuracy costs: wall time of one simulated second of the seed example against the error at its end."""
+"""Cost of accuracy: wall time of one simulated second of the seed example against the error at its end."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """What a choice gave."""
+    """Error and cost of one choice."""
 
     choice: Choice
     timing: Timing

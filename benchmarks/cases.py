@@ -1,4 +1,4 @@
-"""What is measured: the example of the paper, and a rope of a kilometre with many carriages."""
+"""Scenarios that are measured: the example of the paper, and a rope of a kilometre with many carriages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far the default scenario is from a finer one: a start, a ride and an emergency stop, over elements and step."""
+"""Error of the default scenario against a finer one: a start, a ride and an emergency stop, over elements and step."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ QUICK_STEPS = (0.005,)
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """What one mesh and step gave at every sample."""
+    """Samples of a ride on one mesh with one step."""
 
     places: FloatArray  # (samples, 3) m, centre of the lowest body
     tension: FloatArray  # (samples,) N, what the upper support holds

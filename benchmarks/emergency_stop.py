@@ -1,4 +1,4 @@
-"""How soon an emergency stop is answered: under floods of messages, bombs, worlds that are loaded, a full disk."""
+"""Time until an emergency stop is answered: under floods of messages, bombs, worlds that are loaded, a full disk."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Case:
 
 
 def cases(quick: bool) -> list[Case]:
-    """What is compared; tolerances are of the size of the error of the step."""
+    """Systems to compare; tolerances are of the size of the error of the step."""
     seed = [Case(f"seed example, {n} elements", seed_example(n), 0.1 if quick else 1.0, 1e-3) for n in (24, 96)]
     sizes = ((100, 10), (200, 10), (200, 40))
     lines = [

@@ -24,7 +24,7 @@ from cable_twin.simulation import Simulation
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """How Exudyn solves: what of it can be chosen and matters here.
+    """Settings of Exudyn's solver that matter here.
 
     Its modified Newton method keeps a Jacobian for some iterations while the residual contracts.
     """

@@ -119,7 +119,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _times(case: Case, contestants: dict[str, Contestant], timings: dict[str, Timing]) -> dict[str, Value]:
-    """What a step of one case costs."""
+    """Cost of a step of one case."""
     steps, spent = round(case.duration / 0.01), {name: timing.processor for name, timing in timings.items()}
     return {
         "case": case.name,
@@ -130,7 +130,7 @@ def _times(case: Case, contestants: dict[str, Contestant], timings: dict[str, Ti
 
 
 def _distances(case: Case, contestants: dict[str, Contestant]) -> dict[str, Value]:
-    """How far the motions of one case are apart."""
+    """Distances between the motions of one case."""
     ours, *others = contestants.values()
     ropes = [float(np.linalg.norm(ours.nodes - other.nodes, axis=1).max()) for other in others]
     pairs = [(place, other.vehicles[name]) for other in others for name, place in ours.vehicles.items()]

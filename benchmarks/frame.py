@@ -1,4 +1,4 @@
-"""What a frame of the twin costs over its solver: `simulate` with and without logs, beside the bare solver.
+"""Cost of a frame of the twin over its solver: `simulate` with and without logs, beside the bare solver.
 
 All contestants are processes that take turns, a piece of simulated time each.
 """
@@ -87,7 +87,7 @@ def _ratios(name: str, times: Mapping[str, Sequence[float]], frames: float) -> d
 def _growth(
     few: Mapping[str, Sequence[float]], many: Mapping[str, Sequence[float]], frames: float
 ) -> list[dict[str, Value]]:
-    """What a frame with all logs costs with few and with many chairs, and how much more that grows than the solver."""
+    """Cost of a frame with all logs, with few and with many chairs, and its growth beyond the solver's."""
     rows: list[dict[str, Value]] = []
     for chairs, times in ((28, few), (112, many)):
         solver, whole = (statistics.median(times[kind]) / frames * 1e6 for kind in ("solver", "all"))

@@ -1,4 +1,4 @@
-"""What one frame of the twin costs, stage by stage, with the code that the node runs."""
+"""Cost of one frame of the twin, stage by stage, with the code that the node runs."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _draw(view: Any, snapshots: list[Snapshot]) -> None:
 
 @contextmanager
 def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] | None]:
-    """What publishes the messages of a frame as the node does, or None without rclpy."""
+    """Publishers of the messages of a frame, as in the node, or None without rclpy."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:
         import rclpy  # noqa: PLC0415 - optional

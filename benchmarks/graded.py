@@ -35,7 +35,7 @@ MOST_ELEMENTS, MOST_COST, MOST_FIGURE, MOST_SHAPE = 40.0, 45.0, 1.0, 5.0  # %, %
 
 @dataclass(frozen=True, slots=True)
 class Trip:
-    """What one mesh makes of the trip."""
+    """Trip on one mesh."""
 
     elements: int
     figures: Mapping[str, float]
@@ -146,7 +146,7 @@ def _trip(name: str, changes: Mapping[str, Any], part: float) -> Trip:
 
 
 def _difference(name: str, mesh: str, trip: Trip, other: Trip) -> dict[str, Value]:
-    """How far two trips are apart."""
+    """Distances between two trips."""
     apart = np.linalg.norm(trip.shapes - other.shapes, axis=2)
     figures = {
         figure: 100.0 * abs(trip.figures[figure] - value) / abs(value)

@@ -1,4 +1,4 @@
-"""What stands in the way of an emergency stop: `python -m benchmarks.hostile LOAD DIRECTORY`, until it is ended."""
+"""Loads against an emergency stop: `python -m benchmarks.hostile LOAD DIRECTORY`, until it is ended."""
 
 from __future__ import annotations
 

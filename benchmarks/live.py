@@ -56,7 +56,7 @@ class Second:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What was measured."""
+    """Measurements of one run."""
 
     minutes: float
     twin: dict[str, float]  # by the names of the diagnostics
@@ -167,7 +167,7 @@ def unexplained(seconds: Sequence[Second], period: float) -> int:
 
 
 def faults(result: Result) -> list[str]:
-    """What is not as it should be, a line each."""
+    """Limits that are missed, a line each."""
     found = []
     if result.unexplained:
         found.append(f"{result.unexplained} missed frames that no stall of the machine explains")

@@ -78,7 +78,7 @@ class BareTimer:
         return float(self._ours.recv())
 
     def summary(self) -> dict[str, float]:
-        """All of it; ends the process."""
+        """Read all of its output; end the process."""
         self._ours.send(None)
         return self._ours.recv()
 
@@ -190,7 +190,7 @@ class Twin:
         self.commands_sent += 1
 
     def _on_joint_states(self, data: bytes) -> None:
-        """How old a frame is where it is taken, as `ros2 topic delay` has it."""
+        """Age of a frame where it is taken, as `ros2 topic delay` has it."""
         now = time.time_ns()
         stamp = STAMP.unpack_from(data, 4)
         self.delays.add(max((now - stamp[0] * SECOND - stamp[1]) / SECOND, 0.0))

@@ -1,4 +1,4 @@
-"""How time is measured: wall time of single calls, medians over rounds in which all contestants take turns."""
+"""Measurement of time: wall time of single calls, medians over rounds in which all contestants take turns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class BenchmarkError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is measured."""
+    """Extent of a measurement."""
 
     quick: bool  # fewer and shorter cases
     repetitions: int
@@ -105,7 +105,7 @@ def note_on_load(timings: list[Timing]) -> str:
 
 
 def machine() -> dict[str, str]:
-    """What the figures belong to."""
+    """Machine and versions that the figures belong to."""
     packages = ("cable_twin", "numba", "numpy", "exudyn")
     return {
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),

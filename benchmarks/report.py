@@ -49,7 +49,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What one part measured."""
+    """Results of one part."""
 
     title: str
     tables: list[Table]
@@ -124,7 +124,7 @@ def _fits(shown: RichTable, console: Console) -> bool:
 
 
 def read(directory: Path) -> dict[str, Any]:
-    """What `directory` has from earlier runs.
+    """Results of earlier runs in `directory`.
 
     Raises:
         OSError: the file cannot be read.

@@ -1,4 +1,4 @@
-"""What several ropes cost: one to eight of them, alone and with rods between, whole lifts, and the pantograph."""
+"""Cost of several ropes: one to eight of them, alone and with rods between, whole lifts, and the pantograph."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def ropes(count: int, kind: str) -> Scenario:
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """All of them, in turns."""
+    """Measure all cases in turns."""
     counts = COUNTS[:2] if effort.quick else COUNTS
     duration = 0.1 if effort.quick else DURATION
     cases = {(n, kind): ropes(n, kind) for n in counts for kind in KINDS if n > 1 or kind == "alone"}

@@ -1,4 +1,4 @@
-"""What space costs: each shipped ropeway as it is and with `space: 3`, on the same mesh and step, in turn."""
+"""Cost of space: each shipped ropeway as it is and with `space: 3`, on the same mesh and step, in turn."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Turn:
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """All shipped ropeways."""
+    """Measure all shipped ropeways."""
     names = ["single_span"] if effort.quick else [*TRIPS]
     turns = 4 if effort.quick else 8 * effort.repetitions
     task = progress.add_task("plane and space", total=len(names) * turns)

@@ -33,7 +33,7 @@ class Case:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """What `frame_process` takes."""
+        """Arguments of `frame_process`."""
         return (self.scenario, self.drive, str(self.speed), *self.changes)
 
 

@@ -1,4 +1,4 @@
-"""What the control experiments share: a link to the running twin, speed plans, and the swing modes of a vehicle.
+"""Common parts of the control experiments: a link to the running twin, speed plans, and the swing modes of a vehicle.
 
 A controller is a function from what `joint_states` says to a speed. It is called at the times of the stamps, so that an
 experiment gives the same whatever the pacing of the twin is (`sim --real-time-factor 4`).
@@ -30,7 +30,7 @@ REST = 1e-3  # m/s
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What the twin publishes of one carriage."""
+    """Motion of one carriage as the twin publishes it."""
 
     time: float  # s of simulated time since the experiment began
     arc_length: float  # m
@@ -94,7 +94,7 @@ class Link:
                 )
 
     def _missing(self) -> list[str]:
-        """What has not come yet of a twin."""
+        """Parts of a twin that have not come yet."""
         there = {
             "no listener to joint_commands": self._publisher.get_subscription_count(),
             "no scenario": self.scenario,

@@ -48,7 +48,7 @@ def pages() -> list[Path]:
 
 
 def pictures() -> dict[str, Picture]:
-    """All pictures that a block of commands makes, by name.
+    """Pictures that blocks of commands make, by name.
 
     Raises:
         ValueError: two blocks make the same one.
@@ -105,7 +105,7 @@ def sign(picture: Path, commands: str, output: str) -> None:
 
 
 def signature(picture: Path) -> Mapping[str, str]:
-    """What `sign` wrote: "commands" and "output"."""
+    """Texts that `sign` wrote: "commands" and "output"."""
     with Image.open(picture) as image:
         image.load()
         return dict(image.info)

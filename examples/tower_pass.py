@@ -64,7 +64,7 @@ class Calm:
         return self.beyond(options) <= 1.0
 
     def beyond(self, options: argparse.Namespace) -> float:
-        """How often the larger of both goes into its limit."""
+        """Share of its limit that swing or acceleration takes, the larger one."""
         return max(self.swing / options.swing_limit, self.acceleration / options.acceleration_limit)
 
     def __str__(self) -> str:

@@ -35,6 +35,3 @@ class Case:
 
     content: bytes
     suffix: str  # of the file's name
-
-
-__all__ = ["DONE", "FUZZERS", "REFUSED", "Case"]

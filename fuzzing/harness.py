@@ -20,7 +20,7 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.strategies import SearchStrategy
 
-from fuzzing import DONE, REFUSED, Case
+from fuzzing import Case
 from fuzzing.child import MEMORY, READY, ROOT, TRACEBACK, place_of
 
 SEEDS = Path(__file__).parent / "seeds"
@@ -34,7 +34,7 @@ BEFORE = 5  # cases before one that ended the child, which are kept with it
 
 @dataclass(frozen=True)
 class Limits:
-    """What a case may take."""
+    """Time and memory that a case may take."""
 
     seconds: float = 30.0
     memory: int = 4 * 2**30  # bytes
@@ -52,7 +52,7 @@ class Finding:
 
 @dataclass
 class Counts:
-    """What came of the cases of a fuzzer."""
+    """Outcomes of the cases of a fuzzer."""
 
     kinds: Counter[str] = field(default_factory=Counter)
     findings: list[Finding] = field(default_factory=list)  # one a place
@@ -296,6 +296,3 @@ def _stack_place(text: str) -> str:
     lines = (below.partition("\n\n")[0] if current else stack).splitlines()
     own = [line.strip() for line in lines if str(ROOT / "cable_twin") in line]
     return " < ".join([f"{first}: {own[0]}", *own[1:3]]).replace(f"{ROOT}/", "") if own else first
-
-
-__all__ = ["DONE", "FINDINGS", "REFUSED", "SEEDS", "Counts", "Finding", "Limits", "fuzz", "replay"]

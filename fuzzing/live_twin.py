@@ -31,11 +31,11 @@ class NoAnswerError(AssertionError):
 
 
 class PrintedError(AssertionError):
-    """It has printed a traceback, or a control character."""
+    """The twin has printed a traceback, or a control character."""
 
 
 class NotFiniteError(AssertionError):
-    """It has published a number that is not finite."""
+    """The twin has published a number that is not finite."""
 
 
 class LiveTwin:
@@ -137,7 +137,7 @@ class LiveTwin:
         self.until(lambda: b" runs at " in self._output.read_bytes(), "the twin", STARTED)
 
     def _look(self) -> None:
-        """At process, memory and what it has printed since."""
+        """Look at process, memory and output since the last call."""
         ended = self._process.poll()
         new = self._output.read_bytes()[self._read :]
         self._read += len(new)
@@ -171,6 +171,3 @@ class LiveTwin:
 
 def _die_with_parent() -> None:
     ctypes.CDLL(None).prctl(DIE_WITH_PARENT, signal.SIGKILL)
-
-
-__all__ = ["LiveTwin", "NoAnswerError", "NotFiniteError", "PrintedError", "TwinEndedError"]

@@ -84,7 +84,7 @@ def _sound(name: str) -> str:
 
 @cache
 def twin() -> LiveTwin:
-    """What takes them."""
+    """Twin that takes the messages."""
     return LiveTwin(
         [SCENARIO, "--rerun", "none", "--keep-size", "200", "--split-size", "50"], ("joint_states", "applied_commands")
     )

@@ -105,7 +105,7 @@ def _parameters(draw: Callable[..., Any]) -> list[Any]:
 
 @cache
 def twin() -> LiveTwin:
-    """What takes them; beside it are the files that are named."""
+    """Twin that takes the operations; beside it are the files that they name."""
     made = Path.cwd() / "scenarios"
     shutil.rmtree(made, ignore_errors=True)  # of a process before
     made.mkdir()
@@ -121,7 +121,7 @@ def prepare() -> None:
 
 
 def run(file: Path) -> str:
-    """Do it all, and look whether the twin runs on, answers and is sound."""
+    """Carry out all operations, and look whether the twin runs on, answers and is sound."""
     taken = [_do(operation) for operation in json.loads(file.read_text(encoding="utf-8"))]
     set_bool = import_module("std_srvs.srv").SetBool
     twin().call(set_bool, "pause", data=False)
@@ -132,7 +132,7 @@ def run(file: Path) -> str:
 
 
 def _do(operation: dict[str, Any]) -> bool:
-    """One operation; whether the twin took it."""
+    """Carry out one operation; returns whether the twin took it."""
     services = import_module("rcl_interfaces.srv")
     if "call" in operation:
         kind, switched = SERVICES[operation["call"]]
@@ -162,7 +162,7 @@ def _do(operation: dict[str, Any]) -> bool:
 
 
 def _located(name: str, kind: str, value: Any) -> tuple[str, str, Any]:
-    """The same, with the files beside the twin where they are."""
+    """Parameter with the whole path of a file that lies beside the twin."""
     if isinstance(value, str) and value in ("pipe.yaml", "link.yaml"):
         value = str(Path.cwd() / "scenarios" / value)
     return name, kind, value

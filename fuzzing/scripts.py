@@ -62,7 +62,7 @@ def _cell(value: Any) -> str:
 
 @cache
 def simulations() -> list[tuple[Any, Any]]:
-    """What scripts are for, each with the state from which they begin."""
+    """Simulations to which scripts are given, each with the state from which they begin."""
     from cable_twin.scenario import load_scenario  # noqa: PLC0415 - the parent needs no program
     from cable_twin.simulation import Simulation  # noqa: PLC0415
 

@@ -104,7 +104,7 @@ def _changed_shape(draw: Callable[..., Any], name: str, array: Any) -> dict[str,
 
 @cache
 def simulations() -> list[Any]:
-    """One of each scenario, into which files go that are of it."""
+    """Simulation of each scenario, for the files of that scenario."""
     from cable_twin.scenario import load_scenario  # noqa: PLC0415
     from cable_twin.simulation import Simulation  # noqa: PLC0415
 
@@ -118,7 +118,7 @@ def prepare() -> None:
 
 
 def run(file: Path) -> str:
-    """Go on from it as `simulate --snapshot` does, and look at what is published."""
+    """Go on from a file as `simulate --snapshot` does, and look at what is published."""
     from cable_twin.key_figures import KeyFigures  # noqa: PLC0415
     from cable_twin.scenario import ScenarioError  # noqa: PLC0415
     from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError  # noqa: PLC0415

@@ -87,6 +87,6 @@ def case(
 
 
 def load_cases(modules: Iterable[str] = MODULES) -> list[Case]:
-    """All cases, or those of some modules, in their order; with the JIT off, those that can be run without it."""
+    """Cases of all or some modules in their order; with the JIT off, those that can be run without it."""
     loaded = {importlib.import_module(f"verification.{module}").__name__ for module in modules}
     return [one for one in CASES if one.run.__module__ in loaded and (JIT or not one.needs_jit)]

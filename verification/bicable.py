@@ -173,7 +173,7 @@ def unstrained_places(simulation: Simulation) -> dict[str, list[float]]:
 
 @case("bicable lift, balance of energy", "first law", needs_jit=True, long=True)
 def bicable_energy() -> Iterator[Result]:
-    """What the drive gives on the way from station to station, of four cabins, beside the energy of all that moves."""
+    """Work of the drive between the stations, with four cabins, beside the energy of all that moves."""
     simulation = Simulation(load_scenario(lift(first=25.0)), samples=2)
     simulation.command("motor", speed=5.0)
     before, work, power, largest, stored = simulation.energy().total, 0.0, 0.0, 0.0, 0.0

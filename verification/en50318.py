@@ -85,7 +85,7 @@ def wire(name: str, length: float, elements: Any, loads: list[dict[str, Any]]) -
 
 
 def supports(rope: str | None = None) -> dict[str, Any]:
-    """What the messenger lies on: rigid upwards, free along."""
+    """Supports of the messenger: rigid upwards, free along."""
     own = {"stiffness": 5e6, "friction": 0.0, "kind": "saddle"} | ({"rope": rope} if rope else {})
     return {f"support_{k}": {"position": [k * SPAN, WIRES["messenger"][3]], **own} for k in range(1, SPANS)}
 

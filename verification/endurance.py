@@ -41,7 +41,7 @@ WARM = 0.2  # part of the run after which memory is looked at
 
 @dataclass(frozen=True)
 class Endurance:
-    """What a long run showed; each pair is the first and the last quarter of it."""
+    """Results of a long run; each pair is of its first and its last quarter."""
 
     hours: float  # simulated
     wall_time: float  # s

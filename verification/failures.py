@@ -41,7 +41,7 @@ WITHOUT_JOURNAL = 2  # what is not on the disk is gone, as when the power goes
 
 @dataclass
 class Loss:
-    """What one failure did."""
+    """Losses of one failure."""
 
     failure: str
     said: str = ""  # by the node, a line

@@ -36,7 +36,7 @@ def span(drive: dict[str, Any], **changes: Any) -> Simulation:
 
 
 def carried(tension: float, height: float) -> float:
-    """What a rope at rest keeps along itself of a tension (N) at a height (m): ∫ of dT (1 + T/EA) = ρ g dz."""
+    """First integral (N) of a rope at rest, of its tension (N) and height (m): ∫ of dT (1 + T/EA) = ρ g dz."""
     return tension * (1.0 + 0.5 * tension / TRACK["axial"]) - TRACK["mass_per_length"] * GRAVITY * height
 
 

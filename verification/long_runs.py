@@ -233,7 +233,7 @@ def chairlift_hour(share: float, shown: Callable[..., None]) -> str:
 
 
 class Extremes:
-    """What a stop does, from its first frame on."""
+    """Extremes of a stop, from its first frame on."""
 
     def __init__(self, first: Snapshot) -> None:
         self._places = [first.carriages[name].arc_length for name in first.layout.carriages]

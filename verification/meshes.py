@@ -114,7 +114,7 @@ def roll(elements: int | tuple[float, float, float]) -> tuple[Array, Array]:
 
 
 def lacking(count: int, place: float) -> float:
-    """How much higher a force on a taut string hangs on cubic elements than on the string itself, in l F / T.
+    """Height (l F / T) by which a force on cubic elements hangs above one on the taut string itself.
 
     `place` is that of the force in elements from an end; the string has `count` of them, of length 1, T = F = 1.
     """

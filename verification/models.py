@@ -145,7 +145,7 @@ def changing(simulation: Simulation) -> Iterator[State]:
 
 @lru_cache(maxsize=1)
 def _room(simulation: Simulation) -> tuple[State, Workspace]:
-    """One of each for all calls of kernels, as new ones take milliseconds to hand over."""
+    """State and workspace for all calls of kernels, as new ones take milliseconds to hand over."""
     return simulation.capture().state, allocate_workspace(simulation.system)
 
 

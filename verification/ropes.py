@@ -105,7 +105,7 @@ def tension_beside_clamp() -> Iterator[Result]:
 
 @case("carriage pulled by a haul rope, balance of energy", "first law", needs_jit=True)
 def clamp_energy() -> Iterator[Result]:
-    """What the drive of the haul rope gives beside the energy of both ropes and the carriage, over several nodes.
+    """Work of the drive of the haul rope beside the energy of both ropes and the carriage, over several nodes.
 
     The haul rope moves along itself by its equations, but between two points: it has no bullwheels here.
     """

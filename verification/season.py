@@ -32,7 +32,7 @@ WARM = 0.25  # part of the run after which memory is looked at
 
 @dataclass(slots=True)
 class Season:
-    """What a long run showed."""
+    """Results of a long run."""
 
     hours: float
     frame_rate: float  # Hz

@@ -70,7 +70,7 @@ def plane_in_space() -> Iterator[Result]:
 
 @case("a system turned about z", "invariance under rotation", needs_jit=True)
 def turned_system() -> Iterator[Result]:
-    """The same cabin in oblique wind, rope and wind turned by 0.7 rad: at rest, and after five seconds."""
+    """A cabin in oblique wind beside one with rope and wind turned by 0.7 rad: at rest, and after five seconds."""
     turn = tangent_frame(OBLIQUE)
     wind, end = np.array([3.0, 12.0, 0.0]), np.array([200.0, 0.0, 10.0])
     straight = span(start=(0.0, 0.0, 0.0), end=tuple(end), air={"wind": wind.tolist()})
