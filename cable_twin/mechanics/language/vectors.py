@@ -70,6 +70,12 @@ def product(a: Vec | Mat, b: Vec | Mat) -> Vec | Mat:
 
 
 @formula
+def linear(a: Mat, x: Vec, b: Mat, y: Vec, c: Vec) -> Vec:
+    """Vector c + a x + b y."""
+    return c + (a @ x + b @ y)
+
+
+@formula
 def outer(c: float, a: Vec, b: Vec) -> Mat:
     """Matrix c a bᵀ."""
     return Mat(Vec(c * x * y for y in b) for x in a)

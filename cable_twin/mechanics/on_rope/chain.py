@@ -12,6 +12,8 @@ body above. One matrix of rotations a body is inverted, which is a number in a p
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -27,17 +29,18 @@ from cable_twin.mechanics.language.rotations import (
     orientation,
     set_upright,
 )
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     accumulate,
     add_scaled,
     block,
+    linear,
     load,
     outer,
     product,
     scale,
     store,
     subtract,
-    transpose,
 )
 from cable_twin.mechanics.on_rope.hinge import (
     accelerate_held,
@@ -141,12 +144,8 @@ def joint_accelerations(carriages, state, carriage, feedback, cable, above, work
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         upper, lower = carriages.upper_pivot[body], carriages.lower_pivot[body]
         axes, spin = axes_of(state, body, like), spin_of(state.bodies.velocity, body, like)
-        towards = cross(spin, cross(spin, arm_to(axes, upper, like)))
-        apart = subtract(position, pivot_position(state, body, upper, like))
-        moving = subtract(velocity, pivot_velocity(state, body, upper, like))
-        gap = add_scaled(
-            2.0 * feedback, moving, add_scaled(feedback * feedback, apart, subtract(acceleration, towards))
-        )
+        there = pivot_position(state, body, upper, like), pivot_velocity(state, body, upper, like)
+        gap = joint_acceleration((position, velocity, acceleration), there, arm_to(axes, upper, like), spin, feedback)
         store(gap, work.joint_gap[body])
         first = body == carriages.body_offset[carriage]
         accelerate_held(state, body, first, above, turning, feedback, work.held_gap[body])
@@ -155,40 +154,132 @@ def joint_accelerations(carriages, state, carriage, feedback, cable, above, work
         acceleration = cross(spin, cross(spin, arm_to(axes, lower, like)))
 
 
-@inlined_kernel
-def balance(carriages, gravity, state, body, arms, joints, factors, work):
-    """Residual force (dim,) and moment (turns,) of a body, and derivative of its moment by its rotation.
+@formula
+def joint_acceleration(above, pivot, arm, spin, feedback):
+    """Right side γ of a joint: Φ_ddot of its gap Φ by velocities alone, + 2 f Φ_dot + f² Φ with a feedback f (1/s)."""
+    (position, velocity, acceleration), (own_position, own_velocity) = above, pivot
+    gap, gap_rate = position - own_position, velocity - own_velocity
+    return 2.0 * feedback * gap_rate + (feedback * feedback * gap + (acceleration - cross(spin, cross(spin, arm))))
 
-    Takes its arms to both pivots, the force and moment at the lower one and the moment at the upper one, and the
-    factors of `assemble`.
+
+class ChainImpedance(NamedTuple):
+    """Impedance of a chain at a pivot: force and moment Δ(λ, m) = D Δ(p, θ) + b, θ the rotation of the body above."""
+
+    pp: Any  # (dim²) N/m, force by displacement
+    pt: Any  # (dim turns) N, force by rotation
+    tp: Any  # (turns dim) N, moment by displacement
+    tt: Any  # (turns²) N m, moment by rotation
+    b: Any  # (dim,) N
+    b_turn: Any  # (turns,) N m
+
+
+class Rotation(NamedTuple):
+    """Rotation of a body by the motion of its upper pivot: -(by_place p + by_above θ + least)."""
+
+    by_place: Any  # (turns dim) rad/m
+    by_above: Any  # (turns²)
+    least: Any  # (turns,) rad
+
+
+class Condensed(NamedTuple):
+    """Equations of a body with the chain below it, before its rotation is eliminated: symbols of theory.md."""
+
+    mass: Any  # m' (dim²), with the drag
+    column: Any  # y: force by the rotation of the body
+    row: Any  # moment by the displacement of its upper pivot
+    stiff: Any  # S: moment by its rotation, without its hinge
+    residual: Any  # R of its centre of mass, with the gap of its joint closed
+    below: Any  # b of the chain below, with that gap closed
+    right: Any  # h: residual of its moment
+
+
+@formula
+def without_chain(like):
+    """Impedance below the last body: none."""
+    still = no_turn(like)
+    nothing = 0.0 * like
+    square, wide = outer(0.0, like, like), outer(0.0, like, still)
+    return ChainImpedance(square, wide, outer(0.0, still, like), outer(0.0, still, still), nothing, still)
+
+
+@formula
+def balance(mass, accelerated, gyration_moment, arms, force, below, moments, drag):
+    """Residuals of a body: M q_ddot - Q less force and moment at its upper pivot, plus those at its lower one.
+
+    Args:
+        mass: m, kg.
+        accelerated: c_ddot - g (dim,), m/s².
+        gyration_moment: J ω_dot + ω x J ω (turns,), N m.
+        arms: t_u, t_l (dim,) from the centre of mass to both pivots, m.
+        force: λ (dim,) at the upper pivot, N.
+        below: λ' (dim,) at the lower pivot, N.
+        moments: m and m' (turns,) at both, N m.
+        drag: (dim,) N.
     """
-    like, still, mass = gravity, no_turn(gravity), carriages.mass[body]
-    up, low = arms
-    below, below_moment, moment_above = joints
-    force = load(state.multipliers[body], like)
-    inertia = inertia_of(carriages.inertia, body, axes_of(state, body, like), like)
-    spin = spin_of(state.bodies.velocity, body, like)
-    turning = spin_of(state.bodies.acceleration, body, like)
-    inert, stiff = gyration(inertia, spin, turning, load(work.turned[body], still), factors[0], factors[1], factors[2])
-    residual = scale(mass, subtract(load(state.bodies.acceleration[body], like), gravity))
-    residual = add_scaled(1.0, below, subtract(subtract(residual, force), load(work.body_drag[body], like)))
-    residual_turn = add_scaled(1.0, moment(low, below), subtract(inert, moment(up, force)))
-    return residual, add_scaled(1.0, below_moment, subtract(residual_turn, moment_above)), stiff
+    (up, low), (upper_moment, lower_moment) = arms, moments
+    # R_c = m (c_ddot - g) - λ + λ' - drag
+    residual = below + (mass * accelerated - force - drag)
+    # R_θ = J ω_dot + ω x J ω - t_u x λ + t_l x λ' - m + m'
+    turning = moment(low, below) + (gyration_moment - moment(up, force))
+    return residual, lower_moment + (turning - upper_moment)
+
+
+@formula
+def condense_body(mass, drag_turning, arms, gap, residuals, stiff, chain):
+    """Equations of a body and the chain below it, by displacement p of its upper pivot and its own rotation θ.
+
+    Closing the gap g of its joint moves centre and lower pivot by p + g + v θ and p + g + w θ.
+    """
+    (up, low), (residual, turning) = arms, residuals
+    v, w = -by_turn(up), by_turn(low) - by_turn(up)
+    # b^ = b' + D' g,  R^ = R_c + m' g
+    below, below_turn = chain.pp @ gap + chain.b, chain.tp @ gap + chain.b_turn
+    closed = residual + mass @ gap
+    # y = m' v + D' w: the rotation of the body takes along the chain below it
+    turned, carried = drag_turning + mass @ v, chain.pp @ w + chain.pt
+    column = turned + carried
+    row = v.T @ mass + (w.T @ chain.pp + chain.tp)
+    # S = mu_M J + mu_K G + v^T m' v + w^T D' w
+    stiff = stiff + v.T @ turned + w.T @ carried + (chain.tp @ w + chain.tt)
+    # h = R_θ + v^T R^ + w^T b^
+    right = w.T @ below + (below_turn + (turning + v.T @ closed))
+    return Condensed(mass, column, row, stiff, closed, below, right)
+
+
+@formula
+def free_rotation(body, hinge_by_turn, hinge_by_above):
+    """Rotation of a body without constraints, θ = -(S + η)⁻¹ (row p - η_above θ_above + h), and that inverse."""
+    inverse = inverse_of(body.stiff + hinge_by_turn)
+    return Rotation(inverse @ body.row, -(inverse @ hinge_by_above), inverse @ body.right), inverse
+
+
+@formula
+def impedance_of(body, chain, hinge_by_turn, hinge_by_above, rotation, held):
+    """Impedance of a chain at the upper pivot of a body, its rotation eliminated.
+
+    D = D' + m' - y θ_p,  b = b^ + R^ - y θ_0, and in the rows of the moment the hinge η with constraint moments.
+    """
+    by_place, by_above, least = rotation
+    return ChainImpedance(
+        body.mass + chain.pp - body.column @ by_place,
+        -(body.column @ by_above),
+        add_held(hinge_by_turn @ by_place, held.by_place),
+        add_held(hinge_by_turn @ by_above + hinge_by_above, held.by_above),
+        body.residual + (body.below - body.column @ least),
+        add_held(hinge_by_turn @ least, held.least),
+    )
 
 
 @kernel
 def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
     """Eliminate all bodies of a carriage; leaves D and b of its cable joint in row body_offset[carriage].
 
-    Needs `joint_gap`, and how the cable is turned at the joint, `above` (`hinge.Above`). The equations of a body are
-    M q_ddot - Q = λ, m at its upper pivot less λ, m at its lower one.
+    Needs `joint_gap`, and the orientation of the cable at the joint, `above` (`hinge.Above`). From the last body
+    upwards: its residuals and tangents, its equations with the chain below, and the impedance of both at its pivot.
     """
     like, still = gravity, no_turn(gravity)
     first, end = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
-    # of what hangs below: force and moment by the place of the pivot and by the turn of this body, and now
-    pp, pt = outer(0.0, like, like), outer(0.0, like, still)
-    tp, tt = outer(0.0, still, like), outer(0.0, still, still)
-    b, b_turn = scale(0.0, like), still
+    chain = without_chain(like)
     below, below_moment = scale(0.0, like), still
     for body in range(end - 1, first - 1, -1):
         mass, axes = carriages.mass[body], axes_of(state, body, like)
@@ -197,67 +288,63 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
         up, low = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)
         if body == end - 1:
             low = scale(0.0, low)
-        joints = below, below_moment, joint.moment
-        residual, residual_turn, stiff = balance(
-            carriages, gravity, state, body, (up, low), joints, (mass_factor, rate_factor, stiffness_factor), work
+
+        # M q_ddot - Q - forces and moments at both pivots, and its derivative by the rotation: mu_M J + mu_K G
+        inert, stiff = gyration(
+            inertia_of(carriages.inertia, body, axes, like),
+            spin_of(state.bodies.velocity, body, like),
+            spin_of(state.bodies.acceleration, body, like),
+            load(work.turned[body], still),
+            mass_factor,
+            rate_factor,
+            stiffness_factor,
         )
+        accelerated = subtract(load(state.bodies.acceleration[body], like), gravity)
+        drag = load(work.body_drag[body], like)
+        residuals = balance(mass, accelerated, inert, (up, low), force, below, (joint.moment, below_moment), drag)
         geometric = subtract(moment_by_turn(low, below), moment_by_turn(up, force))
         stiff = add_scaled(stiffness_factor, geometric, stiff)
 
-        # centre of mass and lower pivot by the turn, upper pivot held
-        by_up, down = scale(-1.0, by_turn(up)), subtract(by_turn(low), by_turn(up))
-        row_up, row_down = transpose(by_up), transpose(down)
-        gap = load(work.joint_gap[body], like)
-        m = block(1.0, load(work.body_drag_tangent[body], pp), mass_factor * mass)
-        on = add_scaled(1.0, residual, product(m, gap))
-        b = add_scaled(1.0, product(pp, gap), b)
-        b_turn = add_scaled(1.0, product(tp, gap), b_turn)
-        m_up = add_scaled(1.0, load(work.body_drag_turning[body], pt), product(m, by_up))
-        carried = add_scaled(1.0, product(pp, down), pt)  # the turn takes along what is below
-        column = add_scaled(1.0, m_up, carried)  # force by the turn
-        row = add_scaled(1.0, product(row_up, m), add_scaled(1.0, product(row_down, pp), tp))
-        stiff = add_scaled(1.0, product(row_up, m_up), stiff)
-        stiff = add_scaled(1.0, product(row_down, carried), stiff)
-        stiff = add_scaled(1.0, add_scaled(1.0, product(tp, down), tt), stiff)
-        right = add_scaled(1.0, product(row_up, on), residual_turn)
-        right = add_scaled(1.0, product(row_down, b), add_scaled(1.0, b_turn, right))
+        # the body with the chain below it, theory.md "Elimination"
+        heavy = block(1.0, load(work.body_drag_tangent[body], chain.pp), mass_factor * mass)
+        turning, gap = load(work.body_drag_turning[body], chain.pt), load(work.joint_gap[body], like)
+        condensed = condense_body(heavy, turning, (up, low), gap, residuals, stiff, chain)
 
-        # the turn is -(by_place p + by_above θ + least), with what its joint holds
-        inverse = inverse_of(add_scaled(1.0, joint.by_turn, stiff))
-        by_place, by_above = product(inverse, row), scale(-1.0, product(inverse, joint.by_above))
-        least = product(inverse, right)
-        by_place, by_above, least, held = hold(joint, inverse, by_place, by_above, least, work.held_gap[body])
-        keep_turn((by_place, by_above, least), held, body, work)
+        # its rotation, within the constraints of its joint
+        rotation, inverse = free_rotation(condensed, joint.by_turn, joint.by_above)
+        by_place, by_above, least, held = hold(
+            joint, inverse, rotation.by_place, rotation.by_above, rotation.least, work.held_gap[body]
+        )
+        store(by_place, work.turn_by_place[body])
+        store(by_above, work.turn_by_above[body])
+        store(least, work.turn_right[body])
+        keep_held(held, body, work)
 
-        pp = subtract(add_scaled(1.0, m, pp), product(column, by_place))
-        pt = scale(-1.0, product(column, by_above))
-        b = add_scaled(1.0, on, subtract(b, product(column, least)))
-        tp = add_held(product(joint.by_turn, by_place), held.by_place)
-        tt = add_held(add_scaled(1.0, product(joint.by_turn, by_above), joint.by_above), held.by_above)
-        b_turn = add_held(product(joint.by_turn, least), held.least)
-        keep_impedance((pp, pt, tp, tt, b, b_turn), body, work)
+        # D and b at its upper pivot
+        chain = impedance_of(condensed, chain, joint.by_turn, joint.by_above, (by_place, by_above, least), held)
+        keep_impedance(chain, body, work)
         below, below_moment = force, joint.moment
 
 
 @inlined_kernel
-def keep_turn(coefficients, held, body, work):
-    """Store the coefficients of rotation and constraint moment of a body by the motion of its upper pivot."""
-    store(coefficients[0], work.turn_by_place[body])
-    store(coefficients[1], work.turn_by_above[body])
-    store(coefficients[2], work.turn_right[body])
-    keep_held(held, body, work)
-
-
-@inlined_kernel
-def keep_impedance(parts, body, work):
+def keep_impedance(chain, body, work):
     """Store impedance D and b of the chain from a body downwards."""
-    pp, pt, tp, tt, b, b_turn = parts
-    store(pp, work.impedance[body])
-    store(pt, work.impedance_turning[body])
-    store(tp, work.impedance_moment[body])
-    store(tt, work.impedance_turn[body])
-    store(b, work.impedance_force[body])
-    store(b_turn, work.impedance_force[body, len(b) :])
+    store(chain.pp, work.impedance[body])
+    store(chain.pt, work.impedance_turning[body])
+    store(chain.tp, work.impedance_moment[body])
+    store(chain.tt, work.impedance_turn[body])
+    store(chain.b, work.impedance_force[body])
+    store(chain.b_turn, work.impedance_force[body, len(chain.b) :])
+
+
+@formula
+def moved_body(rotation, gap, arms, moved, turned):
+    """Increments of a body: rotation (turns,), displacement (dim,) of its centre of mass and of its lower pivot."""
+    by_place, by_above, least = rotation
+    up, low = arms
+    turn = -linear(by_place, moved, by_above, turned, least)
+    centre = gap + moved - cross(turn, up)
+    return turn, centre, centre + cross(turn, low)
 
 
 @kernel
@@ -267,22 +354,26 @@ def recover_chain(carriages, state, carriage, moved, turned, work):
     The increments of the bodies go to `body_increment`; the multipliers are brought up to date here.
     """
     like, still, dim = moved, turned, len(moved)
+    square, turns_by_place, turns = outer(0.0, like, like), outer(0.0, still, like), outer(0.0, still, still)
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        by_place = load(work.impedance[body], outer(0.0, like, like))
-        by_above = load(work.impedance_turning[body], outer(0.0, like, still))
-        change = add_scaled(1.0, product(by_place, moved), product(by_above, turned))
-        accumulate(add_scaled(1.0, load(work.impedance_force[body], like), change), state.multipliers[body])
+        # Δλ = D_pp Δp + D_pt Δθ + b
+        by_place, by_above = (
+            load(work.impedance[body], square),
+            load(work.impedance_turning[body], outer(0.0, like, still)),
+        )
+        change = linear(by_place, moved, by_above, turned, load(work.impedance_force[body], like))
+        accumulate(change, state.multipliers[body])
         recover_held(state, body, moved, turned, work)
-        by_place = load(work.turn_by_place[body], outer(0.0, still, like))
-        by_above = load(work.turn_by_above[body], outer(0.0, still, still))
-        turn = add_scaled(1.0, product(by_place, moved), product(by_above, turned))
-        turn = scale(-1.0, add_scaled(1.0, load(work.turn_right[body], still), turn))
+        rotation = (
+            load(work.turn_by_place[body], turns_by_place),
+            load(work.turn_by_above[body], turns),
+            load(work.turn_right[body], still),
+        )
         axes = axes_of(state, body, like)
-        up, low = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)
-        place = subtract(add_scaled(1.0, load(work.joint_gap[body], like), moved), cross(turn, up))
-        store(place, work.body_increment[body])
-        store(turn, work.body_increment[body, dim:])
-        moved, turned = add_scaled(1.0, place, cross(turn, low)), turn
+        arms = arm_to(axes, carriages.upper_pivot[body], like), arm_to(axes, carriages.lower_pivot[body], like)
+        turned, centre, moved = moved_body(rotation, load(work.joint_gap[body], like), arms, moved, turned)
+        store(centre, work.body_increment[body])
+        store(turned, work.body_increment[body, dim:])
 
 
 @kernel

@@ -23,9 +23,9 @@ from cable_twin.mechanics.language.vectors import (
     accumulate,
     add_scaled,
     dot,
+    linear,
     load,
     outer,
-    product,
     scale,
     store,
     subtract,
@@ -122,25 +122,49 @@ def _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate
     m_roll = -d_roll * dot(a if first else c, relative)
     m_a, k_a, d_a = (m_roll, 0.0, d_roll) if first else (m_pitch, k_pitch, d_pitch)
     m_c, k_c, d_c = (m_pitch, k_pitch, d_pitch) if first else (m_roll, 0.0, d_roll)
-    moment = add_scaled(m_a, a, scale(m_c, c))
-    stiff = outer(stiffness_factor * k_a + rate_factor * d_a, a, a)
-    stiff = add_scaled(1.0, outer(stiffness_factor * k_c + rate_factor * d_c, c, c), stiff)
-    # the axes turn, a with what is above and c with the body
-    by_body = add_scaled(-stiffness_factor * m_c, by_turn(c), outer(stiffness_factor * d_c, c, cross(c, relative)))
-    by_above = add_scaled(stiffness_factor * m_a, by_turn(a), outer(-stiffness_factor * d_a, a, cross(a, relative)))
-    by_body, by_above = add_scaled(1.0, stiff, by_body), add_scaled(1.0, stiff, by_above)
+    moment, by_body, by_above = hinge_tangents(
+        (a, c), (m_a, m_c), (k_a, k_c), (d_a, d_c), relative, stiffness_factor, rate_factor
+    )
     holding = load(state.moments[body], a)
     first_axis, second_axis = cross(c, a), cross(other, a)
     count = carriages.held[body]
     for number in range(count):
-        axis, mine = (first_axis, c) if number == 0 else (second_axis, other)
-        size = dot(holding, axis) / dot(axis, axis)
-        moment = add_scaled(size, axis, moment)
-        # δ(c x a) = c (a·θ) - (a·c) θ + (a·c) t - a (c·t)
-        apart = scale(stiffness_factor * size * dot(a, mine), unit_matrix(a))
-        by_body = add_scaled(1.0, apart, subtract(by_body, outer(stiffness_factor * size, mine, a)))
-        by_above = add_scaled(1.0, apart, subtract(by_above, outer(stiffness_factor * size, a, mine)))
+        axis, own = (first_axis, c) if number == 0 else (second_axis, other)
+        moment, by_body, by_above = with_constraint(moment, by_body, by_above, a, own, axis, holding, stiffness_factor)
     return Joint(moment, by_body, by_above, (0.0, 0.0), (first_axis, second_axis), count)
+
+
+@formula
+def hinge_tangents(axes, moments, stiffness, damping, relative, stiffness_factor, rate_factor):
+    """Moment m_a a + m_c c of a hinge; its derivatives by the rotations of the body (negative) and of the part above.
+
+    Args:
+        axes: a of the part above and c of the body, unit vectors (3,).
+        moments: m_a, m_c about them, N m.
+        stiffness: minus their derivatives by angle, N m/rad.
+        damping: minus their derivatives by rate, N m s/rad.
+        relative: angular velocity (3,) of the body relative to the part above, rad/s.
+        stiffness_factor: as in `assemble`.
+        rate_factor: as in `assemble`.
+    """
+    (a, c), (m_a, m_c), (k_a, k_c), (d_a, d_c) = axes, moments, stiffness, damping
+    stiff = outer(stiffness_factor * k_a + rate_factor * d_a, a, a)
+    stiff = stiff + outer(stiffness_factor * k_c + rate_factor * d_c, c, c)
+    # the axes turn, a with the part above and c with the body
+    by_body = -stiffness_factor * m_c * by_turn(c) + outer(stiffness_factor * d_c, c, cross(c, relative))
+    by_above = stiffness_factor * m_a * by_turn(a) + outer(-stiffness_factor * d_a, a, cross(a, relative))
+    return m_a * a + m_c * c, stiff + by_body, stiff + by_above
+
+
+@formula
+def with_constraint(moment, by_body, by_above, a, c, axis, holding, stiffness_factor):
+    """Moment of a hinge and its derivatives, with the constraint moment λ c x a; `holding` (3,) is the present one."""
+    size = holding @ axis / (axis @ axis)
+    # δ(c x a) = c (a·θ) - (a·c) θ + (a·c) t - a (c·t)
+    apart = stiffness_factor * size * (a @ c) * unit_matrix(a)
+    by_body = apart + (by_body - outer(stiffness_factor * size, c, a))
+    by_above = apart + (by_above - outer(stiffness_factor * size, a, c))
+    return size * axis + moment, by_body, by_above
 
 
 class Held(NamedTuple):
@@ -195,31 +219,39 @@ def hold(joint, inverse, by_place, by_above, least, gap):
     if len(joint.moment) == 1:
         return by_place, by_above, least, Held((), (), ())
     nothing = scale(0.0, by_place)
-    on_place, on_above, on = nothing, nothing, scale(0.0, least)
-    through = unit_matrix(least)  # what a moment is with those that the axes before it then need
+    held = Held(nothing, nothing, scale(0.0, least))
+    through = unit_matrix(
+        least
+    )  # constraint moment by the one of its axis, with those that the axes before it then need
     for number in range(joint.holding):
-        axis = joint.held[number]
-        yields = product(inverse, axis)
-        weight = 1.0 / dot(axis, yields)
-        push = scale(weight, product(through, axis))
-        place, above = product(axis, by_place), add_scaled(1.0, product(axis, by_above), axis)
-        rest = dot(axis, least) - gap[number]
-        on_place = add_scaled(1.0, outer(1.0, push, place), on_place)
-        on_above = add_scaled(1.0, outer(1.0, push, above), on_above)
-        on = add_scaled(rest, push, on)
-        by_place = subtract(by_place, outer(weight, yields, place))
-        by_above = subtract(by_above, outer(weight, yields, above))
-        least = add_scaled(-rest * weight, yields, least)
-        back = product(axis, inverse)
-        inverse = subtract(inverse, outer(weight, yields, back))
-        through = subtract(through, outer(1.0, push, back))
-    return by_place, by_above, least, Held(on_place, on_above, on)
+        by_place, by_above, least, held, inverse, through = hold_axis(
+            joint.held[number], gap[number], (by_place, by_above, least), held, inverse, through
+        )
+    return by_place, by_above, least, held
+
+
+@formula
+def hold_axis(axis, gap, rotation, held, inverse, through):
+    """Rotation and constraint moment with one more axis q: the equation q·(turn - θ) = -Φ, the moment λ q."""
+    by_place, by_above, least = rotation
+    yields = inverse @ axis
+    weight = 1.0 / (axis @ yields)
+    push = weight * (through @ axis)
+    # q·turn - q·θ + Φ of the rotation without it, by p, by θ and constant
+    place, above, rest = axis @ by_place, axis @ by_above + axis, axis @ least - gap
+    held = Held(
+        outer(1.0, push, place) + held.by_place, outer(1.0, push, above) + held.by_above, rest * push + held.least
+    )
+    by_place, by_above = by_place - outer(weight, yields, place), by_above - outer(weight, yields, above)
+    least = -rest * weight * yields + least
+    back = axis @ inverse
+    return by_place, by_above, least, held, inverse - outer(weight, yields, back), through - outer(1.0, push, back)
 
 
 @formula
 def add_held(a, held):
     """Sum of a matrix and the contribution of rotational constraints; in a plane the matrix alone."""
-    return add_scaled(1.0, held, a) if held else a
+    return a + held if held else a
 
 
 @inlined_kernel
@@ -236,6 +268,5 @@ def recover_held(state, body, moved, turned, work):
     if len(turned) == 1:
         return
     square = outer(0.0, moved, moved)
-    change = product(load(work.held_by_place[body], square), moved)
-    change = add_scaled(1.0, product(load(work.held_by_above[body], square), turned), change)
-    accumulate(add_scaled(1.0, load(work.held_right[body], moved), change), state.moments[body])
+    by_place, by_above = load(work.held_by_place[body], square), load(work.held_by_above[body], square)
+    accumulate(linear(by_place, moved, by_above, turned, load(work.held_right[body], moved)), state.moments[body])

@@ -15,15 +15,15 @@ from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import no_turn
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,
     block,
     determinant,
+    linear,
     load,
     outer,
-    product,
-    scale,
     store,
     subtract,
 )
@@ -107,24 +107,32 @@ def impedance_at_joint(cable, state, point, vehicle, r_x, carriage, work):
 @inlined_kernel
 def with_compliance(vehicle, bent, carriage, work):
     """Impedance of a carriage by the displacement of the cable at a compliant joint."""
-    still = vehicle.moment_left
-    giving = block(1.0, product(bent.by_force, vehicle.by_place), 1.0)
-    stiff = adjugate(1.0 / determinant(giving), giving)
-    soft = product(stiff, bent.by_force)
-    by_turn = scale(-1.0, product(soft, vehicle.by_turn))
-    right = scale(-1.0, add_scaled(1.0, product(stiff, bent.displacement), product(soft, vehicle.left)))
-    store(stiff, work.pivot_by_joint[carriage])
+    impedance, by_joint, by_turn, right = yielding_impedance(vehicle, bent)
+    store(by_joint, work.pivot_by_joint[carriage])
     store(by_turn, work.pivot_by_turn[carriage])
     store(right, work.pivot_right[carriage])
-    return Impedance(
+    return impedance
+
+
+@formula
+def yielding_impedance(vehicle, bent):
+    """Impedance of a vehicle by the displacement u of a compliant joint; A, B and a of its pivot, x = A u + B θ + a."""
+    # F' = F + D x + D_θ θ + b in x = u - δ - ∂δ/∂F (F' - F)
+    giving = block(1.0, bent.by_force @ vehicle.by_place, 1.0)  # 1 + ∂δ/∂F D
+    by_joint = adjugate(1.0 / determinant(giving), giving)  # A
+    soft = by_joint @ bent.by_force
+    by_turn = -(soft @ vehicle.by_turn)  # B
+    right = -(by_joint @ bent.displacement + soft @ vehicle.left)  # a
+    impedance = Impedance(
         vehicle.force,
-        product(vehicle.by_place, stiff),
-        add_scaled(1.0, product(vehicle.by_place, by_turn), vehicle.by_turn),
-        add_scaled(1.0, product(vehicle.by_place, right), vehicle.left),
-        product(vehicle.moment_by_place, stiff),
-        add_scaled(1.0, product(vehicle.moment_by_place, by_turn), vehicle.moment_by_turn),
-        add_scaled(1.0, product(vehicle.moment_by_place, right), still),
+        vehicle.by_place @ by_joint,
+        vehicle.by_place @ by_turn + vehicle.by_turn,
+        vehicle.by_place @ right + vehicle.left,
+        vehicle.moment_by_place @ by_joint,
+        vehicle.moment_by_place @ by_turn + vehicle.moment_by_turn,
+        vehicle.moment_by_place @ right + vehicle.moment_left,
     )
+    return impedance, by_joint, by_turn, right
 
 
 @inlined_kernel
@@ -133,5 +141,4 @@ def pivot_displacement(carriage, moved, turned, work):
     like = moved
     by_joint = load(work.pivot_by_joint[carriage], outer(0.0, like, like))
     by_turn = load(work.pivot_by_turn[carriage], outer(0.0, like, turned))
-    way = add_scaled(1.0, product(by_joint, moved), product(by_turn, turned))
-    return add_scaled(1.0, load(work.pivot_right[carriage], like), way)
+    return linear(by_joint, moved, by_turn, turned, load(work.pivot_right[carriage], like))
