@@ -79,7 +79,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
     try:
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
-            raise ScenarioError(f"{label}: given {show(data)}; allowed: a mapping with the keys of a scenario")
+            raise ScenarioError(f"{label}: {refuse((), data, 'a mapping with the keys of a scenario').text}")
         data, aliases, both = without_aliases(data)
         faults += both
         written = Written(data, aliases)
@@ -169,7 +169,8 @@ def config_directory() -> Path:
 def _find(source: Any) -> Path:
     """Scenario file of a name or a path; the name of a scenario takes precedence over a file."""
     if not isinstance(source, str | Path) or not str(source):
-        raise ScenarioError(f"scenario: given {show(source)}; allowed: a name, the path of a YAML file, or a mapping")
+        fault = refuse(("scenario",), source, "a name, the path of a YAML file, or a mapping")
+        raise ScenarioError(f"scenario: {fault.text}")
     path = Path(source)
     if not (isinstance(source, str) and path.name == source and path.suffix not in SUFFIXES):
         return path

@@ -280,7 +280,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
         path: KeyPath = ("carriages", name, "clamped_to")
         clamped, drive = carriage.clamped_to, carriage.drive
         if clamped and (carriage.joint != "sliding" or drive.mode == "speed" or drive.haul_rope is not None):
-            allowed = "only of a joint that slides, its drive free or a force"
+            allowed = "only of a sliding joint, with a drive that is free or has a force"
             yield refuse(path, clamped, allowed, "beside a joint or drive that holds it")
         if not clamped and any(carriage.clamp_offset):
             own = ("carriages", name, "clamp_offset")

@@ -72,7 +72,7 @@ def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
         except KeyError:  # it does not exist, which is a fault of its own
             return
         if field is not None and scalar(field.annotation)[0] is not int:
-            within = "within it" if used < len(path) else ""
+            within = "one of its numbers" if used < len(path) else ""
             limits = f"numbers of {SMALLEST:g} to {LARGEST:g} in size, or 0"
             yield refuse(path[:used], data, f"{allowed(field)}; {limits}", within)
 

@@ -80,7 +80,7 @@ def drive_faults(scenario: Scenario) -> Iterator[Fault]:
             continue
         known = listed(scenario.sheaves, "none, as there are no sheaves")
         if drive.sheave is None:
-            yield refuse((*path, "sheave"), NOTHING, known, "one of several ropes needs it")
+            yield refuse((*path, "sheave"), NOTHING, known, "the drive of one of several ropes needs it")
         elif drive.sheave not in scenario.sheaves:
             yield refuse((*path, "sheave"), drive.sheave, known)
         elif (other := turned.setdefault(drive.sheave, name)) != name:
