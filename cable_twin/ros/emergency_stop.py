@@ -142,6 +142,3 @@ def _enclave(arguments: Sequence[str]) -> list[str] | None:
         if option in ("-e", "--enclave"):
             return ["--ros-args", option, value]
     return []
-
-
-__all__ = ["EMERGENCY_STOP", "EmergencyStop"]

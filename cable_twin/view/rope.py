@@ -68,7 +68,7 @@ class Rope:
         return float(width), float(height)
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
-        """Send the rope of selected frames of a batch, with its kinks at the joints."""
+        """Send the rope of selected frames of a batch, with its joints between the samples."""
         rows = rows[rows_without_gaps(planar(c.rope_position[rows]))]
         if not rows.size:
             return
