@@ -287,12 +287,12 @@ def short_zones(scenario: Scenario, system: System) -> FloatArray:
     assert isinstance(elements, Grading)
     towers = [*scenario.towers.values()]
     half = np.array([0.5 * tower.length for tower in towers]) + MARGIN * elements.at_towers
-    middle = _rest_at_towers(system)
+    middle = _equilibrium_at_towers(system)
     ends = np.array([[0.0, 0.0], [length, length]])
     return np.concatenate([ends[:1], np.stack([middle - half, middle + half], axis=1), ends[1:]])
 
 
-def _rest_at_towers(system: System) -> FloatArray:
+def _equilibrium_at_towers(system: System) -> FloatArray:
     """Arc length (towers,) in m of the bare cable in equilibrium at each tower; by chord lengths without one."""
     towers = system.towers.top
     if towers.shape[0] == 0:

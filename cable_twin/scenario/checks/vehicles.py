@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 from re import fullmatch
 
@@ -12,10 +12,11 @@ from cable_twin.basics.units import with_unit
 from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, listed, name_faults, refuse
 from cable_twin.scenario.schema import Scenario
-from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierKind, Carriers
+from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierPayload, Carriers, Payload
 
 SHORTEST_STAY = 0.1  # s in a station, in which passengers get in and out
 FASTEST_ROPE = 12.0  # m/s, of a drive without a limit
+Bodies = Mapping[str, Body]  # of a vehicle, by name
 
 
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -105,20 +106,21 @@ def carrier_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield from name_faults(("carriers", "kinds", name))
     for path, kind in carriers.kinds_by_path.items():
         yield from _bodies(scenario, path, kind.bodies)
-        yield from _carrier_payload((*path, "payload"), kind)
+        if kind.payload is not None:  # `leaving` replaces the masses of both ends
+            masses = ("on_cable",) if kind.payload.leaving else ("from_start", "from_end", "on_cable")
+            yield from _payload((*path, "payload"), kind.payload, masses, kind.bodies)
 
 
-def _carrier_payload(path: KeyPath, kind: CarrierKind) -> Iterator[Fault]:
-    """Faults of the payload of a kind of carrier: more than its capacity, or in a body that it does not have."""
-    payload = kind.payload
-    if payload is None:
-        return
-    for key in ("on_cable",) if payload.leaving else ("from_start", "from_end", "on_cable"):  # `leaving` replaces both
+def _payload(
+    path: KeyPath, payload: Payload | CarrierPayload, masses: Sequence[str], bodies: Bodies
+) -> Iterator[Fault]:
+    """Faults of a payload: masses, by their keys, above its capacity, or a body that the vehicle does not have."""
+    for key in masses:
         mass = getattr(payload, key)
         if mass is not None and mass > payload.capacity:
             yield refuse((*path, key), mass, f"0 to the capacity of {payload.capacity:g} kg")
-    if payload.body is not None and payload.body not in kind.bodies:
-        yield refuse((*path, "body"), payload.body, f"one of {', '.join(kind.bodies)}")
+    if payload.body is not None and payload.body not in bodies:
+        yield refuse((*path, "body"), payload.body, f"one of {', '.join(bodies)}")
 
 
 def _carriage(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator[Fault]:
@@ -136,13 +138,8 @@ def _carriage(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator
         allowed = f"{stroke:.9g} to {length - stroke:.9g} m, on the cable and between its end stops"
         yield refuse((*path, "arc_length"), carriage.arc_length, allowed)
     yield from _bodies(scenario, path, carriage.bodies)
-    payload = carriage.payload
-    if payload is not None:
-        if payload.mass > payload.capacity:
-            allowed = f"0 to the capacity of {payload.capacity:g} kg"
-            yield refuse((*path, "payload", "mass"), payload.mass, allowed)
-        if payload.body is not None and payload.body not in carriage.bodies:
-            yield refuse((*path, "payload", "body"), payload.body, f"one of {', '.join(carriage.bodies)}")
+    if carriage.payload is not None:
+        yield from _payload((*path, "payload"), carriage.payload, ("mass",), carriage.bodies)
     yield from _drive((*path, "drive"), carriage, scenario.solver.integrator)
     if carriage.speed != 0.0 and carriage.joint != "sliding":
         where = "drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "a fixed joint stays"
@@ -156,7 +153,7 @@ def _initial_speed(path: KeyPath, speed: float, limit: float | None) -> Iterator
         yield refuse((*path, "speed"), speed, f"-{limit:g} to {limit:g} m/s, the limit of the drive")
 
 
-def _bodies(scenario: Scenario, path: KeyPath, bodies: Mapping[str, Body]) -> Iterator[Fault]:
+def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault]:
     """Faults of a chain of bodies: names, pivots and inertia."""
     last = list(bodies)[-1:]
     for name, body in bodies.items():
