@@ -11,9 +11,9 @@ from cable_twin.frame.records import SolverReport
 from cable_twin.key_figures.figure import KeyFigure, Subject, figure
 from cable_twin.scenario import Grading, Scenario
 
-BLOCK = 5.0  # s of simulated time over which losses are added up
-SIGNIFICANT = 0.02  # of the block that moved most: less is the end of a motion, on which nothing depends
-QUIET = 0.01  # m/s, with which all mass may move and count as standing still
+BLOCK = 5.0  # s of simulated time, over which losses are summed
+SIGNIFICANT = 0.02  # share of the largest energy moved in a block; blocks below it are the end of a motion
+QUIET = 0.01  # m/s of all mass, up to which it counts as standing still
 
 
 class Block(NamedTuple):
@@ -33,19 +33,19 @@ class Block(NamedTuple):
 class Dissipation:
     """Sums of energy lost and moved in blocks of 5 s, and the block of highest relative loss.
 
-    A shock loses its energy at once, and the motion that it belongs to comes after it. So a block is judged when the
-    next one is whole too, against what moved in either of both, whichever is more: 10 s after it began. What has been
-    judged stays, so that a running twin and the log of its run say the same.
+    A shock loses its energy at once, before the motion that follows it. So a block is judged 10 s after its start, when
+    the next block is complete, against the larger energy moved in either block. A judged block is not judged again, so
+    that a running twin and the log of its run agree.
 
     Args:
-        scenario: what runs, with the limit `limits.energy_lost`.
+        scenario: scenario of the run, with the limit `limits.energy_lost`.
     """
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._floor = _mass(scenario) * QUIET**2  # J
         self._lost, self._moved, self._start = 0.0, 0.0, nan  # J, J and s, of the block so far
-        self._waiting: Block | None = None  # whole, until the next one is too
+        self._waiting: Block | None = None  # complete, until the next one is complete too
         self._most = 0.0  # J, moved in any block that was judged
         self._worst: Block | None = None
         self._judged = False  # whether any block has been
@@ -53,7 +53,7 @@ class Dissipation:
     def update(self, time: float, report: SolverReport) -> None:
         """Take in the energy balance of the solver up to `time` (s)."""
         self._lost += report.energy_lost
-        self._moved += 0.5 * report.energy_moved  # what one part gains another one loses: half of the changes moves
+        self._moved += 0.5 * report.energy_moved  # a gain of one part is a loss of another one: half of the changes
         if isnan(self._start):
             self._start = time
         if time - self._start >= BLOCK * (1.0 - 1e-9):

@@ -8,18 +8,20 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from cable_twin.frame.snapshot import ENDS, Layout
+from cable_twin.geometry.bodies import body_box, body_outline
 from cable_twin.key_figures.figure import Subject
 from cable_twin.mechanics.language import declared
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.declared import Of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.scenario import Grading, Scenario, masts
+from cable_twin.scenario.sections.vehicles import Body
 
 EXTREME = 7  # numbers of an extreme, by these indices; NaN where there is none
 VALUE, TIME, PLACE, ROPE, WIND = range(5)  # -, s, m, number of the rope, and x, y, z in m/s from there on
 PLACES = 12  # frames with positions that are kept for accelerations: more than 2 MEAN / LOOK of `measures`
-TOUCH = 4  # of vehicles: row of the other one, arc length (m), speed (m/s) and time (s) of the touch
-NO_ROPE = -1  # number of the rope of extremes that are on none, and of carriers, which go from strand to strand
+TOUCH = 4  # numbers of a touch: row of the other vehicle, arc length (m), speed (m/s), time (s)
+NO_ROPE = -1  # number of the rope of extremes on no rope, and of carriers, which ride several strands
 
 
 @by_reference
@@ -47,7 +49,7 @@ class Extremes(NamedTuple):
     lowest_travel: Annotated[FloatArray, Of("support", EXTREME, unit="m", first=nan)]
     lateral: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]
     lateral_ratio: Annotated[FloatArray, Of("support", EXTREME, first=nan)]
-    derailed: Annotated[FloatArray, Of("support", EXTREME, first=nan)]  # number of the way in which the rope came out
+    derailed: Annotated[FloatArray, Of("support", EXTREME, first=nan)]  # kind of derailment
     speed: Annotated[FloatArray, Of("driven", EXTREME, unit="m/s", first=nan)]  # of vehicles, then of drives
     force: Annotated[FloatArray, Of("driven", EXTREME, unit="N", first=nan)]
     power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
@@ -83,6 +85,8 @@ class Extremes(NamedTuple):
     pull: Annotated[FloatArray, Of("connector", EXTREME, unit="N", first=nan)]
     slack: Annotated[FloatArray, Of("connector", unit="s")]
     last_time: Annotated[FloatArray, Of(1, unit="s", first=nan)]
+    separation: Annotated[FloatArray, Of("pair", EXTREME, unit="m", first=nan)]  # lowest; arc length of the first one
+    separated: Annotated[IntArray, Of("pair", 2)]  # vehicles at that time
     wind: Annotated[FloatArray, Of(3, unit="m/s", first=nan)]  # now, in space
     memory: declared.Memory
 
@@ -105,6 +109,25 @@ class Constants(NamedTuple):
     empty: FloatArray  # (vehicles,) kg
     radius: FloatArray  # (sheaves,) m
     available: FloatArray  # (sheaves,) friction times wrap, of the logarithm of the ratio of tensions
+
+
+@by_reference
+class Boxes(NamedTuple):
+    """Bounding boxes of all bodies, groups of their vehicles, and scratch arrays."""
+
+    group: IntArray  # (vehicles,) group of each; a pair of groups is first * groups + second
+    first_body: IntArray  # (vehicles + 1,)
+    middle: FloatArray  # (bodies, 3) m, centre of the box in the axes of the body
+    body_half: FloatArray  # (bodies, 3) m, half the edges of the box
+    centre: FloatArray  # (2, 3) m, scratch
+    axes: FloatArray  # (2, 3, 3), scratch
+    half: FloatArray  # (2, 3) m, scratch
+    corners: FloatArray  # (2, 8, 3) m, scratch
+
+
+def passes(scenario: Scenario) -> bool:
+    """Whether vehicles on different ropes in space pass each other."""
+    return scenario.dim == 3 and len(scenario.ropes) > 1 and len(scenario.vehicles) > 1
 
 
 def ropes_of(scenario: Scenario) -> list[Scenario]:
@@ -173,6 +196,7 @@ def no_extremes(scenario: Scenario) -> Extremes:
         "sheave": len(scenario.sheaves),
         "pantograph": len(scenario.pantographs),
         "connector": len(scenario.connectors),
+        "pair": (len(scenario.carriages) + (scenario.carriers is not None)) ** 2 if passes(scenario) else 0,
     }
     made = declared.allocate(Extremes, sizes)
     tops = [[(tower.position[0], tower.position[-1]) for tower in one.towers.values()] for one in ropes]
@@ -189,3 +213,37 @@ def _end_element(scenario: Scenario) -> float:
 def _firsts(counts: list[int]) -> IntArray:
     """Number of the first item of each group, with the total count appended."""
     return np.cumsum([0, *counts], dtype=np.int64)
+
+
+class Hull(NamedTuple):
+    """Bounding box of a body in its axes, from the centre of mass without payload."""
+
+    middle: FloatArray  # (3,) m
+    half: FloatArray  # (3,) m
+
+
+def hull_of(body: Body) -> Hull:
+    """Bounding box of a body; for a bar, a box of width 0."""
+    box = body_box(body)
+    if box is not None:
+        return Hull(np.zeros(3), 0.5 * box)
+    line = body_outline(body)
+    low, high = line.min(axis=0), line.max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    return Hull(np.array([middle[0], 0.0, middle[1]]), np.array([half[0], 0.0, half[1]]))
+
+
+def boxes_of(scenario: Scenario) -> Boxes:
+    """Bounding boxes of the bodies of a scenario."""
+    vehicles = list(scenario.vehicles.values())
+    hulls = [hull_of(body) for one in vehicles for body in one.bodies.values()]
+    return Boxes(
+        group=np.minimum(np.arange(len(vehicles)), len(scenario.carriages)),
+        first_body=np.cumsum([0, *(len(one.bodies) for one in vehicles)]),
+        middle=np.array([hull.middle for hull in hulls]).reshape(-1, 3),
+        body_half=np.array([hull.half for hull in hulls]).reshape(-1, 3),
+        centre=np.zeros((2, 3)),
+        axes=np.zeros((2, 3, 3)),
+        half=np.zeros((2, 3)),
+        corners=np.zeros((2, 8, 3)),
+    )

@@ -14,11 +14,11 @@ TOLERANCE = 1e-3  # of a limit
 
 
 class FigureId(NamedTuple):
-    """Identity of a key figure, by which runs are compared; its text is quantity/subject/statistic.
+    """Identity of a key figure, by which runs are compared; as text quantity/subject/statistic.
 
     Attributes:
         quantity: a row of `QUANTITIES`, as rope_tension.
-        subject: key of the scenario that it is of, as ropes.up, towers.t2, carriages.cabin; "solver"; a+b of two.
+        subject: key in the scenario, as ropes.up, towers.t2, carriages.cabin; "solver"; a+b for a pair.
         statistic: highest, lowest, mean or standard deviation.
     """
 
@@ -88,7 +88,7 @@ class KeyFigure:
         return beyond <= TOLERANCE * abs(self.limit)
 
     def limited(self, limit: float | None, source: str) -> KeyFigure:
-        """Key figure with a limit and the source of that, on the side of its statistic; unchanged without a limit."""
+        """Key figure with a limit and its source, on the side given by its statistic; unchanged for None."""
         if limit is None:
             return self
         return replace(self, limit=limit, bound=bound_of(self.id.statistic), source=source)
@@ -105,8 +105,8 @@ def figure(
 
     Args:
         quantity: row of `QUANTITIES`.
-        subject: it is of.
-        statistic: highest, lowest, ...
+        subject: subject of the figure.
+        statistic: highest, lowest, mean or standard deviation.
         value: in the unit of the quantity.
         time: s, when it was reached.
         place: where, with unit.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 from math import atan2, degrees, hypot, inf, isnan, nan, sqrt
 
 import numpy as np
@@ -20,9 +20,11 @@ from cable_twin.key_figures.extremes import (
     TIME,
     VALUE,
     WIND,
+    boxes_of,
     constants_of,
     masts_of,
     no_extremes,
+    passes,
     ropes_of,
     supports_of,
 )
@@ -35,7 +37,6 @@ from cable_twin.key_figures.measures import (
     take_passing,
     take_surroundings,
 )
-from cable_twin.key_figures.passing import boxes_of, no_passing_extremes, pairs_of
 from cable_twin.key_figures.stops import CarriedStops, DriveStops, Group, SeatStops, groups_of
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
@@ -52,7 +53,7 @@ MEANS = (
 )
 ASSUMED_RATIO = "assumed: flanks of 45 degrees with a friction of 0.3 hold up to 0.54 (Nadal)"
 IN_PLACE = "assumed: the rope stays on its towers"
-SIDES = ("onto it", "off it")  # of the strand that comes to a bullwheel, and of that which leaves it
+SIDES = ("onto it", "off it")  # of the strands that come to a bullwheel and leave it
 BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` says how far"
 STILL = 1e-3  # m, of slip, below which there was none
 
@@ -61,7 +62,7 @@ class KeyFigures:
     """Key figures of one run, updated frame by frame.
 
     Args:
-        scenario: scenario of the run; its `limits` and the limits of its drives are those of the figures.
+        scenario: scenario of the run; figures are compared with its `limits` and the limits of its drives.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -75,9 +76,7 @@ class KeyFigures:
         self._look = take_surroundings if in_space else take_heights
         looks = in_space or scenario.terrain
         self._around = pack(surroundings_of(scenario) if in_space else ground_of(scenario)) if looks else None
-        passes = in_space and len(scenario.ropes) > 1 and len(scenario.vehicles) > 1
-        self._passing = no_passing_extremes(scenario) if passes else None
-        self._packed_passing = (pack(self._passing), pack(boxes_of(scenario))) if passes else None
+        self._boxes = pack(boxes_of(scenario)) if passes(scenario) else None
         self._masts = masts_of(scenario) if in_space else []
         self._last, self._period = nan, nan  # s, time of the last frame and from one to the next
         self._groups = groups_of(scenario)
@@ -96,7 +95,7 @@ class KeyFigures:
         """Take in one snapshot, in order of time.
 
         Raises:
-            ValueError: its layout is not that of the scenario.
+            ValueError: the snapshot is of another scenario.
         """
         if snapshot.layout is not self._layout:
             self._take_layout(snapshot.layout)
@@ -113,8 +112,8 @@ class KeyFigures:
         if self._around is not None and time >= self._next_look:
             self._next_look = time + CLEARANCE_PERIOD * (1.0 - 1e-9)
             self._look(*self._packed, self._around, self._packed_columns)
-            if self._packed_passing is not None:
-                take_passing(*self._packed_passing, self._packed_columns)
+            if self._boxes is not None:
+                take_passing(self._packed[0], self._boxes, self._packed_columns)
         self._stops.update(time)
 
     def _take_layout(self, layout: Layout) -> None:
@@ -134,7 +133,7 @@ class KeyFigures:
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command at the time of its effect."""
-        if applied.command.kind == "reset":  # nothing before it is a part of the motion
+        if applied.command.kind == "reset":  # accelerations start anew
             self._extremes.passed_time[:] = nan
         for stops in (self._stops, self._carried, self._seats):
             stops.command(applied)
@@ -157,7 +156,7 @@ class KeyFigures:
                 *(
                     one
                     for group in self._groups
-                    if self._told_by(group, rope)
+                    if self._reported_with(group, rope)
                     for one in self._of_vehicles(group, rope)
                 ),
                 *self._of_buffers(rope),
@@ -182,7 +181,7 @@ class KeyFigures:
         return float(c.arc_length[index]), float(c.speed[index])
 
     def _rope(self, rope: int, place: str = "") -> Subject:
-        """Subject of figures of a rope or a part of it, with the name of the rope among several."""
+        """Subject of a rope or a part of a rope, printed with the name of the rope among several."""
         name = self._rope_names[rope]
         return Subject(f"ropes.{name}{place}", name if self._scenario.ropes else "")
 
@@ -242,10 +241,10 @@ class KeyFigures:
         own = tower.derailment_ratio != type(tower).model_fields["derailment_ratio"].default
         source = f"scenario: towers.{name}.derailment_ratio" if own else ASSUMED_RATIO
         yield replace(ratio.limited(tower.derailment_ratio, source), band=EVERY_STEP)
-        way, time = extremes.derailed[row, VALUE], float(extremes.derailed[row, TIME])
-        if way > 0.0:
+        kind, time = extremes.derailed[row, VALUE], float(extremes.derailed[row, TIME])
+        if kind > 0.0:
             x, y, z = scenario.vector(tower.position)
-            place = f"x {x:.1f}, y {y:.1f}, z {z:.1f} m, {WAYS_OUT[int(way)]}, {wind_at(extremes.derailed[row])}"
+            place = f"x {x:.1f}, y {y:.1f}, z {z:.1f} m, {WAYS_OUT[int(kind)]}, {wind_at(extremes.derailed[row])}"
             one = figure("derailed", subject, "highest", 1.0, time, place).limited(0.0, IN_PLACE)
             yield replace(one, band=EVERY_STEP)
 
@@ -269,8 +268,8 @@ class KeyFigures:
         braking = extreme("drive_power", subject, "lowest", extremes.lowest_power[row], at)
         yield braking.limited(least, f"{source}.power")
 
-    def _told_by(self, group: Group, rope: int) -> bool:
-        """Whether the figures of a group come with those of a rope: carriers, who ride several, with the last."""
+    def _reported_with(self, group: Group, rope: int) -> bool:
+        """Whether a group is reported with a rope: a carriage with its own, carriers with the last one they ride."""
         name = group.subject.name
         if group.subject.key == "carriers":
             return rope == max(number for number, one in enumerate(self._ropes) if one.carriers is not None)
@@ -411,15 +410,15 @@ class KeyFigures:
 
     def _of_passing(self) -> Iterator[KeyFigure]:
         """Clearance of each pair of groups of vehicles that came near each other."""
-        if self._passing is None:
-            return
-        for row, one, other in pairs_of(self._scenario):
-            if not self._passing.clearance[row, VALUE] >= 0.0:
+        count = len(self._groups) if self._boxes is not None else 0
+        for one, other in combinations_with_replacement(range(count), 2):
+            row = one * count + other
+            if not self._extremes.separation[row, VALUE] >= 0.0:
                 continue
             both = [self._groups[number].subject for number in dict.fromkeys((one, other))]
             subject, names = Subject("+".join(each.key for each in both)), " and ".join(each.name for each in both)
-            found = extreme("vehicle_separation", subject, "lowest", self._passing.clearance[row], detail=names)
-            who, beside = (self._vehicles[number] for number in self._passing.pair[row].tolist())
+            found = extreme("vehicle_separation", subject, "lowest", self._extremes.separation[row], detail=names)
+            who, beside = (self._vehicles[number] for number in self._extremes.separated[row].tolist())
             place = f"{who} at {found.place}" if one != other else f"{who} and {beside}, {found.place}"
             yield replace(replace(found, place=place).limited_by(self._scenario), band=LOOKS)
 
@@ -436,10 +435,10 @@ def extreme(
 
     Args:
         quantity: row of `QUANTITIES`.
-        subject: it is of.
+        subject: subject of the figure.
         statistic: highest or lowest.
         row: (EXTREME,) the extreme.
-        at: name of the coordinate of its place.
+        at: name of the coordinate of the place.
         detail: for the {} of the name.
     """
     where = "" if isnan(row[PLACE]) else f"{at} {round(float(row[PLACE]), 1) + 0.0:.1f} m"

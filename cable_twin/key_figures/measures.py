@@ -16,10 +16,10 @@ from cable_twin.mechanics.readout.clearances import (
 )
 
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at clearances
-MEAN = 0.2  # s over which accelerations are means of means: what is shorter is a shock, and of the mesh
-LOOK = 0.05  # s between two positions that accelerations are made of, in frames that come more often
+MEAN = 0.2  # s over which velocities are averaged for accelerations: shorter changes are shocks, and of the mesh
+LOOK = 0.05  # s at least between two positions for accelerations
 NEAR = 30.0  # m between the joints of two vehicles, below which their distance is taken
-SLACK = 1.0  # N, of a strand with less: so that the ratio of both tensions is a number
+SLACK = 1.0  # N, least tension of a strand in the ratio of both, so that it is finite
 
 
 @inlined_kernel
@@ -104,21 +104,20 @@ def rope_of(constants, columns, vehicle):
 def take_sag(extremes, constants, time, rope, columns):
     """Take in the sag of one rope below the chord of each span between supports; an upright rope has no sag.
 
-    Deepest of all is where a vehicle hangs, which is between points. A span without a point takes the next one, so that
-    no span goes without.
+    The sag is largest at a vehicle, between points. A span without a point takes the next one.
     """
     points, corner = columns.rope_position, extremes.corner
     first, last = constants.first_sample[rope], constants.first_sample[rope + 1] - 1
     start, end = constants.first_support[rope], constants.first_support[rope + 1] - 1  # corners of the rope
     corner[start, 0], corner[start, 1] = points[first, 0], points[first, 2]
     corner[end, 0], corner[end, 1] = points[last, 0], points[last, 2]
-    way = corner[end, 0] - corner[start, 0]
-    if not abs(way) > 0.0:
+    along = corner[end, 0] - corner[start, 0]  # m, in x
+    if not abs(along) > 0.0:
         return
     span, seen = start, start  # `seen`: first span without a point so far
     for point in range(first, last + 1):
         x = points[point, 0]
-        while span + 1 < end and way * (x - corner[span + 1, 0]) >= 0.0:
+        while span + 1 < end and along * (x - corner[span + 1, 0]) >= 0.0:
             span += 1
         depth = below_chord(corner, span, x, points[point, 2])
         for above in range(min(seen, span), span + 1):
@@ -127,7 +126,7 @@ def take_sag(extremes, constants, time, rope, columns):
     for vehicle in range(columns.attached.size):
         if columns.attached[vehicle] != 0.0 and rope_of(constants, columns, vehicle) == rope:
             x, z, span = columns.joint_position[vehicle, 0], columns.joint_position[vehicle, 2], start
-            while span + 1 < end and way * (x - corner[span + 1, 0]) >= 0.0:
+            while span + 1 < end and along * (x - corner[span + 1, 0]) >= 0.0:
                 span += 1
             highest(extremes.sag, span, below_chord(corner, span, x, z), time, x, rope)
 
@@ -159,9 +158,9 @@ def take_supports(extremes, constants, time, columns):
             wind, ratio = extremes.wind, columns.tower_lateral_ratio[support]
             highest_in_wind(extremes.lateral, support, abs(columns.tower_lateral[support]), time, nan, NO_ROPE, wind)
             highest_in_wind(extremes.lateral_ratio, support, ratio, time, nan, NO_ROPE, wind)
-            way, out = columns.tower_derailed[support], columns.tower_derailed_time[support]
-            if way > 0.0:
-                highest_in_wind(extremes.derailed, support, way, out, nan, NO_ROPE, wind)
+            kind, out = columns.tower_derailed[support], columns.tower_derailed_time[support]
+            if kind > 0.0:
+                highest_in_wind(extremes.derailed, support, kind, out, nan, NO_ROPE, wind)
 
 
 @inlined_kernel
@@ -273,7 +272,7 @@ def latest(extremes, time):
 def tension_ratio(constants, rope, columns, place, force):
     """Tension over the transverse part of a force (3,) in N on a rope at an arc length (m); NaN without a force.
 
-    The tension is that of the slacker side, as the samples beside the force have it: it jumps where a load is.
+    The tension, which jumps at a load, is the lower one of the samples on both sides.
     """
     points, tensions, arc_lengths = columns.rope_position, columns.rope_tension, constants.arc_length
     first, last = constants.first_sample[rope], constants.first_sample[rope + 1] - 1
@@ -401,12 +400,12 @@ def take_passing(extremes, boxes, columns):
             if not square < NEAR * NEAR:
                 continue
             row = boxes.group[one] * groups + boxes.group[other]
-            before = extremes.clearance[row, VALUE]
+            before = extremes.separation[row, VALUE]
             before = inf if isnan(before) else before
             found, place = vehicle_distance(boxes, columns, one, other, before), columns.arc_length[one]
             if found < before:
-                lowest_in_wind(extremes.clearance, row, found, time, place, NO_ROPE, columns.wind)
-                extremes.pair[row, 0], extremes.pair[row, 1] = one, other
+                lowest_in_wind(extremes.separation, row, found, time, place, NO_ROPE, columns.wind)
+                extremes.separated[row, 0], extremes.separated[row, 1] = one, other
 
 
 @kernel

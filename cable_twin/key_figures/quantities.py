@@ -9,7 +9,7 @@ from cable_twin.scenario.sections.limits import Bound, LimitRow, limit_row
 
 TRACK_ROPE_SAFETY_FACTOR, HAUL_ROPE_SAFETY_FACTOR = 3.15, 4.5  # -
 TENSION_PER_TRANSVERSE_LOAD = 10.0  # -, of carriages that roll on a rope
-# keys whose usual limit depends on the rope or the vehicle: null in a scenario stands for that, 0 for no limit
+# keys whose usual limit depends on the rope or the vehicle; null in a scenario is the usual limit, 0 no limit
 BY_KIND = ("rope_safety_factor", "tension_per_transverse_load")
 
 
@@ -17,12 +17,12 @@ class Quantity(NamedTuple):
     """Row of the table: a quantity with its unit, and the key of `limits` that holds its limit.
 
     Attributes:
-        quantity: the first part of a figure's id.
-        name: printed; {} stands for a detail such as the span. Which statistic it is of several follows.
-        meaning: in plain words; of a quantity with a limit, the description of that.
+        quantity: first part of a figure's id.
+        name: printed name; {} stands for a detail such as the span. Of several statistics, the statistic follows.
+        meaning: in plain words; for a quantity with a limit, the description of the limit.
         unit: SI unit, "-" for a plain number.
-        statistics: those that there are figures of.
-        limit: key of `limits` for the first of these; empty where no limit can be given there.
+        statistics: statistics with figures.
+        limit: key of `limits` for the first statistic; empty where no limit can be given.
     """
 
     quantity: str
@@ -47,10 +47,10 @@ def bound_of(statistic: str) -> Bound:
     return "at least" if statistic == "lowest" else "at most"
 
 
-def _limited(name: str, limit: str, statistics: tuple[str, ...], quantity: str = "") -> Quantity:
-    """Quantity with a limit of the scenario; called as the key of that unless given."""
+def _limited(name: str, limit: str, statistics: tuple[str, ...]) -> Quantity:
+    """Quantity with a limit of the scenario, identified by the key of the limit."""
     row = limit_row(limit)
-    return Quantity(quantity or limit, name, row.meaning, row.unit, statistics, limit)
+    return Quantity(limit, name, row.meaning, row.unit, statistics, limit)
 
 
 _ROWS = (
@@ -133,12 +133,12 @@ def usual_limit(scenario: Scenario, key: str, *, clamped: bool = False) -> float
 
 
 def limit_of(scenario: Scenario, quantity: str, *, clamped: bool = False) -> tuple[float | None, str]:
-    """Limit of a quantity and its source: that of the scenario, else the usual one; None where there is none.
+    """Limit of a quantity and its source, from the scenario, else the usual limit; None without a limit.
 
     Args:
-        scenario: of one rope with its vehicles, for quantities of these.
-        quantity: of the table, with a limit.
-        clamped: whether it is of vehicles that are clamped to the rope.
+        scenario: scenario of one rope with its vehicles, for their quantities.
+        quantity: row of the table, with a limit.
+        clamped: True for vehicles clamped to the rope.
     """
     key = QUANTITIES[quantity].limit
     if key == "rope_safety_factor" and scenario.hauls:  # beside a track rope, whose factor is not enough for it

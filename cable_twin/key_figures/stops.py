@@ -19,14 +19,14 @@ from cable_twin.scenario.sections.vehicles import Carriage
 BoolArray = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 STANDSTILL = 1e-3  # m/s
-SLOWEST = 0.1  # m/s: a command to stop what is slower is no stop, as a vehicle on a haul rope swings so after one
+SLOWEST = 0.1  # m/s below which a command to stop is no stop, as of a vehicle that swings on a haul rope after one
 SETTLED = 30.0  # s without going farther than before, after which a passenger's stop is over
 EMERGENCY, STOP, NO_STOP = "emergency stop", "stop", ""
 RIM = "of the rim of its bullwheel"
 
 
 class Group(NamedTuple):
-    """Vehicles with common figures, which are those of the worst: a carriage alone, or all carriers."""
+    """Vehicles with common figures, of the worst vehicle: a single carriage, or all carriers."""
 
     subject: Subject
     rows: tuple[int, ...]  # of the vehicles
@@ -50,12 +50,12 @@ def is_carried(scenario: Scenario, vehicle: Carriage) -> bool:
 def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
     """Kind of stop that a command orders of an object with given drives; NO_STOP to move or to reset, else None."""
     kind, values = applied.command.kind, applied.command.values
-    told = movers & set(values)
+    named = movers & set(values)
     if kind == "emergency_stop":
         return EMERGENCY
-    if kind == "speed" and told and not any(values[name] for name in told):
+    if kind == "speed" and named and not any(values[name] for name in named):
         return STOP
-    return NO_STOP if kind == "reset" or (kind in ("speed", "force") and told) else None
+    return NO_STOP if kind == "reset" or (kind in ("speed", "force") and named) else None
 
 
 def stop_figures(
@@ -82,9 +82,9 @@ class DriveStops:
     """Decisive stop of each drive and driven vehicle: the last emergency stop, else the last stop.
 
     Args:
-        subjects: of what is driven, by name.
-        motion: gives place (m) and speed (m/s) of one of them in the last frame.
-        on_bullwheels: names of drives whose motion is that of a rim.
+        subjects: subjects of drives and driven vehicles, by name.
+        motion: function of a name that gives place (m) and speed (m/s) in the last frame.
+        on_bullwheels: names of drives on bullwheels, whose rim moves.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class DriveStops:
 
 
 class Travel:
-    """Travel along the rope of one point of each of some vehicles, between frames that show these.
+    """Travel of a point of each vehicle along its rope, between frames that hold the points.
 
     Args:
         vehicles: (n,) rows of the vehicles.
@@ -144,7 +144,7 @@ class Travel:
         self.vehicles, self._shown, self._points = vehicles, shown, points
         self._layout: Layout | None = None  # of the frames so far
         self._numbers: list[int] = []  # places in a frame of `shown`
-        self.last: Snapshot | None = None  # last frame that shows them
+        self.last: Snapshot | None = None  # last frame that holds them
 
     def shows(self, snapshot: Snapshot) -> bool:
         """Whether a frame comes after the last one and holds the points; frames of a log may not."""
@@ -172,8 +172,8 @@ class Travel:
 class CarriedStops:
     """Decisive stop of vehicles on a driven rope: distance and time of each vehicle in space.
 
-    The rim of a drive stops as it is told; the rope slips on it, gives way and swings. A vehicle goes on until it
-    stands itself, or turns back, for the first time. Its travel is along the rope, of frames that show its position.
+    The rim of a drive follows its command; the rope slips on it, stretches and swings. A vehicle stops when it stands
+    or turns back for the first time. Its travel is along the rope, from frames that hold its position.
 
     Args:
         scenario: scenario of the run.
@@ -250,8 +250,8 @@ class SeatStops:
     """Farthest forward travel along the rope of the load of each vehicle after a command to stop.
 
     The load is the place of the payload, or the centre of mass of the last body. Its travel is summed along the rope
-    from frame to frame, and swings forward and back after clamp and rim have stopped; what counts is the farthest until
-    the vehicle is told to move again.
+    from frame to frame, forward and back as the load swings after clamp and rim have stopped; the farthest travel until
+    the next command to move counts.
 
     Args:
         scenario: scenario of the run.
@@ -277,7 +277,7 @@ class SeatStops:
         self._under_way = False  # any stop
         self._over: BoolArray = np.ones(count, np.bool_)  # no stop is under way
         self._kinds = [""] * count  # of the last stop
-        self._stands: BoolArray = np.zeros(count, np.bool_)  # told to, and not to move since
+        self._stands: BoolArray = np.zeros(count, np.bool_)  # commanded to stop, and not to move since
         self._start = np.zeros(count)  # m/s along the rope at the command
         self._begun, self._farthest_at = np.full(count, nan), np.full(count, nan)  # s
         self._way, self._farthest = np.zeros(count), np.zeros(count)  # m
@@ -325,9 +325,9 @@ class SeatStops:
         farther = numbers[self._way[numbers] > self._farthest[numbers]]
         self._farthest[farther], self._farthest_at[farther] = self._way[farther], snapshot.time
         self._over[numbers[np.isnan(steps) | (snapshot.time - self._farthest_at[numbers] > SETTLED)]] = True
-        self._tell(farther)
+        self._renew(farther)
 
-    def _tell(self, farther: Rows) -> None:
+    def _renew(self, farther: Rows) -> None:
         """Renew the figures of groups with loads, by index, that have gone farther."""
         for subject, members in self._groups:
             moved = [number for number in farther.tolist() if number in members]

@@ -17,8 +17,8 @@ from cable_twin.key_figures import KeyFigure
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
-NEGLIGIBLE = 1e-5  # of a value: an uncertainty that no digit of it shows
-NOISE = 1e-6  # of the unit that is shown; what is less is rounding
+NEGLIGIBLE = 1e-5  # share of a value: an uncertainty below all of its digits
+NOISE = 1e-6  # in the printed unit: below it, a rounding error
 
 
 def table_console() -> Console:
@@ -31,8 +31,8 @@ def print_figures(
 ) -> None:
     """Print one table with a column for each run; time and place only for a single one.
 
-    `at` and `unit_at` are what the time of a figure is, and its unit. On a narrow terminal all but name, value, unit
-    and verdict goes to a line below.
+    `at` and `unit_at` are the name and unit of the time of a figure, which is a place for a static line. On a narrow
+    terminal all but name, value, unit and verdict goes to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.id: figure for figure in run} for run in figures]

@@ -30,7 +30,7 @@ from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES, MOST = 40, 2000
-# quantities of a motion, of which there is none
+# quantities of motion, absent from a static line
 MOVING = ("drive_force", "drive_power", "speed", "acceleration", "dynamic_amplification")
 EPILOG = """\
 The static equilibrium of the whole line, with its loads, wind and ice, is calculated for N places of the vehicle, from
@@ -54,11 +54,11 @@ class Line:
     """Static line calculation, with a row for each place.
 
     Attributes:
-        scenario: what was calculated.
-        moved: the vehicle that was moved, or the carriers of a moving cable, or the drive of a haul rope.
-        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, how far the cable has gone by.
-        columns: what a frame shows, at each place.
-        lowest: least heights (m) of all that is on the rope over the terrain, with x (m) of each, at each place.
+        scenario: scenario of the line.
+        moved: name of the moved vehicle, of the carriers of a moving cable, or of the drive of a haul rope.
+        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, travel of the cable.
+        columns: columns of a frame at each place.
+        lowest: least heights (m) of the vehicles over the terrain, with x (m) of each, at each place.
         rows: (n,) values by name and unit, at each place.
         figures: the envelope; the time of a figure is the place of the vehicle (m).
     """
@@ -97,8 +97,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = table_console()
     if STDOUT in (options.csv, options.json):
         words = Console(stderr=True, width=160, highlight=False)
-    what = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
-    words.print(f"{line.scenario.name} at rest, {what}", markup=False)
+    title = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
+    words.print(f"{line.scenario.name} at rest, {title}", markup=False)
     print_figures(words, [line.figures], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):
@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             write_line_plot(line, options.plot)
     except BrokenPipeError:
-        raise  # who reads the output has enough: `entry_points` ends without a word
+        raise  # the reader of the output has closed it: `entry_points` ends silently
     except OSError as error:
         return _fault(f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
     return DONE
@@ -203,9 +203,9 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
     """Choose the places of the vehicle.
 
     Args:
-        scenario: whose line it is.
-        count: of places, at least 2.
-        vehicle: its name; the first one that is not clamped where None, else what a haul rope pulls, all together.
+        scenario: scenario of the line.
+        count: number of places, at least 2.
+        vehicle: name of a vehicle; None for the first one that is not clamped, else all on a haul rope together.
 
     Raises:
         ValueError: there is no such vehicle; one line.
@@ -216,7 +216,7 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
     if scenario.carriers is not None and vehicle in (None, scenario.carriers.name):
         return Line(scenario, scenario.carriers.name, np.arange(count) * scenario.spacing / count)
     if pulling and (vehicle in (pulling, *hauled) or (vehicle is None and not movable)):
-        return Line(scenario, pulling, np.linspace(*_way(scenario, hauled, pulling), count))
+        return Line(scenario, pulling, np.linspace(*_travel(scenario, hauled, pulling), count))
     if vehicle is None and not movable:
         return Line(scenario, "", np.zeros(1))
     name = movable[0] if vehicle is None else vehicle
@@ -236,11 +236,11 @@ def calculate(line: Line, on_place: Callable[[], object] = lambda: None) -> None
     """Find the equilibrium at all places, and collect the results.
 
     Args:
-        line: takes the results.
+        line: planned line, which gets the results.
         on_place: called after each place.
 
     Raises:
-        EquilibriumError: there is no rest at a place; the line names it.
+        EquilibriumError: no equilibrium at a place; the line names it.
     """
     envelope, found = KeyFigures(line.scenario), []
     for place in line.places.tolist():
@@ -248,7 +248,7 @@ def calculate(line: Line, on_place: Callable[[], object] = lambda: None) -> None
         here = simulation.snapshot
         if line.scenario.terrain:
             line.lowest.append(simulation.clearance().vehicles)
-        # the place stands for the time, of which there is none
+        # place in the column of the time, which a static line does not have
         numbers = here.numbers.copy()
         numbers[0] = place
         envelope.update(Snapshot(here.layout, numbers, here.solver))
@@ -279,17 +279,17 @@ def at_place(line: Line, place: float) -> Simulation:
         raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
 
 
-def _way(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
+def _travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
     """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel
-    ways = [travel_between_stops(scenario, name) for name in hauled]
-    return max(way.low for way in ways), min(way.high for way in ways)
+    ranges = [travel_between_stops(scenario, name) for name in hauled]
+    return max(one.low for one in ranges), min(one.high for one in ranges)
 
 
 def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
     """Scenario changes for vehicles on haul ropes after a travel (m) of these."""
-    # that of a drive is from where they stand at the start
+    # the travel of a drive is counted from the start
     changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
     for name, one in scenario.carriages.items():
         changes |= {f"carriages.{name}.clamped_to.{rope}": place + passed for rope, place in one.clamped_to.items()}
@@ -299,7 +299,7 @@ def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
 
 
 def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
-    """Key figures with a meaning at rest; of tower margins only those of towers without contact."""
+    """Key figures with a meaning at rest; tower margins only of towers without contact."""
     found = []
     for one in figures:
         quantity = one.id.quantity

@@ -127,8 +127,8 @@ def _tension(axes: Axes, line: Line) -> None:
 def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Least and highest tension (samples,) of a rope at each arc length, also for vehicles between places.
 
-    Tension jumps at a vehicle. Both sides of it at a place are on the lines through the two samples there, and between
-    places, where a vehicle passes all samples on its way, they change evenly.
+    Tension jumps at a vehicle. At a place, the tensions on both sides of the vehicle are extrapolated from the two
+    samples there; between places, where it passes all samples, they change linearly.
 
     Args:
         line: calculated.
@@ -153,7 +153,7 @@ def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _loads(line: Line) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
-    """Yield what makes the tension of a rope jump: its name, arc lengths (places,) in m, and where it is on the rope.
+    """Yield each load that makes tension jump: its rope, arc lengths (places,) in m, mask of places on the rope.
 
     A vehicle is on the rope that carries it, and, where it is clamped to haul ropes, on these too.
     """

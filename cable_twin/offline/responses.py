@@ -4,7 +4,7 @@ A command that holds for `HELD` s or more after a change is a step. Of the speed
 
     rise time        from 10 to 90 % of v_c - v_0
     settling time    until v stays within 2 % of v_c - v_0 around v_c
-    overshoot        how far v goes beyond v_c, over |v_c - v_0|
+    overshoot        largest v beyond v_c, over |v_c - v_0|
     steady error     mean of v - v_c over the last tenth of the step
 
 and of a whole run: the tracking error v minus the ramped reference, its largest size and root of mean square; the
@@ -30,10 +30,10 @@ from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline.figure_table import shown
 
 HELD = 2.0  # s
-SMALLEST = 1e-3  # m/s, of a step
-BAND, LOW, HIGH, LAST = 0.02, 0.1, 0.9, 0.1  # shares: of settling, rise, and of the time that the steady error is of
-MOST = 50_000  # frames of a step that are kept; of a longer one each second, fourth, ... is
-SHOWN = 12  # steps of a table
+SMALLEST = 1e-3  # m/s, smallest step
+BAND, LOW, HIGH, LAST = 0.02, 0.1, 0.9, 0.1  # shares: settling, rise (two), and time for the steady error
+MOST = 50_000  # stored frames of a step; of a longer one each second, fourth, ... is stored
+SHOWN = 12  # steps in a table
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,9 +120,9 @@ class Responses:
         forces = layout.of_commanded(c.drive_force[own], c.moving_cable_force)
         elapsed = snapshot.time - self._last_time
         rows = zip(layout.commanded, *(one.tolist() for one in (commanded, reference, speeds, forces)), strict=True)
-        for name, told, follows, speed, force in rows:
+        for name, command, follows, speed, force in rows:
             self._take_effort(name, speed - follows, speed, force, elapsed)
-            self._take_step(name, snapshot.time, told, speed)
+            self._take_step(name, snapshot.time, command, speed)
             self._last_speeds[name] = speed
         self._last_time = snapshot.time
 
@@ -150,12 +150,12 @@ class Responses:
         work = force * speed * elapsed if elapsed > 0.0 else 0.0
         effort.driving, effort.braking = effort.driving + max(work, 0.0), effort.braking + max(-work, 0.0)
 
-    def _take_step(self, name: str, time: float, told: float, speed: float) -> None:
+    def _take_step(self, name: str, time: float, command: float, speed: float) -> None:
         step = self._under_way.get(name)
-        if step is None or step.command != told:  # also of NaN: no speed is commanded
+        if step is None or step.command != command:  # also for NaN: no speed is commanded
             self._end(name)
             begun = time if math.isnan(self._last_time) else self._last_time  # a command comes after a frame
-            self._under_way[name] = step = _Step(begun, self._last_speeds.get(name, speed), told)
+            self._under_way[name] = step = _Step(begun, self._last_speeds.get(name, speed), command)
         step.take(time, speed)
 
     def _end(self, name: str) -> None:
@@ -199,9 +199,9 @@ def print_responses(
         )
         for step in steps[:SHOWN]:
             times = (("not reached", step.rise), ("not settled", step.settling))
-            told = [without if time is None else f"{time:.2f}" for without, time in times]
+            reached = [without if time is None else f"{time:.2f}" for without, time in times]
             numbers = f"{step.time:.2f}", shown(step.before, 1.0), shown(step.command, 1.0)
-            table.add_row(step.name, *numbers, *told, f"{100.0 * step.overshoot:.2f}", rounded(step.steady_error, 2))
+            table.add_row(step.name, *numbers, *reached, f"{100.0 * step.overshoot:.2f}", rounded(step.steady_error, 2))
         console.print(table)
         if len(steps) > SHOWN:
             console.print(f"  {len(steps) - SHOWN} more steps; --json contains all")

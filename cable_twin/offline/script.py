@@ -79,10 +79,10 @@ def read_script(file: Path, scenario: Scenario | None = None) -> list[ScriptedCo
 
     Args:
         file: YAML (a list of mappings) or CSV (a header and a line a command), by its suffix.
-        scenario: that it is for, where what that refuses is to be found as well.
+        scenario: scenario that it is for, to find commands that are refused there; None to skip this.
 
     Raises:
-        ScriptError: with every fault, one line each: file, line, what was given, what is allowed, unit.
+        ScriptError: all faults, one line each: file, line, given value, allowed values, unit.
     """
     suffix = file.suffix.lower()
     if suffix not in (".yaml", ".yml", ".csv"):
@@ -135,9 +135,9 @@ def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopp
     """Find commands that a scenario refuses in any state: names, limits, places, drives after an emergency stop.
 
     Args:
-        scenario: That is to run.
-        script: The commands.
-        stopped: Whether it begins in an emergency stop.
+        scenario: scenario of the run.
+        script: commands.
+        stopped: whether the run begins in an emergency stop.
 
     Returns:
         A line for each entry that would be refused, of a step or chirp for its first command that would be.
@@ -155,7 +155,7 @@ def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: 
                 stopped = at_start
                 check_place(item.at, scenario)
             check_ahead(scenario, item.command, stopped=stopped)  # where a carriage is then, only the run can tell
-        except CommandError as error:  # noqa: PERF203 - every fault is told
+        except CommandError as error:  # noqa: PERF203 - every fault is reported
             faults.setdefault(item.place, f"{item.place}: {error}")
         else:
             stopped = STOPPED_BY.get(item.command.kind, stopped)
@@ -207,8 +207,8 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
     except UnreadableYamlError as error:
         raise ScriptError(f"{file}{error.where}: {error}") from None
     if doubles:
-        told = (f"{file}:{one.second}: {one.path[-1]} given twice, first on line {one.first}" for one in doubles)
-        raise ScriptError("\n".join(f"{line}; allowed: once" for line in told))
+        lines = (f"{file}:{one.second}: {one.path[-1]} given twice, first on line {one.first}" for one in doubles)
+        raise ScriptError("\n".join(f"{line}; allowed: once" for line in lines))
     if content is None:
         return
     if not isinstance(content, list) or node is None:
@@ -219,7 +219,7 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
 
 
 def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
-    """Parse one row into a command, or into those of a step or chirp."""
+    """Commands of one row: one, or the sequence of a step or chirp."""
     if isinstance(row, str):
         raise ScriptError(f"{place}: {row}")
     if unknown := [str(key) for key in row if key not in KEYS]:
@@ -230,7 +230,7 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
     if not _is_finite(time) or time < 0.0:
         raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
     at = _place(row["at"], place) if "at" in row else None
-    command = _meant(row, place)
+    command = _command(row, place)
     if not any(key in row for key in SIGNAL_KEYS):
         return [ScriptedCommand(float(time), command, "script", place, at)]
     if not KINDS[command.kind].drives:
@@ -301,14 +301,14 @@ def _phase(time: float, duration: float, first: float, last: float) -> float:
     return 2.0 * math.pi * first * duration * math.expm1(growth * time / duration) / growth
 
 
-def _meant(row: Mapping[str, Any], place: str) -> Command:
+def _command(row: Mapping[str, Any], place: str) -> Command:
     """Command of a row: an event, numbers by axis, or a number by name."""
     given = [key for key in NUMBERS if key in row]
     if "event" in row:
         event = str(row["event"])
         if given or "name" in row or event not in EVENTS:
-            what = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
-            raise ScriptError(f"{place}: {what} given; allowed: {', '.join(EVENTS)}, alone")
+            found = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
+            raise ScriptError(f"{place}: {found} given; allowed: {', '.join(EVENTS)}, alone")
         return Command(event, {})
     if "name" not in row:
         for name, kind in BY_AXIS.items():
@@ -322,8 +322,8 @@ def _meant(row: Mapping[str, Any], place: str) -> Command:
                 )
                 return Command(name, speeds)
     if len(given) != 1 or given[0] not in BY_NAME or not isinstance(row.get("name"), str):
-        what = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
-        raise ScriptError(f"{place}: {what} given; {ALLOWED}")
+        found = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
+        raise ScriptError(f"{place}: {found} given; {ALLOWED}")
     kind = BY_NAME[given[0]]
     return Command(kind.name, {row["name"]: _finite(row[kind.name], kind.name, kind.unit, place)})
 

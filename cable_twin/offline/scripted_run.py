@@ -65,22 +65,22 @@ def simulate(
 
     A command takes effect at the solver step nearest to its time, after the frame of that time, or at the first step
     at which its place is reached, which frames have no part in. Where the simulation
-    comes from a snapshot, those of before are part of its state and are not given again.
+    comes from a snapshot, earlier commands are part of its state and are not given again.
 
     Args:
-        simulation: At its start, or as it was loaded.
-        script: Commands in the order of time.
+        simulation: simulation at its start, or a loaded one.
+        script: commands in the order of time.
         duration: s, from the present time on.
-        frame_steps: Solver steps in a frame.
+        frame_steps: solver steps in a frame.
         epoch_ns: ns since 1970 of simulated time zero, as given to `Run.begin`.
-        run: Where it is recorded, or None.
-        figures: Take in what is seen, or None.
-        on_frame: Called with the simulated time (s) of each frame.
-        ended: Whether to end before `duration`.
-        rates: Hz by group of topics, at which they are recorded; every frame where there is none.
+        run: recorder of the run, or None.
+        figures: collector of key figures, or None.
+        on_frame: called with the simulated time (s) of each frame.
+        ended: condition for an end before `duration`.
+        rates: recorded rates (Hz) by group of topics; every frame for other groups.
 
     Returns:
-        How far it came, and what was refused.
+        Its end, and commands that were refused or not carried out.
     """
     frame_rate = 1.0 / (frame_steps * simulation.step)
     table = (*topics(simulation.layout), *sensor_topics(simulation.scenario))
@@ -229,12 +229,12 @@ def start_of(log: Log, *, samples: int = SAMPLES, meanwhile: Meanwhile | None = 
     """Build the simulation of a log: its scenario at the start, or in the attached state.
 
     Args:
-        log: The run.
-        samples: Points at which snapshots hold the cable.
-        meanwhile: See `Simulation`.
+        log: log of the run.
+        samples: points of each rope in a snapshot.
+        meanwhile: as of `Simulation`.
 
     Raises:
-        ScenarioError, EquilibriumError, SnapshotError: It cannot be simulated.
+        ScenarioError, EquilibriumError, SnapshotError: it cannot be simulated.
     """
     if log.snapshot is None:
         return Simulation(load_scenario(log.scenario), samples=samples, meanwhile=meanwhile)

@@ -86,7 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except UNUSABLE_INPUT as error:
         tell("simulate", error)
         return UNUSABLE
-    with _signals(last=argv is None) as ended:  # until all is closed and told, however impatient somebody is
+    with _signals(last=argv is None) as ended:  # until the logs are closed and the report is printed
         try:
             export = Export(options)
         except OSError as error:
@@ -213,10 +213,10 @@ def _run(
 
 
 def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
-    """Load the requested scenario, or that of the bag with changes; None where a state contains it.
+    """Load the requested scenario, or the scenario of the bag with changes; None where a state contains it.
 
     Raises:
-        SnapshotError: a state has its scenario, and another one is asked for.
+        SnapshotError: a state has its scenario, and another one is given.
         ScenarioError: it does not load.
     """
     changed = options.scenario is not None or bool(options.set)
@@ -276,8 +276,8 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
 def _signals(*, last: bool) -> Iterator[threading.Event]:
     """Turn ending signals into a flag, so that the logs are closed.
 
-    Where this is the last that a process does, and one of them has come, it takes no more: Python would have it killed
-    while it leaves, and the exit code would be another one.
+    With `last`, before the process ends, further signals are ignored after the first one: Python would be killed while
+    it ends, with another exit code.
     """
     flag = threading.Event()
     before = {number: signal.signal(number, lambda *_: flag.set()) for number in ending_signals()}
@@ -298,7 +298,7 @@ def run_progress(console: Console, start: float, duration: float) -> Iterator[Ca
         TextColumn("{task.completed:.0f} of {task.total:.0f} s, {task.fields[factor]:.1f} times real time, remaining"),
         TimeRemainingColumn(),
     )
-    # a file gets nothing of it, not even the empty line in the end
+    # disabled on a file, which would get an empty line at the end
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("simulate", total=duration, factor=0.0)
         began = time.monotonic()
@@ -322,35 +322,35 @@ def report(
     """Print the results of a run; returns whether something failed.
 
     Args:
-        scenario: what ran.
-        start: simulated time (s) at which it began.
-        outcome: of the run.
-        figures: that it showed.
-        run: its log, where there is one.
-        faults: what failed, a line each.
+        scenario: scenario of the run.
+        start: simulated time (s) at its start.
+        outcome: outcome of the run.
+        figures: its key figures.
+        run: its log, or None without one.
+        faults: failures, a line each.
     """
     print_figures(table_console(), [figures])
     warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
     met = [one for one in figures if one.id.quantity == "buffer_force"]
-    told = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
-    told += [f"refused: {line}" for line in outcome.refused[:5]]
-    told += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
-    told += [*faults]
-    told += (
+    lines = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
+    lines += [f"refused: {line}" for line in outcome.refused[:5]]
+    lines += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
+    lines += [*faults]
+    lines += (
         [f"not carried out, because their time is at or after the end of the run: {_count(outcome.left)}"]
         if outcome.left
         else []
     )
-    told += [f"not carried out: {line}" for line in outcome.not_reached]
-    told += (
+    lines += [f"not carried out: {line}" for line in outcome.not_reached]
+    lines += (
         [f"not carried out, because their time is before that of the snapshot: {_count(outcome.past)}"]
         if outcome.past
         else []
     )
     simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
     factor = simulated / max(outcome.wall_time, 1e-9)
-    told += [_shorter_than_needed(scenario)] if factor < 1.0 and scenario.solver.step == DEFAULT_STEP else []
-    for line in told:
+    lines += [_shorter_than_needed(scenario)] if factor < 1.0 and scenario.solver.step == DEFAULT_STEP else []
+    for line in lines:
         tell("simulate", line)
     print(
         f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "

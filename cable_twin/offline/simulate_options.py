@@ -33,7 +33,7 @@ SPLITTING = (
         "whenever new files begin, delete the oldest until the run is no larger than this; 0: keep all",
     ),
 )
-LOG_RATES = {  # group of topics: what they are
+LOG_RATES = {  # group of topics: subject and verb for the help
     "joints": "joint states are",
     "poses": "poses are",
     "forces": "forces are",
@@ -260,7 +260,7 @@ def sweep_of(text: str) -> Sweep:
     """Parse KEY=START:STOP:STEP; the values are integers where all three numbers are.
 
     Raises:
-        argparse.ArgumentTypeError: one line with what was given and what is allowed.
+        argparse.ArgumentTypeError: one line with the given and the allowed values.
     """
     key, equals, span = text.partition("=")
     parts = span.split(":")
@@ -271,8 +271,8 @@ def sweep_of(text: str) -> Sweep:
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r} given, {error} is no finite number; {FORM}") from None
     if step == 0.0 or (stop - start) * step < 0.0:
-        way = "0" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
-        raise argparse.ArgumentTypeError(f"{text!r} given with a step of {way}; allowed: one from START towards STOP")
+        given = "0" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
+        raise argparse.ArgumentTypeError(f"{text!r} given with a step of {given}; allowed: one from START towards STOP")
     count = math.floor((stop - start) / step + 1e-9) + 1
     if count > MOST_RUNS:
         raise argparse.ArgumentTypeError(f"{text!r} given, {count} runs; allowed: at most {MOST_RUNS}")

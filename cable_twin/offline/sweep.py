@@ -32,7 +32,7 @@ from cable_twin.terminal.bars import compilation_shown, count_shown
 from cable_twin.terminal.command_line import INTERRUPTED, left_at_once, tell
 
 DONE, FAILED = 0, 1
-PRECISION, TURNS = 0.01, 12  # of a step, to which ends of windows are sought at least, and how often
+PRECISION, TURNS = 0.01, 12  # share of a step to which ends of windows are sought, and most rounds of the search
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def sweep(options: argparse.Namespace) -> int:
     try:
         for path in (options.csv, options.json, options.plot):
             if path not in (None, STDOUT):
-                Path(path).touch()  # what cannot be written is said before anything runs
+                Path(path).touch()  # files that cannot be written are reported before any run
         with side_by_side(len(jobs)) as run_all, count_shown(console, "runs", len(jobs)) as show:
             runs = run_all(jobs, show)
             runs = _refined(options, jobs[0], runs, lambda more: run_all(more, show))
@@ -108,12 +108,12 @@ def _refined(
     if len(values) < 2:
         return runs
     least = 1.0 if whole else PRECISION * abs(values[1] - values[0])
-    way = 1.0 if values[1] > values[0] else -1.0
+    sense = 1.0 if values[1] > values[0] else -1.0
     for turn in range(TURNS):
         tried = []
         for gap, expected in unsure_gaps(runs, limited_figures(runs), least):
             low, high = sorted((runs[gap].value, runs[gap + 1].value))
-            jumps = turn % 3 == 2 or not low < expected < high  # so that what lies on no curve is halved
+            jumps = turn % 3 == 2 or not low < expected < high  # bisection for figures on no smooth curve
             value = 0.5 * (low + high) if jumps else expected
             tried.append(min(max(round(value), low + 1), high - 1) if whole else value)
         if not tried:
@@ -121,7 +121,7 @@ def _refined(
         between = replace(options.sweep, values=tuple(tried))
         scenarios = swept_scenarios(between, _source(options), dict(options.set))
         jobs = [replace(like, value=value, scenario=one) for value, one in zip(tried, scenarios, strict=True)]
-        runs = sorted([*runs, *run_all(jobs)], key=lambda run: way * run.value)
+        runs = sorted([*runs, *run_all(jobs)], key=lambda run: sense * run.value)
     return runs
 
 
@@ -175,7 +175,7 @@ def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> li
     Args:
         sweep: key and values; a part of the key may be an axis, or a number in a list.
         source: as `load_scenario` takes it.
-        changes: of other values, by dotted key.
+        changes: changes of other values, by dotted key.
 
     Raises:
         ScenarioError: one line a fault, of the first value that has any.
@@ -210,7 +210,7 @@ def side_by_side(count: int) -> Iterator[Callable[[Sequence[Job], Callable[[], o
     finally:
         processes = list((pool._processes or {}).values())
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:  # after Ctrl-C nobody waits for a run
+        for process in processes:  # runs are not awaited after Ctrl-C
             process.terminate()
 
 

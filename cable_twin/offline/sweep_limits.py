@@ -70,17 +70,17 @@ class SweptFigure:
             if broken and first is None:
                 first = place
             if first is not None and (not broken or place == last):
-                way = math.copysign(math.inf, self.values[-1] - self.values[0])
-                start = self.crossing(first - 1) if first else -way
-                end = way if broken else self.crossing(place - 1)
+                beyond = math.copysign(math.inf, self.values[-1] - self.values[0])
+                start = self.crossing(first - 1) if first else -beyond
+                end = beyond if broken else self.crossing(place - 1)
                 yield (start, end) if start < end else (end, start)
                 first = None
 
     def crossing(self, gap: int) -> float:
         """Interpolated value at which the figure meets its limit, between a run by number and the next one.
 
-        It is on a curve through all runs that has no more turns than they, as loads by wind go with its square. Where
-        a run beside the gap has no such figure, it is the value of the run that keeps the limit.
+        It is on a monotone cubic curve through all runs, as wind loads grow with the square of the speed. Where a run
+        beside the gap lacks the figure, it is the value of the run that keeps the limit.
         """
         before, after = self.figures[gap], self.figures[gap + 1]
         ends = self.values[gap], self.values[gap + 1]
@@ -105,8 +105,8 @@ class Edge:
     """End of a window with all limits kept.
 
     Attributes:
-        value: where it is.
-        figure: whose limit is passed beyond it; None where the sweep ends there, or a run before its time.
+        value: swept value.
+        figure: figure whose limit is exceeded beyond it; None where the sweep ends there, or a run failed.
         run: value of the outermost run within the window.
     """
 
@@ -134,7 +134,7 @@ def use_of(figure: KeyFigure) -> float:
     limit = figure.limit
     assert limit is not None
     top, below = (figure.value, limit) if figure.bound == "at most" else (limit, figure.value)
-    if limit < 0.0:  # least powers and travels: more of it is more use
+    if limit < 0.0:  # lowest powers and travels: utilisation grows downwards
         top, below = below, top
     if below <= 0.0 or top < 0.0:
         return math.inf if figure.kept is False else 0.0
@@ -149,7 +149,7 @@ def keeps_all(run: SweptRun) -> bool:
 def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
     """Figures with a limit: exceeded ones in the order of the sweep, then by decreasing utilisation.
 
-    Of limits that are passed from the first run on, that which is kept again last comes first.
+    Of limits exceeded from the first run on, the one that is exceeded longest comes first.
     """
     values = [run.value for run in runs]
     by_run = [{figure.id: figure for figure in run.figures if figure.limit is not None} for run in runs]
@@ -158,12 +158,12 @@ def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
         figures = [run.get(key) for run in by_run]
         one = next(figure for figure in figures if figure is not None)
         found.append(SweptFigure(key, one.name, one.unit, one.bound, one.source, values, figures))
-    way = 1.0 if values[-1] >= values[0] else -1.0
+    sense = 1.0 if values[-1] >= values[0] else -1.0
 
     def order(figure: SweptFigure) -> tuple[float, ...]:
         at = figure.passed_at
         broken = sum(one is not None and one.kept is False for one in figure.figures)
-        return (math.inf, 0, -figure.use) if at is None else (way * at, -broken, -figure.use)
+        return (math.inf, 0, -figure.use) if at is None else (sense * at, -broken, -figure.use)
 
     return sorted(found, key=order)
 
@@ -199,8 +199,8 @@ def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least:
 
     Args:
         runs: in the order of the sweep.
-        figures: of these, those with limits.
-        least: of a gap in which something is looked for.
+        figures: figures of the runs with limits.
+        least: smallest gap to refine.
     """
     for gap, (one, other) in enumerate(pairwise(runs)):
         if one.fault or other.fault or abs(other.value - one.value) <= least:
@@ -223,7 +223,7 @@ def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least:
         ]
         if broken[0].keys() & broken[1].keys():
             continue
-        # what is passed at the first run may be kept before the limits of the second one are passed
+        # limits exceeded in the first run may be kept before those of the second one are exceeded
         again = max(abs(figure.crossing(gap) - one.value) for figure in broken[0].values())
         until = min(abs(figure.crossing(gap) - one.value) for figure in broken[1].values())
         if again < until:

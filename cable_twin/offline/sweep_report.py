@@ -127,8 +127,8 @@ def window_lines(
             )
         else:
             ends = [
-                f"{way}, {_limit(one.figure)}"
-                for way, one in (("below", window.low), ("above", window.high))
+                f"{side}, {_limit(one.figure)}"
+                for side, one in (("below", window.low), ("above", window.high))
                 if one.figure is not None
             ]
             found.append(
@@ -172,7 +172,7 @@ def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windo
         for run in runs
     ]
     stretches = [{"low": _edge(window.low), "high": _edge(window.high)} for window in windows]
-    operating = None  # what ends a window in which the sweep begins
+    operating = None  # end of the window in which the sweep begins
     if windows and keeps_all(runs[0]):
         far = windows[0].high if runs[-1].value >= runs[0].value else windows[0].low
         operating = _edge(far) if far.figure is not None else None

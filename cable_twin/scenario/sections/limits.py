@@ -34,7 +34,7 @@ def limit(
         description: meaning, without the unit, which is added.
         default: default value.
         bound: side of the limit on which the figure has to be.
-        source: of the default: a standard, or that it is assumed and why.
+        source: source of the default: a standard, or an assumption with its reason.
         clause: paragraph of the standard, with its number.
         **bounds: `gt`, `ge`, `lt` and `le`, as pydantic has them.
 
