@@ -156,13 +156,15 @@ def test_a_passenger_swings_on_and_back_and_counts_until_told_to_move():
     assert "cabin: stopping distance" in gathered(figures)
 
 
-def test_a_stop_from_a_creep_is_none_of_a_passengers_either():
-    """Told to creep at 0.05 m/s and to stand again after a stop from 6 m/s: what counts stays that stop."""
+@pytest.mark.parametrize("creep", [True, False], ids=["creeps", "swings"])
+def test_a_command_to_stop_what_only_creeps_or_swings_is_no_stop(creep):
+    """A vehicle told to creep at 0.05 m/s, or swinging so on its haul rope; what counts stays the stop before."""
     figures = KeyFigures(scenario())
     drive(figures, lambda _: 6.0, 5.0)
     figures.command(AppliedCommand(5.0, Command("speed", {"cabin": 0.0}), "test"))
     drive(figures, lambda moment: max(6.0 - 1.2 * (moment - 5.0), 0.0), 6.0, start=130.0, begin=5.0)
-    figures.command(AppliedCommand(11.5, Command("speed", {"cabin": 0.05}), "test"))
+    if creep:
+        figures.command(AppliedCommand(11.5, Command("speed", {"cabin": 0.05}), "test"))
     drive(figures, lambda _: 0.05, 1.0, start=145.0, begin=11.5)
     figures.command(AppliedCommand(12.5, Command("speed", {"cabin": 0.0}), "test"))
     drive(figures, lambda _: 0.02, 1.0, start=145.05, begin=12.51)
@@ -179,18 +181,6 @@ def test_stopping_distance_counts_from_the_command_also_between_frames():
     stop = gathered(figures)["cabin: stopping distance"]
     assert stop.value == pytest.approx(15.0)
     assert stop.time == 5.0 + 0.4 * PERIOD
-
-
-def test_a_command_to_stop_what_only_swings_is_no_stop():
-    """A controller sends 0 m/s again and again; a vehicle on its haul rope swings with some cm/s meanwhile."""
-    figures = KeyFigures(scenario())
-    drive(figures, lambda _: 6.0, 5.0)
-    figures.command(AppliedCommand(5.0, Command("speed", {"cabin": 0.0}), "test"))
-    drive(figures, lambda moment: max(6.0 - 1.2 * (moment - 5.0), 0.0), 6.0, start=130.0, begin=5.0)
-    drive(figures, lambda _: 0.05, 1.0, start=145.0, begin=11.5)
-    figures.command(AppliedCommand(12.5, Command("speed", {"cabin": 0.0}), "test"))
-    drive(figures, lambda _: 0.0, 1.0, start=145.05, begin=12.51)
-    assert gathered(figures)["cabin: stopping distance"].place == "stop from 6.00 m/s at 130.0 m"
 
 
 def test_a_stop_that_is_taken_back_does_not_count():

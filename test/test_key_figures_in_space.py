@@ -172,10 +172,6 @@ def test_a_plane_has_no_rows_of_what_it_has_not():
             },
             r"terrain_sides\.left\.1: given x = 5\.0 m after 5\.0 m; allowed: rising x, in m",
         ),
-        (
-            {"space": 2, "terrain": [[0.0, -60.0], [1000.0, -60.0]], "terrain_sides": LEANING, "towers": {}},
-            "terrain_sides: given a mapping: in a plane; allowed: null, as only scenarios in space have it",
-        ),
     ],
 )
 def test_profiles_that_do_not_go_together_are_refused(change, text):
