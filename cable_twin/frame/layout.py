@@ -288,22 +288,6 @@ class Layout:
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
         return self.of_commanded(share, np.abs(c.moving_cable_force) / self.drive_limits)
 
-    def off_loop(self, columns: Columns) -> None:
-        """Convert places on the loop, in the columns of a frame, into places on the present rope of each vehicle."""
-        if not self.rides_loop:
-            return
-        columns.vehicle_rope[:] = self.vehicle_ropes
-        riding = slice(len(self.carriages), None)
-        order = np.argsort(self.loop_offsets, kind="stable")
-        number = np.searchsorted(self.loop_offsets[order], columns.arc_length[riding] + 1e-9, side="right") - 1
-        ropes = order[np.maximum(number, 0)]
-        columns.vehicle_rope[riding] = ropes
-        ends = self.arc_lengths[[part.stop - 1 for part in self.ropes.values()]][ropes]
-        places = columns.arc_length[riding] - self.loop_offsets[ropes]
-        # what is at an end hangs exactly there
-        places = np.where(np.abs(places) < 1e-9, 0.0, np.where(np.abs(places - ends) < 1e-9, ends, places))
-        columns.arc_length[riding] = places
-
     @cached_property
     def places(self) -> Columns:
         """Columns with the index of each number in a frame."""

@@ -64,9 +64,6 @@ def applied_command_from_message(data: bytes, epoch_ns: int = 0) -> AppliedComma
 
 def _parts(message: Any) -> tuple[str, list[str], str]:
     """Kind, names and source of an applied command; raises ValueError for an invalid message."""
-    kind, colon, source = message.header.frame_id.partition(":")
-    if colon and kind in KINDS:  # in logs up to format 2
-        return kind, message.name, source
     kind = message.name[0].partition("/")[0] if message.name else ""
     parts = [name.split("/", 2 if kind in KINDS and KINDS[kind].field else 1) for name in message.name]
     if kind not in KINDS or any(part[0] != kind or len(part) != (3 if KINDS[kind].field else 2) for part in parts):

@@ -57,6 +57,3 @@ def compared(figures: Sequence[KeyFigure], finer: Sequence[KeyFigure]) -> list[K
         replace(figure, uncertainty=abs(values[figure.id] - figure.value)) if figure.id in values else figure
         for figure in figures
     ]
-
-
-__all__ = ["checked", "compared", "refined"]

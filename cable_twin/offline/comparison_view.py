@@ -127,6 +127,3 @@ def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprin
             column_shares=[5, 1],
         )
     )
-
-
-__all__ = ["ComparisonView"]

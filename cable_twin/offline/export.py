@@ -182,6 +182,3 @@ def figure_columns(figure: KeyFigure) -> dict[str, Any]:
     time = figure.time if math.isfinite(figure.time) else None
     values = (figure.name, numbers[0], figure.unit, time, figure.place, numbers[1], bound, figure.source, figure.kept)
     return dict(zip(FIGURE_COLUMNS, (*values, figure.band, str(figure.id)), strict=True))
-
-
-__all__ = ["STDOUT", "Export", "RunTable", "add_export", "export_fault", "figure_columns"]

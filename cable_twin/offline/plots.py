@@ -287,6 +287,3 @@ def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
     slope = chord[2] / chord[0] if chord[0] else 0.0
     height: np.ndarray = points[:, 2] - rope[0, 2] - slope * (points[:, 0] - rope[0, 0])
     return height
-
-
-__all__ = ["PlottedRun", "write_plots"]

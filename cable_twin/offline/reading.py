@@ -125,6 +125,3 @@ class Reading:
             + (f", {self.refused.count} refused, the last {self.refused}" if self.refused else "")
             + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
         )
-
-
-__all__ = ["Reading"]

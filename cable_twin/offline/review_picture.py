@@ -26,7 +26,7 @@ def existing_recordings(log: Log) -> list[Path]:
     choices = [[directory / _made_name([log])]]
     if log.complete:
         own = [directory / file.path.with_suffix(".rrd").name for file in log.files]
-        choices = [own, [directory / f"{directory.name}.rrd"], *choices]  # the second of format 1, one for the run
+        choices = [own, *choices]
     for files in choices:
         with suppress(OSError):
             if all(file.stat().st_size > 0 for file in files):

@@ -136,6 +136,3 @@ class FrameOutput:
             stamp_ns = self.encoder.epoch_ns + nanoseconds(applied.time)
             self.run.recorder.record_command(applied, data, stamp_ns)
         return data
-
-
-__all__ = ["FrameOutput", "Messages", "Prepared"]

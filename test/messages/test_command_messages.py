@@ -59,15 +59,6 @@ def test_applied_command_names_no_frame_and_has_its_numbers_by_kind_name_and_sou
     assert message.velocity.tolist() == [1.0, -2.0]
 
 
-def test_applied_command_of_an_early_log_is_understood():
-    """There the frame had kind and source, up to format 2."""
-    none = np.empty(0)
-    message = JointState(header(EPOCH, "force:odd:source"), ["cabin"], none, none, np.array([40e3]))
-    assert applied_command_from_message(serialize(message), EPOCH) == AppliedCommand(
-        0.0, Command("force", {"cabin": 40e3}), "odd:source"
-    )
-
-
 NOT = math.nan
 
 

@@ -20,10 +20,9 @@ from twin_process import environment, write_quick_scenario
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
-from cable_twin.offline.difference_table import print_differences
 from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.reading import Reading
-from cable_twin.offline.review import main
+from cable_twin.offline.review import main, print_differences
 from cable_twin.offline.thinned_series import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.snapshot_reader import read_snapshots
