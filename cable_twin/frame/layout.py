@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.column_shapes import SHAPES
 from cable_twin.frame.records import FloatArray
-from cable_twin.mechanics.readout.columns import Columns, Rows
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.scenario import Scenario, most_by_friction
 
 IntArray = NDArray[np.int64]
@@ -227,20 +227,6 @@ class Layout:
             numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
             attached=here.attached.astype(np.int64),
             rope=here.vehicle_rope.astype(np.int64),
-        )
-
-    def rows_of(self, rope: int) -> Rows:
-        """Rows of the vehicles and bodies of one rope; the first rope with carriers reports those on no rope."""
-        vehicles = self.joints[self.joints[:, 0] == rope, 1]
-        carried = self.joints[self.joints[:, 1] >= len(self.carriages), 0]
-        bodies = [np.arange(self.first_body[row], self.first_body[row + 1]) for row in vehicles]
-        return Rows(
-            rope=rope,
-            vehicle=vehicles.copy(),
-            body=np.concatenate([np.zeros(0, dtype=np.int64), *bodies]),
-            own=int(np.sum(vehicles < len(self.carriages))),
-            reports_detached=rope == min(carried.tolist(), default=0),
-            lateral=[*self.laterals.values()][rope],
         )
 
     def columns_of(self, rope: int, columns: Columns) -> Columns:

@@ -117,6 +117,9 @@ class Carriages(NamedTuple):
     stop_damping: FloatArray  # (carriages,) s/m, of the buffer force, per unit of its elastic part
 
 
+BODY_FIELDS = frozenset(Carriages._fields[1 : Carriages._fields.index("fixed")])  # those with a row a body
+
+
 @by_reference
 class Towers(NamedTuple):
     """Towers between the ends; contact k of tower t, a sheave or a point of a saddle, is row contact_offset[t] + k."""
@@ -160,6 +163,8 @@ class MovingCable(NamedTuple):
     emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
     jerk_limit: float  # m/s^3, inf without a limit
     over_bullwheels: bool = False  # its ends move with bullwheels, shared with other strands
+    loop_offset: float = 0.0  # m, of its start on the loop, from the start of the first strand
+    carries: NDArray[np.bool_] = np.zeros(0, dtype=np.bool_)  # (vehicles,) may be clamped to it, among several ropes
 
 
 STANDING = MovingCable(

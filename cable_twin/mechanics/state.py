@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf
 from typing import Annotated, NamedTuple
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.declared import ANY, CLOCK, Memory, Of, Range, allocate, ranges_of
+from cable_twin.mechanics.language.declared import ANY, CLOCK, Memory, Of, Range, allocate, allocate_together, ranges_of
 from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.parameters import (
@@ -26,6 +27,7 @@ from cable_twin.mechanics.parameters import (
     System,
 )
 
+VEHICLES = frozenset({"vehicle", "body"})  # sizes of arrays that all ropes of a scenario have in common
 BoolArray = NDArray[np.bool_]
 SHARE = Range(-1.0 - 1e-9, 1.0 + 1e-9)  # and what rounding adds
 PLACE = Range("before the rope", "beyond the rope")  # m
@@ -275,7 +277,19 @@ def sizes_of(system: System) -> dict[str, int]:
 
 def allocate_state(system: System) -> State:
     """Allocate a state of zeros with every joint at rest, input of `equilibrium`."""
-    state = allocate(State, sizes_of(system))
+    return allocate_states([system])[0]
+
+
+def allocate_states(systems: Sequence[System]) -> tuple[State, ...]:
+    """Allocate the states of ropes in one block of memory; the vehicles exist once, for all of them."""
+    states = allocate_together(State, [sizes_of(system) for system in systems], VEHICLES)
+    for system, state in zip(systems, states, strict=True):
+        _initialise(system, state)
+    return states
+
+
+def _initialise(system: System, state: State) -> None:
+    """Set the drives, ropes and quaternions of a new state."""
     held = system.carriages.fixed | system.carriages.clamped
     state.axis[:] = np.where((system.haul_ropes.axial_stiffness > 0.0) & ~held, DRUM, JOINT)
     state.drives.mode[held] = SPEED
@@ -284,7 +298,6 @@ def allocate_state(system: System) -> State:
     if len(system.cable.gravity) == 3:
         state.bodies.position[:, 6] = 1.0  # upright
     state.wind_field.shedding_phase[:] = first_phases(system.carriages.mass.size)
-    return state
 
 
 def allocate_workspace(system: System) -> Workspace:

@@ -14,11 +14,10 @@ from cable_twin.basics.printable import printable
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.on_rope.wind import set_wind
-from cable_twin.mechanics.parameters import FORCE, GUSTS, STRONGEST_WIND, System
-from cable_twin.mechanics.state import State
+from cable_twin.mechanics.parameters import FORCE, GUSTS, STRONGEST_WIND
 from cable_twin.scenario import Scenario, command_fault, wind_unfelt
 from cable_twin.simulation.engine import Engine
-from cable_twin.simulation.ropeway import Ropeway, drive, load
+from cable_twin.simulation.ropeway import Ropeway, drive
 
 GUST_SHAPES = {"gust": "one_minus_cosine", "operating_gust": "operating_gust"}  # by kind of command
 GUST_DURATION = 10.5  # s, in IEC 61400-1
@@ -61,17 +60,17 @@ def check_room(command: Command, scenario: Scenario) -> None:
             raise CommandError(f"payload of '{name}' is {mass:g} kg; allowed are 0 to {room.capacity:g} kg")
 
 
-def check_station(command: Command, scenario: Scenario, system: System, state: State) -> None:
+def check_station(command: Command, ropeway: Ropeway) -> None:
     """Refuse a payload for a carriage under way or outside the stations.
 
     Raises:
         CommandError: outside the stations, under way.
     """
+    system, state = ropeway.system, ropeway.state
     length = system.cable.unstrained_length
     for name in command.values:
-        room = scenario.vehicles[name].payload
+        room, index = ropeway.vehicles[name].payload, ropeway.rows[name]
         assert room is not None
-        index = list(scenario.vehicles).index(name)
         place, speed = float(state.joints.position[index]), float(state.joints.velocity[index])
         distance = room.station_distance or 2.0 * float(system.carriages.stop_stroke[index])
         if min(place, length - place) > distance:
@@ -127,15 +126,16 @@ def check_gust(command: Command, scenario: Scenario) -> None:
         raise CommandError(f"{kind} duration is {duration:g} s; allowed are more than 0 to {LONGEST_GUST:g} s")
 
 
-def check_no_gust(command: Command, scenario: Scenario, system: System, state: State) -> None:
+def check_no_gust(command: Command, ropeway: Ropeway) -> None:
     """Refuse a gust during another gust.
 
     Raises:
         CommandError: with how long it still lasts.
     """
-    start, duration = float(state.wind_field.gust[3]), float(state.wind_field.gust[4])
-    left = start + duration - float(state.wind_field.time[0])
-    if duration > 0.0 and left > 0.5 * system.solver.step:
+    field = ropeway.state.wind_field
+    start, duration = float(field.gust[3]), float(field.gust[4])
+    left = start + duration - float(field.time[0])
+    if duration > 0.0 and left > 0.5 * ropeway.system.solver.step:
         kind = command.kind.replace("_", " ")
         raise CommandError(f"{kind} given while another one lasts; allowed: in {left:.3g} s, when that one has ended")
 
@@ -143,10 +143,10 @@ def check_no_gust(command: Command, scenario: Scenario, system: System, state: S
 class Handler(NamedTuple):
     """Checks and effects of one kind of command; a check raises CommandError."""
 
-    change: Callable[[Ropeway, Command], None]  # effect on each rope and its vehicles
+    change: Callable[[Ropeway, Command], None] | None  # effect on each rope and its vehicles
     check: Callable[[Command, Scenario], None] | None = None  # refuses commands impossible in any state
-    check_motion: Callable[[Command, Scenario, System, State], None] | None = None  # refuses by the present motion
-    between: Callable[[Engine, Command], None] | None = None  # effect on couplings of ropes, such as bullwheels
+    check_motion: Callable[[Command, Ropeway], None] | None = None  # refuses by the present motion
+    between: Callable[[Engine, Command], None] | None = None  # effect on the whole, such as bullwheels
 
 
 def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
@@ -179,9 +179,10 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
     shares = [(part, _share(command, part)) for part in engine.parts]
     for part, share in shares:
         if effect.check_motion is not None:
-            effect.check_motion(share, part.scenario, part.system, part.state)
+            effect.check_motion(share, part)
     for part, share in shares:
-        effect.change(part, share)
+        if effect.change is not None:
+            effect.change(part, share)
     if effect.between is not None:
         effect.between(engine, command)
 
@@ -202,10 +203,6 @@ def _drive(ropeway: Ropeway, command: Command) -> None:
         else:
             drive(ropeway.state, ropeway.rows[name], command.kind, value)
         ropeway.commands[name] = Command(command.kind, {name: value})
-
-
-def _load(ropeway: Ropeway, command: Command) -> None:
-    load(ropeway, command.values)
 
 
 def _set_wind(ropeway: Ropeway, command: Command) -> None:
@@ -240,13 +237,12 @@ def _release(ropeway: Ropeway, _: Command) -> None:
 
 def _reset(ropeway: Ropeway, _: Command) -> None:
     ropeway.stopped = False
-    ropeway.go_back()
 
 
 HANDLERS: Mapping[str, Handler] = {
     "speed": Handler(_drive, check_drive, between=Engine.drive),
     "force": Handler(_drive, check_drive, between=Engine.drive),
-    "payload": Handler(_load, check_room, check_station),
+    "payload": Handler(None, check_room, check_station, Engine.load),
     "wind": Handler(_set_wind, check_wind),
     **dict.fromkeys(GUST_SHAPES, Handler(_gust, check_gust, check_no_gust)),
     "emergency_stop": Handler(_stop, between=Engine.stop),

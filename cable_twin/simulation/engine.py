@@ -25,7 +25,7 @@ from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together,
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
 from cable_twin.mechanics.solution.stepping import integrator_named
-from cable_twin.mechanics.state import allocate_workspace
+from cable_twin.mechanics.state import allocate_states, allocate_workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import (
     build_bullwheels,
@@ -39,14 +39,14 @@ from cable_twin.simulation.loop import Loop, LoopLayout
 from cable_twin.simulation.rope_couplings import (
     along_track,
     check_connectors,
-    clamp_rows,
     let_clamps_hold,
     note_clamps,
     observe_clamps,
 )
-from cable_twin.simulation.ropeway import Ropeway, of_rope, restore_ropes
+from cable_twin.simulation.ropeway import Ropeway, of_rope
 from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.simulation.vehicle_contacts import with_buffers
+from cable_twin.simulation.vehicles import Vehicles, with_all_vehicles
 
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
 
@@ -57,6 +57,7 @@ class Engine:
     Attributes:
         parts: one a rope, with what is on it.
         commands: the last one in force of each drive of a bullwheel.
+        vehicles: payloads of the vehicles of all ropes.
         moving: motion of what couples ropes.
         integrator: the kernel that takes steps.
         at_rest: the kernels that find the rest.
@@ -67,7 +68,8 @@ class Engine:
         self._scenario, self._names = scenario, list(scenario.cables)
         self._naming = of_rope if scenario.ropes else nullcontext  # in what is said of one of them
         systems = build_ropes(scenario)
-        self.parts = _ropeways([scenario.of_rope(name) for name in self._names], list(systems.values()))
+        self.parts = _ropeways(scenario, list(systems.values()))
+        self.vehicles = Vehicles(scenario, self.parts)
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
         pantographs, clamps = build_pantographs(scenario), build_clamps(scenario)
@@ -99,6 +101,8 @@ class Engine:
         self._ropes = Assembly(ropes, couplings if self._coupled else None)
         self.bundle, self.moving = self._ropes.bundle, self._ropes.moving
         self._start: BundleState = self.moving
+        self._states = [part.state for part in self.parts]
+        self._before = Kept(*self._states)
         self.moving.place.position[:] = [one.position for one in scenario.pantographs.values()]
         self.loop = Loop(scenario, self.bundle, self.moving.sheaves, self.parts)
         self._layout = LoopLayout(scenario, self.bundle.sheaves, self.parts)
@@ -106,7 +110,6 @@ class Engine:
         self.integrator = cast(Kernel, integrator_named(scenario.solver.integrator))
         self.at_rest = cast(tuple[Kernel, ...], (relax, update_end_tensions) if scenario.sheaves else (relax,))
         self._forces = np.zeros(len(scenario.connectors))
-        self._clamp_rows = clamp_rows(scenario)
         self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
 
     def check_bare(self) -> None:
@@ -129,11 +132,10 @@ class Engine:
         """
         self.check_bare()
         self._layout.lay_out(self.moving.sheaves)
-        laid = [clone(part.state) for part in self.parts], clone(self.moving)
+        laid = Kept(*self._states), clone(self.moving)
 
         def again() -> None:
-            for part, state in zip(self.parts, laid[0], strict=True):
-                write(state, part.state)
+            write(laid[0], self._states[0])
             write(laid[1], self.moving)
             self._find_rest()
 
@@ -162,6 +164,7 @@ class Engine:
                     part.lay(work, self._layout.ends(name, self.moving.sheaves), coupled=self._coupled)
         if self._coupled:
             self._rest_together()
+        self.vehicles.take_first_loads()
         for part in self.parts:
             part.take_over_rest()
         self.moving.place.velocity[:] = [one.speed for one in self._scenario.pantographs.values()]
@@ -170,7 +173,7 @@ class Engine:
     def _rest_together(self) -> None:
         """Find the common equilibrium of coupled ropes, each of which is in equilibrium by itself."""
         self._raise_pantographs()
-        held = [hold_all(part.state) for part in self.parts]
+        held = [hold_all(part.system, part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
         self._settle()
@@ -247,7 +250,7 @@ class Engine:
         if not self._coupled:
             return
         moving = self.moving
-        observe_clamps(self._clamp_rows, self.parts, self.bundle.clamps, moving, columns)
+        observe_clamps(self.parts, self.bundle.clamps, moving, columns)
         if self._forces.size:
             bundle, *_, state, _ = self._ropes.arguments
             connector_forces(bundle, state, self.parts[0].system.cable.gravity, self._forces)
@@ -275,9 +278,19 @@ class Engine:
         self.loop.release()
 
     def go_back(self, _: Command) -> None:
-        """Reset pantographs, clamps and bullwheels to the start."""
-        self.commands = dict(self._first_commands)
+        """Reset ropes, vehicles, pantographs, clamps and bullwheels to the start; time runs on."""
+        clock = int(self._states[0].clock[0])
+        write(self._before, self._states[0])  # not the kernel, which this would be the first to call from Python
         write(self._start, self.moving)
+        for part, commands in zip(self.parts, self._first_of_ropes, strict=True):
+            part.state.clock[0], part.commands = clock, dict(commands)
+        self.commands = dict(self._first_commands)
+        self.vehicles.loading.clear()
+        self.vehicles.follow_state()
+
+    def load(self, command: Command) -> None:
+        """Begin loading or unloading the vehicles that a command names."""
+        self.vehicles.load(command.values)
 
     def energy(self) -> Energy:
         """Energy (J) of the bullwheels, without pantographs and connectors."""
@@ -285,9 +298,16 @@ class Engine:
 
     def begin(self) -> None:
         """Store the present state of ropes and couplings as the start for resets."""
-        for part in self.parts:
-            part.begin()
+        self._before = Kept(*self._states)
+        for part, start in zip(self.parts, self._before.records, strict=True):
+            part.start = start
         self._start, self._first_commands = clone(self.moving), dict(self.commands)
+        self._first_of_ropes = [dict(part.commands) for part in self.parts]
+        self.vehicles.note_stations()
+
+    def kept_states(self) -> tuple[Kept, Kept]:
+        """Copy of the states of all ropes with their vehicles, now and at the start."""
+        return Kept(*self._states), Kept(*self._before.records)
 
     def kept(self) -> tuple[Kept, ...]:
         """Copy of the motion of couplings between ropes, now and at the start; empty without couplings."""
@@ -295,20 +315,29 @@ class Engine:
 
     def restore(self, full: FullState) -> None:
         """Restore ropes, pantographs, clamps, bullwheels and drive commands from a full state that fits."""
-        restore_ropes(self.parts, full)
+        write(full.now, self._states[0])
+        write(full.before, self._before)
+        self.vehicles.loading = dict(full.loading)
+        self.vehicles.follow_state()
+        for part in self.parts:
+            part.stopped = full.emergency_stopped
+            own = (*part.rows, *part.scenario.drives)
+            part.commands = {name: command for name, command in full.commands.items() if name in own}
         for kept, record in zip(full.couplings, (self.moving, self._start), strict=False):
             write(kept, record)
         for key, array in (full.foreign or {}).items():
-            part, _, name = key.partition("/")
-            arrays_of(self.moving if part == "now" else self._start)[name][...] = array
+            moment, _, name = key.partition("/")
+            arrays_of(self.moving if moment == "now" else self._start)[name][...] = array
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
 
 
-def _ropeways(scenarios: list[Scenario], systems: list[System]) -> list[Ropeway]:
-    """Ropeway of each rope, from its scenario and its system."""
-    numbered = [system._replace(number=number) for number, system in enumerate(systems)]
-    whole = leave_out_absent([with_buffers(*pair) for pair in zip(numbered, scenarios, strict=True)])
-    return [Ropeway(*pair) for pair in zip(scenarios, whole, strict=True)]
+def _ropeways(scenario: Scenario, systems: list[System]) -> list[Ropeway]:
+    """Ropeway of each rope with all vehicles, from systems of ropes with their own vehicles."""
+    alone = [scenario.of_rope(name) for name in scenario.cables]
+    whole = with_all_vehicles(scenario, alone, [with_buffers(*pair) for pair in zip(systems, alone, strict=True)])
+    whole = leave_out_absent([system._replace(number=number) for number, system in enumerate(whole)])
+    rows = {name: row for row, name in enumerate(scenario.vehicles)}
+    return [Ropeway(*one, rows) for one in zip(alone, whole, allocate_states(whole), strict=True)]
 
 
 def leave_out_absent(systems: list[System]) -> list[System]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from cable_twin.basics.units import rounded, with_unit
 from cable_twin.frame.records import Command, Energy
-from cable_twin.mechanics.drives.motion import set_going
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.language.declared import clone, write
+from cable_twin.mechanics.language.declared import Kept, write
+from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel, update_end_tensions
@@ -70,12 +70,11 @@ class Loop:
             relax()
             update_end_tensions(self._bundle, self.motion, first.system, first.state)
 
-        laid = [clone(part.state) for part in self._parts.values()]
+        laid = Kept(first.state)
         try:
             settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
         except EquilibriumError as error:
-            for part, state in zip(self._parts.values(), laid, strict=True):
-                write(state, part.state)
+            write(laid, first.state)
             raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
         self._begin_here()
@@ -125,9 +124,10 @@ class Loop:
             gone = state.rope.position
             stretch = 1.0 + (gone[0] - gone[1]) / length
             state.loop_start[0] = passed + gone[0]
-            places = (part.system.carriages.loop_place - passed) / stretch
+            moving, carriages = part.system.moving_cable, part.system.carriages
+            places = ((carriages.loop_place - moving.loop_offset) % moving.loop_length - passed) / stretch
             passed += (stretch - 1.0) * length
-            on = part.system.carriages.clamped & state.attached
+            on = carriages.clamped & state.attached & vehicles_of(part.system, state)
             state.joints.position[on] = np.clip(places, 0.0, length)[on]
             state.reference.position[on] = state.joints.position[on]
             hang_carriages(part.system, state)
@@ -178,8 +178,7 @@ class Loop:
                 for strand in self._strands:
                     part = self._parts[strand]
                     part.state.rope.velocity[:] = drive.speed
-                    for index in np.flatnonzero(part.system.carriages.clamped & part.state.attached).tolist():
-                        set_going(part.system, part.state, index, drive.speed)
+                    part.carry_clamped_at(drive.speed)
         return held
 
     def drive(self, name: str, kind: str, value: float) -> None:
@@ -278,7 +277,8 @@ class LoopLayout:
         loaded = {}
         for row, system in self._bare().items():
             cable, carriages = system.cable, system.carriages
-            attached = np.repeat(self._parts[row].state.attached, np.diff(carriages.body_offset))
+            state = self._parts[row].state
+            attached = np.repeat(state.attached, np.diff(carriages.body_offset)) & bodies_of(system, state)
             more = float(carriages.mass[attached].sum()) / cable.unstrained_length
             loaded[row] = system._replace(cable=cable._replace(mass_per_length=cable.mass_per_length + more))
         try:

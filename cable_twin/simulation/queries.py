@@ -86,15 +86,17 @@ class Queries:
 
     def _clearance_of(self, name: str, part: Ropeway) -> Clearance:
         """Least heights above the ground of one rope and its vehicles, with their places."""
-        cable, lookout, snapshot = part.system.cable, self._lookouts[name], self.snapshot.of_rope(name)
+        cable, lookout, columns = part.system.cable, self._lookouts[name], self.snapshot.columns
         points = np.linspace(0.0, cable.unstrained_length, ROPE_POINTS * cable.element_count + 1, dtype=np.float64)
-        seen = snapshot.layout.columns(snapshot.numbers.copy())  # kernels want what may be written
-        rope = self.cable_positions(points, name)
+        rope, rows = self.cable_positions(points, name), [*part.rows.values()]
+        riding = columns.attached[rows] * (columns.vehicle_rope[rows] == self._parts.index(part))
+        first = self._observer.layout.first_body
+        bodies = [body for row in rows for body in range(first[row], first[row + 1])]
         if isinstance(lookout, Surroundings):
-            look_around(lookout, rope, seen.attached, seen.body_position, seen.body_orientation)
+            look_around(lookout, rope, riding, columns.body_position[bodies], columns.body_orientation[bodies])
         else:
-            look_at_ground(lookout, rope, seen.attached, seen.body_position, seen.body_angles)
-        return clearance_seen(lookout, name, [*part.scenario.vehicles], seen.attached)
+            look_at_ground(lookout, rope, riding, columns.body_position[bodies], columns.body_angles[bodies])
+        return clearance_seen(lookout, name, [*part.rows], riding)
 
     def energy(self) -> Energy:
         """Mechanical energy (J) of ropes, vehicles and bullwheels now, without connectors and pantographs."""
@@ -198,8 +200,8 @@ class Observer:
         for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
             places = places_on(part.system.cable, self.layout.arc_lengths[samples])
             read = pack(part.state), pack(part.sections), pack(places)
-            written = pack(self.layout.rows_of(number)), pack(self.layout.columns_of(number, self._columns))
-            self._of_ropes.append((part, read, written))
+            lateral = [*self.layout.laterals.values()][number]
+            self._of_ropes.append((part, read, (lateral, pack(self.layout.columns_of(number, self._columns)))))
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read a snapshot from the present state.

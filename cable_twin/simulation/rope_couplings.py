@@ -37,7 +37,7 @@ def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) ->
     for clamp, (row, carriage, name, one) in enumerate(clamped(scenario)):
         here, lengths = parts[row], {rope: cable.unstrained_length for rope, cable in scenario.ropes.items()}
         on = [(rope, place) for rope, place in one.clamped_to.items() if 0.0 < place < lengths[rope]]
-        if not on or not here.state.attached[carriage]:
+        if not on or not (here.state.attached[carriage] and here.state.vehicle_rope[carriage] == row):
             continue
         (rope, place), *_ = on
         other = parts[ropes.index(rope)]
@@ -80,21 +80,9 @@ def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
         state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
 
 
-def clamp_rows(scenario: Scenario) -> list[int]:
-    """Row among all vehicles of the vehicle of each clamp."""
-    numbers = {name: row for row, name in enumerate(scenario.vehicles)}
-    return [numbers[name] for _, _, name, _ in clamped(scenario)]
-
-
-def observe_clamps(
-    rows: list[int], parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns
-) -> None:
-    """Fill the pull of clamps: zero for opened clamps, and without the share carried by station rails.
-
-    `rows` are those of `clamp_rows`.
-    """
-    if not rows:
-        return
+def observe_clamps(parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns) -> None:
+    """Fill the pull of clamps: zero for opened clamps, and without the share carried by station rails."""
+    rows = clamps.carriage.tolist()
     held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
     for clamp, row in enumerate(rows):
         other = int(moving.clamp_rope[clamp])

@@ -1,12 +1,8 @@
-"""Ropeway of one rope, target of commands: parameters, state, drives, loading, and commands in force.
-
-Vehicles are loaded over time in small increments: unloaded at once, a cabin of 12 t that weighs 5.6 t a moment later
-is thrown upwards with g times the ratio of both, and the rope shakes for minutes.
-"""
+"""Ropeway of one rope, target of commands: parameters, state, drives, and commands in force."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -19,21 +15,19 @@ from cable_twin.mechanics.drives.motion import set_going, take_over
 from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.language.declared import clone, write
 from cable_twin.mechanics.language.simd import WIDTH
-from cable_twin.mechanics.on_rope.chain import load_bodies, shift_centres
+from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.wind import set_wind
-from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, Payloads, System
+from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, System
 from cable_twin.mechanics.readout.sections import Sections, allocate_sections
 from cable_twin.mechanics.rope.element import element_tensions
 from cable_twin.mechanics.rope.joint_compliance import joint_compliance_table, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients
-from cable_twin.mechanics.state import State, Workspace, allocate_state
-from cable_twin.scenario import Scenario, build_payloads
-from cable_twin.scenario.sections.vehicles import Payload
-from cable_twin.simulation.snapshot_file import FullState
+from cable_twin.mechanics.state import State, Workspace
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.sections.vehicles import Carriage
 from cable_twin.simulation.start_checks import warn_of_bends
 
 LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
@@ -41,54 +35,54 @@ DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
 
 class Ropeway:
-    """One rope with its vehicles, before its equilibrium is found; after `begin`, at its start.
+    """One rope with its vehicles, before its equilibrium is found; after that, at its start.
 
     Attributes:
-        scenario: what it is.
-        rows: number of each vehicle.
+        scenario: of the rope alone.
+        vehicles: those that may be on the rope, by name, as in that scenario.
+        rows: row of each among the vehicles of all ropes.
         packed_system: parameters, with payloads, for kernels.
-        state: its motion, written in place.
+        state: motion, written in place; in one block of memory with that of all ropes.
         sections: forces in the rope, for a readout.
-        start: to which a reset goes back.
+        start: state to which a reset goes back.
         stopped: whether an emergency stop is in force.
         commands: the last drive command in force of each carriage or drive that has one.
-        loading: what vehicles shall carry (kg) that are being loaded or unloaded.
-        stations: where carriers were in stations when they were last looked at, see `stations_now`.
-        rooms: what carriers carry from either station, by name.
     """
 
-    def __init__(self, scenario: Scenario, system: System) -> None:
-        """Place vehicles on the rope, with their payloads; `system` is that of the scenario without payloads."""
-        self.scenario = scenario
-        self.rows = {name: row for row, name in enumerate(scenario.vehicles)}
-        self._empty = system
-        self._carried: FloatArray | None = None  # kg, what is in `system` of each vehicle
-        self._payloads: Payloads = build_payloads(scenario)
-        self.state = self.start = allocate_state(self._empty)
-        self.sections: Sections = allocate_sections(self._empty)
+    def __init__(self, scenario: Scenario, system: System, state: State, rows: Mapping[str, int]) -> None:
+        """Rope of a `scenario` of one rope, with parameters, state, and rows of all vehicles by name."""
+        self.scenario, self.vehicles = scenario, scenario.vehicles
+        self.rows = {name: rows[name] for name in self.vehicles}
+        self.system = system
+        self.state = self.start = state
+        self.sections: Sections = allocate_sections(system)
         self.stopped = False
         self.commands: dict[str, Command] = {}
-        self.loading: dict[str, float] = {}
         set_wind(self.state, np.array(scenario.vector(scenario.air.wind)))
-        carriers = scenario.carriers
-        rooms = {} if carriers is None else {n: carriers.kind(n).payload for n in range(carriers.count)}
-        self.rooms = {f"{carriers.name}_{n + 1}": room for n, room in rooms.items() if carriers and room is not None}
-        self._first_loads = np.array(
-            [vehicle.payload.mass if vehicle.payload else 0.0 for vehicle in scenario.vehicles.values()],
-            dtype=np.float64,
-        )
-        self.carry(self._first_loads)
-        for row, vehicle in enumerate(scenario.vehicles.values()):
-            self.state.joints.position[row] = vehicle.arc_length
-            if vehicle.joint == "clamped" and vehicle.arc_length > scenario.cable.unstrained_length:
-                park(self.system, self.state, row, vehicle.arc_length)
-            riding = scenario.riding
-            if riding and vehicle.clamped_to and not riding.on_track(place := vehicle.clamped_to[riding.strand]):
-                beyond = riding.loop_length - place
-                end = scenario.cable.unstrained_length if place - riding.length < beyond and place > 1.0 else 0.0
-                hang_in_station(self.system, self.state, row, end)
-            if vehicle.joint == "sliding":
-                self.state.drives.mode[row] = DRIVE_MODES[vehicle.drive.mode]
+
+    def holds(self, vehicle: Carriage) -> bool:
+        """Return whether a vehicle of the rope is on it at the start, not in a station."""
+        riding = self.scenario.riding
+        if riding and vehicle.clamped_to:
+            return riding.on_track(vehicle.clamped_to[riding.strand])
+        return vehicle.joint != "clamped" or vehicle.arc_length <= self.scenario.cable.unstrained_length
+
+    def place(self, row: int, vehicle: Carriage) -> None:
+        """Place a vehicle on the rope or in a station of it, at the start."""
+        self.state.vehicle_rope[row] = max(self.system.number, 0)
+        self.state.joints.position[row] = vehicle.arc_length
+        if vehicle.joint == "sliding":
+            self.state.drives.mode[row] = DRIVE_MODES[vehicle.drive.mode]
+        if self.holds(vehicle):
+            return
+        riding = self.scenario.riding
+        if riding is None:
+            park(self.system, self.state, row, vehicle.arc_length)
+        else:
+            place = vehicle.clamped_to[riding.strand]
+            beyond = riding.loop_length - place
+            end = self.system.cable.unstrained_length if place - riding.length < beyond and place > 1.0 else 0.0
+            hang_in_station(self.system, self.state, row, end)
 
     def check_bare(self, *, loaded: bool = False) -> None:
         """Refuse a bare cable without an equilibrium at its start, by checks without any kernel.
@@ -133,7 +127,7 @@ class Ropeway:
         """
         if self.scenario.cable.kinks == "rounded":
             return False
-        cable = self._empty.cable
+        cable = self.system.cable
         tensions = smoothed(cable, self._element_tensions())
         if not tensions.mean() > LEAST_STRAIN * cable.axial_stiffness:
             raise EquilibriumError(
@@ -141,11 +135,9 @@ class Ropeway:
                 "allowed: rounded, or a "
                 f"tension above {with_unit(LEAST_STRAIN * cable.axial_stiffness, 'N', 3)}"
             )
-        warn_of_bends(self.scenario, self._empty, self.state.nodes.position[:, 1], tensions, key)
+        warn_of_bends(self.scenario, self.system, self.state.nodes.position[:, 1], tensions, key)
         table = joint_compliance_table(cable, tensions)
-        self._empty = self._empty._replace(cable=cable._replace(**table))
-        self._carried = None
-        self.carry(self._first_loads)
+        self.system = self.system._replace(cable=cable._replace(**table))
         return True
 
     def take_over_rest(self) -> None:
@@ -154,39 +146,30 @@ class Ropeway:
         Raises:
             EquilibriumError: a haul rope would have to push.
         """
-        self.state.payload[:] = self._first_loads
-        hang_in_ropes(self.system, self.state, [*self.rows])
-        self.commands = set_in_motion(self.system, self.state, self.scenario)
+        hang_in_ropes(self.system, self.state, self.rows)
+        self.commands = self._set_in_motion()
 
-    def begin(self) -> None:
-        """Store the present state as the start for resets."""
-        self.start, self._first_commands = clone(self.state), dict(self.commands)
-        self.note_stations()
+    def _set_in_motion(self) -> dict[str, Command]:
+        """Set the initial speeds of the scenario; returns the commands that keep them, by carriage or drive."""
+        held, system, state = {}, self.system, self.state
+        for name, drive in self.scenario.drives.items():
+            if drive.speed != 0.0:
+                state.rope.velocity[:] = state.rope_drive.target[0] = drive.speed
+                held[name] = Command("speed", {name: drive.speed})
+                self.carry_clamped_at(drive.speed)
+        for name, vehicle in self.vehicles.items():
+            if vehicle.speed != 0.0:
+                set_going(system, state, self.rows[name], vehicle.speed)
+                if state.drives.mode[self.rows[name]] == SPEED:
+                    state.drives.target[self.rows[name]] = vehicle.speed
+                    held[name] = Command("speed", {name: vehicle.speed})
+        return held
 
-    def note_stations(self) -> None:
-        """Record the present station of each carrier."""
-        self.stations = self.stations_now()
-
-    def stations_now(self) -> FloatArray:
-        """Place (m) on the cable of the present station of each vehicle, NaN on the cable."""
-        return np.where(self.state.attached, np.nan, self.state.joints.position)
-
-    def go_back(self) -> None:
-        """Reset the state to the start; time runs on."""
-        clock = int(self.state.clock[0])
-        write(self.start, self.state)  # not the kernel, which this would be the first to call from Python
-        self.state.clock[0] = clock
-        self.commands = dict(self._first_commands)
-        self.loading.clear()
-        self.note_stations()
-        self.carry(self.state.payload)
-
-    def carry(self, masses: FloatArray) -> None:
-        """Put payloads (vehicles,) in kg into the system, if they have changed."""
-        if self._carried is not None and np.array_equal(masses, self._carried):
-            return
-        self.system = self._empty._replace(carriages=load_bodies(self._empty.carriages, self._payloads, masses))
-        self._carried = masses.copy()
+    def carry_clamped_at(self, speed: float) -> None:
+        """Set the vehicles clamped to the rope in motion at its `speed` (m/s)."""
+        on = self.system.carriages.clamped & self.state.attached & vehicles_of(self.system, self.state)
+        for index in np.flatnonzero(on).tolist():
+            set_going(self.system, self.state, index, speed)
 
     def stop(self) -> None:
         """Begin the emergency stop of the rope and its driven vehicles, and drop the commands in force."""
@@ -226,7 +209,7 @@ class Ropeway:
     @property
     def _is_loaded(self) -> bool:
         """Whether vehicles or loads hang on the rope."""
-        return bool(self.system.carriages.mass.size or self.system.cable.load_force.any())
+        return bool(self.vehicles or self.system.cable.load_force.any())
 
     @property
     def is_taut(self) -> bool:
@@ -269,7 +252,6 @@ class Ropeway:
     @system.setter
     def system(self, system: System) -> None:
         self._system, self.packed_system = system, pack(system)
-        self._carried = None
 
 
 def drive(state: State, index: int, kind: str, value: float) -> None:
@@ -298,13 +280,13 @@ def brake(system: System, state: State, index: int) -> None:
     state.drives.braking[index] = True
 
 
-def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
-    """Initialise every haul rope with the force that holds its carriage.
+def hang_in_ropes(system: System, state: State, rows: Mapping[str, int]) -> None:
+    """Initialise the haul rope of each vehicle, of `rows` by name, with the force that holds the vehicle.
 
     Raises:
         EquilibriumError: when a haul rope would have to push; the line names the carriage.
     """
-    for index, name in enumerate(names):
+    for name, index in rows.items():
         if state.axis[index] != DRUM:
             continue
         force = float(state.drives.force[index])
@@ -317,24 +299,6 @@ def hang_in_ropes(system: System, state: State, names: Sequence[str]) -> None:
             state.drives.force[index] = 0.0
 
 
-def set_in_motion(system: System, state: State, scenario: Scenario) -> dict[str, Command]:
-    """Set the initial speeds of the scenario; returns the commands that keep them, by carriage or drive."""
-    held = {}
-    for name, drive in scenario.drives.items():
-        if drive.speed != 0.0:
-            state.rope.velocity[:] = state.rope_drive.target[0] = drive.speed
-            held[name] = Command("speed", {name: drive.speed})
-            for index in np.flatnonzero(system.carriages.clamped & state.attached).tolist():
-                set_going(system, state, index, drive.speed)
-    for index, (name, vehicle) in enumerate(scenario.vehicles.items()):
-        if vehicle.speed != 0.0:
-            set_going(system, state, index, vehicle.speed)
-            if state.drives.mode[index] == SPEED:
-                state.drives.target[index] = vehicle.speed
-                held[name] = Command("speed", {name: vehicle.speed})
-    return held
-
-
 @contextmanager
 def of_rope(name: str) -> Iterator[None]:
     """Name the keys of a rope in errors as the scenario does."""
@@ -342,70 +306,3 @@ def of_rope(name: str) -> Iterator[None]:
         yield
     except EquilibriumError as error:
         raise EquilibriumError(str(error).replace("cable.", f"ropes.{name}.")) from None
-
-
-def restore_ropes(parts: list[Ropeway], full: FullState) -> None:
-    """Restore the state of each rope and its vehicles, and their commands, from a full state."""
-    for part, state, start in zip(parts, full.now, full.before, strict=True):
-        write(state, part.state)
-        write(start, part.start)
-        part.note_stations()
-        part.carry(part.state.payload)
-        part.stopped = full.emergency_stopped
-        own = (*part.rows, *part.scenario.drives)
-        part.commands = {name: command for name, command in full.commands.items() if name in own}
-        part.loading = {name: mass for name, mass in full.loading.items() if name in own}
-
-
-def load(ropeway: Ropeway, masses: Mapping[str, float]) -> None:
-    """Begin loading vehicles to `masses` (kg), each over the loading time of its scenario."""
-    at_once = {name: mass for name, mass in masses.items() if _room(ropeway, name).loading_time == 0.0}
-    ropeway.loading.update(masses)
-    put_in(ropeway, at_once)
-
-
-def load_on(ropeway: Ropeway, time: float) -> None:
-    """Continue all loading and unloading by `time` (s)."""
-    if ropeway.loading:
-        put_in(ropeway, _next_loads(ropeway, time))
-
-
-def exchange(ropeway: Ropeway) -> None:
-    """Set the payload of carriers that have entered a station to that of carriers leaving it."""
-    here = ropeway.stations_now()
-    came = ~np.isnan(here) & (here != ropeway.stations)
-    ropeway.stations = here
-    if came.any():
-        loads = {
-            name: room.from_start if here[ropeway.rows[name]] == 0.0 else room.from_end
-            for name, room in ropeway.rooms.items()
-            if came[ropeway.rows[name]]
-        }
-        put_in(ropeway, loads)
-
-
-def _next_loads(ropeway: Ropeway, time: float) -> dict[str, float]:
-    """Payloads (kg) of vehicles under loading after another `time` (s)."""
-    loads = {}
-    for name, wanted in ropeway.loading.items():
-        room, carried = _room(ropeway, name), float(ropeway.state.payload[ropeway.rows[name]])
-        most = room.capacity / room.loading_time * time
-        loads[name] = min(max(wanted, carried - most), carried + most)
-    return loads
-
-
-def put_in(ropeway: Ropeway, loads: Mapping[str, float]) -> None:
-    """Set payloads of vehicles to `loads` (kg); loading ends for vehicles at their wanted payload."""
-    before = ropeway.system.carriages.centre_offset
-    for name, mass in loads.items():
-        ropeway.state.payload[ropeway.rows[name]] = mass
-        if mass == ropeway.loading.get(name):
-            del ropeway.loading[name]
-    ropeway.carry(ropeway.state.payload)
-    shift_centres(ropeway.state, ropeway.system.carriages.centre_offset - before)
-
-
-def _room(ropeway: Ropeway, name: str) -> Payload:
-    room = ropeway.scenario.vehicles[name].payload
-    assert room is not None
-    return room

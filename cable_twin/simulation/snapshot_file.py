@@ -20,14 +20,24 @@ from typing import IO, Any
 import numpy as np
 
 from cable_twin.frame.records import Command
-from cable_twin.mechanics.language.declared import HUGEST, Kept, arrays_of, range_faults, with_arrays
+from cable_twin.mechanics.language.declared import (
+    HUGEST,
+    Kept,
+    arrays_of,
+    declared,
+    is_common,
+    range_faults,
+    with_arrays_together,
+)
+from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import System
 from cable_twin.mechanics.solution.bundle.records import BUNDLE_RANGES
-from cable_twin.mechanics.state import FIELDS, RANGES, State
+from cable_twin.mechanics.state import FIELDS, RANGES, VEHICLES, State
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
 FORMAT_VERSION = 9
+OWN_FIELDS = tuple(field.name for field in declared(State) if not is_common(field, VEHICLES))  # of a rope alone
 SUFFIX = ".npz"
 LARGEST = 2**28  # bytes of an array; the largest shipped scenario has 60 kB of them all
 DRIVEN_BY = "speed", "force"  # kinds of commands that stay in force
@@ -46,8 +56,8 @@ class FullState:
 
     scenario: Scenario
     time: float  # s
-    now: tuple[Kept, ...]  # the state of each rope with what is on it
-    before: tuple[Kept, ...]  # those to which a reset goes back
+    now: Kept  # states of all ropes with their vehicles, in one block
+    before: Kept  # those to which a reset goes back
     emergency_stopped: bool
     commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
     loading: Mapping[str, float]  # kg, what vehicles that are being loaded shall carry
@@ -59,12 +69,12 @@ class FullState:
     @property
     def states(self) -> tuple[State, ...]:
         """Present state of each rope."""
-        return tuple(kept.record for kept in self.now)
+        return self.now.records
 
     @property
     def starts(self) -> tuple[State, ...]:
         """State of each rope at the start."""
-        return tuple(kept.record for kept in self.before)
+        return self.before.records
 
     @property
     def between(self) -> Mapping[str, Any]:
@@ -101,8 +111,6 @@ class FullState:
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
             raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
-        if len(own.now) != len(self.now):
-            raise SnapshotError(f"{len(self.now)} ropes; its scenario has {len(own.now)}")
         if self.between.keys() != own.between.keys():
             raise SnapshotError(f"{', '.join(self.between.keys() ^ own.between.keys())}: in one of them only")
         _check_shapes(self.between, own.between)
@@ -121,7 +129,7 @@ class FullState:
             system = systems[int(number or 1) - 1]
             sizes = _sizes(system, len(systems))
             # one after the other: the second reads at indices that the first has checked
-            for fault in chain(range_faults(arrays_of(state), RANGES, sizes), _state_faults(system, state)):
+            for fault in chain(range_faults(_own_arrays(system, state), RANGES, sizes), _state_faults(system, state)):
                 raise SnapshotError(f"{part}{number}/{fault}")
         clock = int(self.state.clock[0])
         if not abs(self.time - clock * systems[0].solver.step) <= systems[0].solver.step:
@@ -178,7 +186,8 @@ class FullState:
         }
         arrays = {"header": np.frombuffer(json.dumps(header).encode(), np.uint8)}
         for part, number, state in self._numbered():
-            arrays |= {f"{part}{number}/{name}": array for name, array in arrays_of(state).items()}
+            names = OWN_FIELDS if number else FIELDS  # vehicles exist once, with the first rope
+            arrays |= {f"{part}{number}/{name}": arrays_of(state)[name] for name in names}
         arrays |= {f"{BETWEEN}/{name}": array for name, array in self.between.items()}
         if not isinstance(target, Path):
             np.savez(target, **arrays)  # type: ignore[arg-type]  # its option allow_pickle is none of our names
@@ -251,7 +260,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
     except ScenarioError as error:
         raise SnapshotError("\n".join(f"{name}: scenario: {fault}; {made}" for fault in error.faults)) from None
     numbers = ["", *(str(number) for number in range(2, len(loaded.ropes) + 1))]
-    now, before = (tuple(Kept(_state(f"{part}{n}", arrays, name, made)) for n in numbers) for part in PARTS)
+    now, before = (_states(part, numbers, arrays, name, made) for part in PARTS)
     between = {key.partition("/")[2]: array for key, array in arrays.items() if key.startswith(f"{BETWEEN}/")}
     return FullState(loaded, time, now, before, stopped, commands, loading, foreign=between)
 
@@ -281,14 +290,18 @@ def _check_header(header: Any) -> None:
     raise SnapshotError(f"format version {given!r}; this cable_twin reads {FORMAT_VERSION}")
 
 
-def _state(part: str, arrays: Mapping[str, Any], name: str, made: str) -> State:
-    """Build one state from its arrays, with an error that names missing and unknown fields."""
-    given = {key.partition("/")[2] for key in arrays if key.startswith(f"{part}/")}
-    if missing := [field for field in FIELDS if field not in given]:
-        raise SnapshotError(f"{name}: no {', '.join(missing)} in its {part}; {made}")
-    if unknown := sorted(given - set(FIELDS)):
-        raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {part}; {made}")
-    return with_arrays(State, {field: arrays[f"{part}/{field}"] for field in FIELDS})
+def _states(part: str, numbers: Sequence[str], arrays: Mapping[str, Any], name: str, made: str) -> Kept:
+    """Build the states of all ropes from their arrays, with an error that names missing and unknown fields."""
+    found: list[dict[str, Any]] = []
+    for number in numbers:
+        within, fields = f"{part}{number}", OWN_FIELDS if number else FIELDS
+        given = {key.partition("/")[2] for key in arrays if key.startswith(f"{within}/")}
+        if missing := [field for field in fields if field not in given]:
+            raise SnapshotError(f"{name}: no {', '.join(missing)} in its {within}; {made}")
+        if unknown := sorted(given - set(fields)):
+            raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {within}; {made}")
+        found.append({field: arrays[f"{within}/{field}"] for field in fields})
+    return Kept(*with_arrays_together(State, found, VEHICLES))
 
 
 def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
@@ -314,16 +327,27 @@ def _sizes(system: System, ropes: int) -> dict[str, float]:
     }
 
 
+def _own_arrays(system: System, state: State) -> dict[str, Any]:
+    """Arrays of a state by name, those of vehicles and bodies with the rows that are on the rope alone."""
+    rows = {"vehicle": vehicles_of(system, state), "body": bodies_of(system, state)}
+    arrays = arrays_of(state)
+    for field in declared(State):
+        if is_common(field, VEHICLES) and field.name != "vehicle_rope":  # by which the rows are chosen
+            arrays[field.name] = arrays[field.name][rows[str(field.shape[0])]]
+    return arrays
+
+
 def _state_faults(system: System, state: State) -> Iterator[str]:
     """Faults beyond ranges: joints off their elements, and quaternions of bodies in space without unit length."""
-    nodes, places = system.cable.node_arc_length, state.joints.position
-    starts, ends = nodes[state.joint_element], nodes[state.joint_element + 1]
+    nodes = system.cable.node_arc_length
     near = system.cable.element_length.max()  # within a step it goes on to the next one
-    starts = np.where(state.joint_element == 0, -np.inf, starts - near)
-    ends = np.where(state.joint_element == system.cable.element_count - 1, np.inf, ends + near)
-    for joint in np.flatnonzero(state.attached & ~((starts <= places) & (places <= ends)))[:1]:
-        allowed = f"{starts[joint]:.6g} to {ends[joint]:.6g} m, for its joint_element {state.joint_element[joint]}"
-        yield f"joints.position: {places[joint]:.6g} m of vehicle {joint}; allowed: {allowed}"
+    for joint in np.flatnonzero(state.attached & vehicles_of(system, state)):
+        element, place = int(state.joint_element[joint]), float(state.joints.position[joint])
+        start = -np.inf if element == 0 else nodes[element] - near
+        end = np.inf if element == system.cable.element_count - 1 else nodes[element + 1] + near
+        if not start <= place <= end:
+            allowed = f"{start:.6g} to {end:.6g} m, for its joint_element {element}"
+            yield f"joints.position: {place:.6g} m of vehicle {joint}; allowed: {allowed}"
     bodies = state.bodies.position
     if bodies.shape[1] == 7:
         lengths = np.linalg.norm(bodies[:, 3:], axis=1)

@@ -50,19 +50,19 @@ def worst_bend(
 
     Args:
         scenario: of one rope.
-        system: its parameters, without payloads.
+        system: its parameters.
         slopes: (nodes, dim) of the rope at its nodes.
         tensions: (elements,) N.
     """
-    cable, carriages = system.cable, system.carriages
+    cable = system.cable
     gravity = np.array(cable.gravity)
     along = slopes[:-1] + slopes[1:]
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = np.sqrt(np.maximum(gravity @ gravity - (along @ gravity) ** 2, 0.0))  # m/s², of each element
     bends = cable.axial_stiffness * across**2 / np.maximum(tensions, 1e-9 * cable.axial_stiffness) ** 3
     worst = 0.0, "", 0.0
-    for row, (name, vehicle) in enumerate(scenario.vehicles.items()):
-        mass = float(carriages.mass[carriages.body_offset[row] : carriages.body_offset[row + 1]].sum())
+    for name, vehicle in scenario.vehicles.items():
+        mass = sum(body.mass for body in vehicle.bodies.values())
         mass += vehicle.payload.capacity if vehicle.payload else 0.0
         where = slice(None)
         if vehicle.joint == "fixed":

@@ -20,7 +20,6 @@ from cable_twin.frame.records import (
     SolverReport,
 )
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.mechanics.language.declared import Kept
 from cable_twin.mechanics.parameters import Solver, System
 from cable_twin.mechanics.solution.runge_kutta import stable_step
 from cable_twin.mechanics.solution.stepping import Outcome
@@ -30,10 +29,11 @@ from cable_twin.simulation.command_handlers import take_effect
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.first_compilation import compiling_ahead, expect_kernels
 from cable_twin.simulation.queries import Observer, Queries, read_only
-from cable_twin.simulation.ropeway import Ropeway, exchange, load_on
+from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
+from cable_twin.simulation.vehicles import Vehicles
 
 PART = 50_000  # steps times nodes that are taken at once
 PERIOD = 0.05  # s of simulated time from one look to the next; a person gets into a cabin in several of them
@@ -75,7 +75,10 @@ class Simulation(Queries):
         self.scenario = scenario
         self._engine = Engine(scenario)
         self._parts = self._engine.parts
-        self._ropeway, self._contacts = self._parts[0], [VehicleContacts(part.scenario) for part in self._parts]
+        self._ropeway, self._contacts = (
+            self._parts[0],
+            [VehicleContacts(part.scenario, part.rows) for part in self._parts],
+        )
         self.carriages = {name: tuple(carriage.bodies) for name, carriage in scenario.vehicles.items()}
         self.drives = tuple(scenario.drives)
         self._state = self._ropeway.state
@@ -186,11 +189,10 @@ class Simulation(Queries):
         return FullState(
             self.scenario,
             self.time,
-            tuple(Kept(part.state) for part in self._parts),
-            tuple(Kept(part.start) for part in self._parts),
+            *self._engine.kept_states(),
             self._ropeway.stopped,
             dict(self.commands),
-            {name: mass for part in self._parts for name, mass in part.loading.items()},
+            dict(self._engine.vehicles.loading),
             self._at_start,
             self._engine.kept(),
         )
@@ -293,7 +295,7 @@ class Simulation(Queries):
             return self.snapshot
         self._at_start = False
         try:
-            outcome = advance_in_batches(self._parts, self._contacts, steps, self._engine.advance, on_part)
+            outcome = advance_in_batches(self._engine, self._contacts, steps, on_part)
         except BaseException:  # of `on_part`, or Ctrl-C
             self._show(NOTHING_DONE)
             raise
@@ -312,28 +314,27 @@ class Simulation(Queries):
 
 
 def advance_in_batches(
-    parts: Sequence[Ropeway],
+    engine: Engine,
     contacts: Sequence[VehicleContacts],
     steps: int,
-    advance: Callable[[int], tuple],
     on_part: Callable[[], object] = lambda: None,
 ) -> Outcome:
-    """Take `steps` solver steps by calls of `advance`, each of some tenths of a second at most.
+    """Take `steps` solver steps by calls of the integrator, each of some tenths of a second at most.
 
     Ctrl-C and `on_part` take effect between the calls.
 
     Args:
-        parts: ropes with their vehicles.
+        engine: of the simulation.
         contacts: watches of vehicles that can meet, one a rope.
         steps: count of steps.
-        advance: function that takes a count of steps and returns the fields of `Outcome`.
         on_part: called after each call; an exception from it ends the steps there.
 
     Returns:
         Outcome of all steps, or of those before a failed step or before two vehicles were pressed through each other.
     """
+    parts, vehicles, advance = engine.parts, engine.vehicles, engine.advance
     most = max(PART // sum([len(part.state.nodes.position) for part in parts]), 1)  # steps of a call
-    if not _interrupted(parts, contacts):
+    if not _interrupted(vehicles, contacts):
         total = Outcome(*advance(min(steps, most)))
         on_part()
         while total.converged and total.steps < steps:
@@ -345,14 +346,13 @@ def advance_in_batches(
     period = max(round(PERIOD / step), 1)
     while total.converged and total.steps < steps and not penetration(parts, contacts):
         rest = steps - total.steps
-        until = period - int(clock[0]) % period if _interrupted(parts, contacts) else rest
+        until = period - int(clock[0]) % period if _interrupted(vehicles, contacts) else rest
         total = _joined(total, Outcome(*advance(min(rest, until, most))))
         on_part()
         if total.converged and int(clock[0]) % period == 0:
-            for ropeway in parts:
-                load_on(ropeway, period * step)
-                if ropeway.rooms:
-                    exchange(ropeway)
+            vehicles.load_on(period * step)
+            if vehicles.exchanges:
+                vehicles.exchange()
     return total
 
 
@@ -368,9 +368,9 @@ def _joined(before: Outcome, last: Outcome) -> Outcome:
     )
 
 
-def _interrupted(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -> bool:
+def _interrupted(vehicles: Vehicles, contacts: Sequence[VehicleContacts]) -> bool:
     """Whether steps have to be interrupted for loading, stations or vehicles that can meet."""
-    return any(part.loading or part.rooms for part in parts) or any(one.possible for one in contacts)
+    return bool(vehicles.loading) or vehicles.exchanges or any(one.possible for one in contacts)
 
 
 def penetration(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -> str:

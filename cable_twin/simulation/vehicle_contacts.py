@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -33,23 +33,25 @@ class VehicleContacts:
         possible: whether there are vehicles that could meet.
 
     Args:
-        scenario: what runs.
+        scenario: of one rope.
+        rows: row of each of its vehicles among those of all ropes, by name.
 
     Raises:
         EquilibriumError: two of them start within each other; the line has the key.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, rows: Mapping[str, int]) -> None:
         pairs = list(_pairs(scenario))
-        self._names, places = list(scenario.vehicles), [one.arc_length for one in scenario.vehicles.values()]
-        self._before = np.array([pair.before for pair in pairs], dtype=np.int64)
-        self._after = np.array([pair.after for pair in pairs], dtype=np.int64)
+        names, places = list(scenario.vehicles), [one.arc_length for one in scenario.vehicles.values()]
+        self._names = {row: name for name, row in rows.items()}
+        self._before = np.array([rows[names[pair.before]] for pair in pairs], dtype=np.int64)
+        self._after = np.array([rows[names[pair.after]] for pair in pairs], dtype=np.int64)
         self.possible = bool(pairs)
         for before, after, room, *_ in pairs:
             if places[after] - places[before] < room:
                 raise EquilibriumError(
-                    f"carriages.{self._names[after]}.arc_length: given {places[after]!r}, within "
-                    f"'{self._names[before]}' at {places[before]!r}; allowed: {with_unit(room, 'm', 3)} apart at least"
+                    f"carriages.{names[after]}.arc_length: given {places[after]!r}, within "
+                    f"'{names[before]}' at {places[before]!r}; allowed: {with_unit(room, 'm', 3)} apart at least"
                 )
 
     def found(self, state: State) -> str:

@@ -15,6 +15,7 @@ from cable_twin.mechanics.drives.haul_rope import condense_drum, haul_direction,
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.buffer import push_on
+from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
 
@@ -86,17 +87,18 @@ def joint_forces(system, state, carriage):
     return add_scaled(-1.0, pull, force), pull
 
 
-def hold_all(state: Any) -> tuple[IntArray, IntArray]:
-    """Hold every joint as driven at rest; returns the previous axes and modes (vehicles,)."""
-    held = state.axis.copy(), state.drives.mode.copy()
-    state.axis[:], state.drives.mode[:] = JOINT, SPEED
-    state.reference.position[:] = state.joints.position
+def hold_all(system: System, state: Any) -> tuple[IntArray, IntArray]:
+    """Hold every joint of a rope as driven at rest; returns the previous axes and modes (vehicles,)."""
+    held, own = (state.axis.copy(), state.drives.mode.copy()), vehicles_of(system, state)
+    state.axis[own], state.drives.mode[own] = JOINT, SPEED
+    state.reference.position[own] = state.joints.position[own]
     return held
 
 
 def release_joints(system: System, state: Any, axes: IntArray, modes: IntArray) -> None:
-    """Restore axes and modes of the drives; driven and hauled joints keep their holding force as drive force."""
-    state.drives.force[((modes != SPEED) & (axes != DRUM)) | ~state.attached] = 0.0
-    for carriage in np.flatnonzero(axes == DRUM).tolist():  # along the haul rope, on the arc length
+    """Restore axes and modes of a rope's drives; driven and hauled joints keep their holding force as drive force."""
+    own = vehicles_of(system, state)
+    state.drives.force[own & (((modes != SPEED) & (axes != DRUM)) | ~state.attached)] = 0.0
+    for carriage in np.flatnonzero(own & (axes == DRUM)).tolist():  # along the haul rope, on the arc length
         state.drives.force[carriage] *= np.linalg.norm(joint_tangent(system.cable, state, carriage))
-    state.axis[:], state.drives.mode[:] = axes, modes
+    state.axis[own], state.drives.mode[own] = axes[own], modes[own]

@@ -11,7 +11,7 @@ from cable_twin.mechanics.drives.reference import follow
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.presence import belongs
+from cable_twin.mechanics.on_rope.presence import keep_on
 from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_point,
     joint_tangent,
@@ -19,6 +19,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     place_joint,
     velocity_acceleration,
 )
+from cable_twin.mechanics.parameters import ALONE
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 
@@ -27,7 +28,8 @@ from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 def loop_coordinate(system, state, carriage):
     """Place (m) of a clamped vehicle along mesh and loop, from the start of the mesh."""
     length = system.moving_cable.loop_length
-    place = system.carriages.loop_place[carriage] - state.loop_start[0] + state.rope.position[0]
+    along = system.carriages.loop_place[carriage] - system.moving_cable.loop_offset
+    place = along - state.loop_start[0] + state.rope.position[0]
     return (place - length * floor(place / length)) / rest_stretch(system.cable, state)
 
 
@@ -47,6 +49,7 @@ def hang_in_station(system, state, carriage, station):
     """Detach a carriage and hang it at rest at the end of the cable with the arc length `station` (m)."""
     cable = system.cable
     state.attached[carriage] = False
+    keep_on(system, state, carriage)
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)
     state.joints.algorithmic[carriage] = 0.0
@@ -67,7 +70,9 @@ def attach_carriers(system, state):
     """
     cable = system.cable
     for carriage in range(system.carriages.fixed.size):
-        if system.carriages.clamped[carriage] and not state.attached[carriage] and belongs(system, state, carriage):
+        if state.attached[carriage] or not system.carriages.clamped[carriage]:
+            continue
+        if system.number == ALONE or system.moving_cable.carries[carriage]:
             place = loop_coordinate(system, state, carriage)
             if place <= cable.unstrained_length:
                 attach(system, state, carriage, place)
@@ -85,6 +90,7 @@ def put_on(system, state, carriage, place, speed, rate):
     """Attach a carriage to the cable at an arc length (m): upright, moving along the cable at `speed` (m/s)."""
     cable = system.cable
     state.attached[carriage] = True
+    keep_on(system, state, carriage)
     state.joints.position[carriage] = place
     state.joints.velocity[carriage] = speed
     state.joints.algorithmic[carriage] = rate

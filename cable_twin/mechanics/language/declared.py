@@ -6,7 +6,7 @@ States that are read from files are held to the ranges.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
@@ -146,12 +146,30 @@ def allocate(record: type[R], sizes: Mapping[str, int]) -> R:
         record: a named tuple whose fields are declared.
         sizes: what names in shapes stand for.
     """
+    return allocate_together(record, [sizes])[0]
+
+
+def allocate_together(
+    record: type[R], sizes: Sequence[Mapping[str, int]], common: Container[str] = ()
+) -> tuple[R, ...]:
+    """Allocate several records in one block of memory, with the initial values of their arrays.
+
+    Args:
+        record: a named tuple whose fields are declared.
+        sizes: of each record, the sizes by name in shapes.
+        common: sizes such as "vehicle": arrays whose first axis has one of these exist once for all records.
+    """
     fields = declared(cast(Any, record))
-    shapes = {f.name: (f.type, tuple(sizes[n] if isinstance(n, str) else n for n in f.shape)) for f in fields}
-    made = _in_one_block(record, shapes)
-    for field, array in zip(fields, arrays_of(made).values(), strict=True):
-        if field.first:
-            array[...] = field.first
+    shapes: dict[str, tuple[Any, tuple[int, ...]]] = {}
+    for row, own in enumerate(sizes):
+        for field in fields:
+            shape = tuple(own[size] if isinstance(size, str) else size for size in field.shape)
+            shapes.setdefault(_key(field, row, common), (field.type, shape))
+    made = _in_one_block(record, shapes, len(sizes))
+    for one in made:
+        for field, array in zip(fields, arrays_of(one).values(), strict=True):
+            if field.first:
+                array[...] = field.first
     return made
 
 
@@ -161,34 +179,67 @@ def with_arrays(record: type[R], arrays: Arrays) -> R:
     Raises:
         KeyError: one is missing.
     """
-    given = {field.name: arrays[field.name] for field in declared(cast(Any, record))}
-    made = _in_one_block(record, {name: (array.dtype, array.shape) for name, array in given.items()})
-    for array, own in zip(given.values(), arrays_of(made).values(), strict=True):
-        own[...] = array
+    return with_arrays_together(record, [arrays])[0]
+
+
+def with_arrays_together(record: type[R], arrays: Sequence[Arrays], common: Container[str] = ()) -> tuple[R, ...]:
+    """Allocate several records in one block of memory, with copies of given arrays of each by name.
+
+    Args:
+        record: a named tuple whose fields are declared.
+        arrays: of each record; `common` ones of the first.
+        common: as in `allocate_together`.
+
+    Raises:
+        KeyError: one is missing.
+    """
+    fields = declared(cast(Any, record))
+    given = {}
+    for row, own in enumerate(arrays):
+        for field in fields:
+            if (key := _key(field, row, common)) not in given:
+                given[key] = own[field.name]
+    made = _in_one_block(record, {key: (array.dtype, array.shape) for key, array in given.items()}, len(arrays))
+    for row, one in enumerate(made):
+        for field, array in zip(fields, arrays_of(one).values(), strict=True):
+            array[...] = given[_key(field, row, common)]
     return made
 
 
-def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ...]]]) -> R:
-    """Record of zeros in one block of memory."""
+def is_common(field: Declared, common: Container[str]) -> bool:
+    """Return whether an array exists once for all records of a block."""
+    return bool(field.shape) and field.shape[0] in common
+
+
+def _key(field: Declared, row: int, common: Container[str]) -> str:
+    """Name of an array in the block of several records."""
+    return field.name if is_common(field, common) else f"{row}/{field.name}"
+
+
+def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ...]]], count: int) -> tuple[R, ...]:
+    """Records of zeros in one block of memory."""
     offsets, size = [], 0
     for kind, shape in shapes.values():
         offsets.append(size)
         size += -(-int(np.prod(shape, dtype=np.int64)) * np.dtype(kind).itemsize // ALIGNMENT) * ALIGNMENT
     formats = [(kind, shape) for kind, shape in shapes.values()]
     layout = np.dtype({"names": list(shapes), "formats": formats, "offsets": offsets, "itemsize": max(size, 1)})
-    return _views(record, np.zeros(1, layout))
+    block = np.zeros(1, layout)
+    return tuple(_views(record, block, row) for row in range(count))
 
 
-def _views(record: type[R], block: NDArray[Any], within: str = "") -> R:
-    """Record with its arrays as views of a block of memory."""
+def _views(record: type[R], block: NDArray[Any], row: int, within: str = "") -> R:
+    """Record `row` of a block of memory, with its arrays as views of that."""
     fields: list[Any] = []
     for name, kind in _kinds(cast(Any, record)):
+        key = f"{within}{name}"
         if kind is not None:
-            fields.append(_views(kind, block, f"{within}{name}."))
+            fields.append(_views(kind, block, row, f"{key}."))
         elif name == MEMORY:
             fields.append(block.view(np.uint8))
         else:
-            fields.append(block[f"{within}{name}"][0])
+            own = f"{row}/{key}"
+            fields.append(block[own if own in block.dtype.fields else key][0])  # type: ignore[operator]
     return record(*fields)
 
 
@@ -210,8 +261,8 @@ def arrays_of(record: Any, within: str = "") -> dict[str, NDArray[Any]]:
 
 
 def clone(record: R) -> R:
-    """Independent copy of a record with one block of memory."""
-    return Kept(record).record
+    """Independent copy of a record, with those which share its block of memory."""
+    return Kept(record).records[0]  # type: ignore[no-any-return]
 
 
 def write(source: Any, target: Any) -> None:
@@ -220,21 +271,40 @@ def write(source: Any, target: Any) -> None:
 
 
 class Kept:
-    """Copy of a record's memory, with the arrays created on demand."""
+    """Copy of the block of memory of some records, with their arrays created on demand.
 
-    __slots__ = ("_kind", "_layout", "_record", "memory")
+    Args:
+        records: one or several in the same block.
+    """
 
-    def __init__(self, record: Any) -> None:
-        self._kind, self._layout = type(record), record.memory.base.dtype
-        self._record: Any = None
-        self.memory: Memory = record.memory.copy()
+    __slots__ = ("_like", "_records", "memory")
+
+    def __init__(self, *records: Any) -> None:
+        self._like: tuple[Any, ...] = records
+        self._records: tuple[Any, ...] = ()
+        self.memory: Memory = records[0].memory.copy()
+
+    @property
+    def records(self) -> tuple[Any, ...]:
+        """Records on the copied memory; writing to their arrays changes the copy."""
+        if not self._records:
+            block = np.empty(1, self._like[0].memory.base.dtype)
+            block.view(np.uint8)[:] = self.memory
+            self._records = tuple(_views(type(one), block, _row_of(one)) for one in self._like)
+            self.memory = self._records[0].memory
+        return self._records
 
     @property
     def record(self) -> Any:
-        """Record on the copied memory; writing to its arrays changes the copy."""
-        if self._record is None:
-            block = np.empty(1, self._layout)
-            block.view(np.uint8)[:] = self.memory
-            self._record = _views(self._kind, block)
-            self.memory = self._record.memory
-        return self._record
+        """First of these records."""
+        return self.records[0]
+
+
+def _row_of(record: Any) -> int:
+    """Number of a record in its block of memory."""
+    block, arrays = record.memory.base, arrays_of(record)
+    for name in block.dtype.names:
+        row, slash, key = name.partition("/")
+        if slash and key in arrays and block[name].ctypes.data == arrays[key].ctypes.data:
+            return int(row)
+    return 0

@@ -15,7 +15,8 @@ from cable_twin.mechanics.language.vectors import load, scale, store, subtract
 from cable_twin.mechanics.on_rope.buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
-from cable_twin.mechanics.parameters import DRUM, FORCE, NO_RATIO, SPEED, FloatArray, IntArray
+from cable_twin.mechanics.on_rope.presence import belongs
+from cable_twin.mechanics.parameters import DRUM, FORCE, NO_RATIO, SPEED, FloatArray
 from cable_twin.mechanics.readout.samples import joint_place, sample_shape, store_beside, store_in_space
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions, tension_range, tower_force
 
@@ -94,20 +95,8 @@ class Columns(NamedTuple):
     pantograph_speed: FloatArray  # (pantographs,) m/s, along the track
 
 
-@by_reference
-class Rows(NamedTuple):
-    """Rows in a frame of the vehicles and bodies of one rope."""
-
-    rope: int  # number of the rope
-    vehicle: IntArray  # (vehicles of the rope,)
-    body: IntArray  # (bodies of the rope,)
-    own: int  # count of the leading vehicles that are on no other rope at any time
-    reports_detached: bool  # of all vehicles of the rope, also those on no rope
-    lateral: float  # m, y of a planar rope and its vehicles
-
-
 @kernel
-def observe(system, state, sections, places, rest_loads, rows, columns):
+def observe(system, state, sections, places, rest_loads, lateral, columns):
     """Fill the columns of a frame from the state of one rope with its vehicles.
 
     Args:
@@ -116,22 +105,22 @@ def observe(system, state, sections, places, rest_loads, rows, columns):
         sections: scratch, with the forces that other ropes exert.
         places: sample places on the rope.
         rest_loads: (towers, ...) N, loads of the towers at the start of the run in the first column.
-        rows: rows of the vehicles and bodies in the frame.
+        lateral: m, y of a planar rope and its vehicles.
         columns: result; of samples, supports and ropes only the rows of this rope.
     """
     sample_shape(system, state, places, columns.rope_position)
-    if rows.lateral != 0.0:
-        columns.rope_position[:, 1] = rows.lateral
+    if lateral != 0.0:
+        columns.rope_position[:, 1] = lateral
     recover_sections(system, state, sections)
     sample_tensions(system, state, sections, places, columns.rope_tension)
     tension_range(system, state, sections, columns.lowest_tension[0], columns.highest_tension[0])
-    for vehicle in range(rows.vehicle.size):
-        if vehicle < rows.own or rows.reports_detached or state.attached[vehicle]:
-            observe_vehicle(system, state, vehicle, rows, columns)
-            if rows.vehicle[vehicle] < columns.command_kind.size:
-                observe_command(system, state, vehicle, rows.vehicle[vehicle], columns)
+    for vehicle in range(state.vehicle_rope.size):
+        if belongs(system, state, vehicle):
+            observe_vehicle(system, state, vehicle, lateral, columns)
+            if vehicle < columns.command_kind.size:
+                observe_command(system, state, vehicle, columns)
             for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
-                observe_body(system, state, body, rows, columns)
+                observe_body(system, state, body, lateral, columns)
     observe_supports(system, state, sections, rest_loads, columns)
     if system.moving_cable.moving:
         for drive in range(columns.drive_position.size):
@@ -146,32 +135,31 @@ def observe(system, state, sections, places, rest_loads, rows, columns):
 
 
 @kernel
-def observe_vehicle(system, state, vehicle, rows, columns):
+def observe_vehicle(system, state, vehicle, lateral, columns):
     """Fill the columns of one vehicle of a rope."""
-    row = rows.vehicle[vehicle]
-    columns.vehicle_rope[row] = rows.rope
-    columns.arc_length[row], columns.speed[row] = state.joints.position[vehicle], state.joints.velocity[vehicle]
-    columns.attached[row] = 1.0 if state.attached[vehicle] else 0.0
-    columns.payload[row], columns.drive_force[row] = state.payload[vehicle], state.drives.force[vehicle]
-    store_beside(joint_place(system, state, vehicle), rows.lateral, columns.joint_position[row])
+    columns.vehicle_rope[vehicle] = state.vehicle_rope[vehicle]
+    columns.arc_length[vehicle], columns.speed[vehicle] = state.joints.position[vehicle], state.joints.velocity[vehicle]
+    columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
+    columns.payload[vehicle], columns.drive_force[vehicle] = state.payload[vehicle], state.drives.force[vehicle]
+    store_beside(joint_place(system, state, vehicle), lateral, columns.joint_position[vehicle])
     contact, pull = joint_forces(system, state, vehicle)
-    store_in_space(contact, columns.contact_force[row])
-    store_in_space(pull, columns.haul_pull[row])
+    store_in_space(contact, columns.contact_force[vehicle])
+    store_in_space(pull, columns.haul_pull[vehicle])
     travel, speed, force = observe_haul(system, state, vehicle)
-    columns.haul_travel[row], columns.haul_speed[row], columns.haul_force[row] = travel, speed, force
+    columns.haul_travel[vehicle], columns.haul_speed[vehicle], columns.haul_force[vehicle] = travel, speed, force
     if isnan(force):
-        columns.haul_pull[row] = nan
+        columns.haul_pull[vehicle] = nan
     elif isnan(travel):  # of a clamp, with the force of the vehicle's own drive
-        columns.drive_force[row] += force
+        columns.drive_force[vehicle] += force
     push, touch = state.push[vehicle], state.touch[vehicle]
-    columns.push[row], columns.push_highest[row] = push[FORCE_NOW], push[HIGHEST]
-    columns.touched[row], columns.touch_place[row], columns.touch_speed[row] = touch[0], touch[1], touch[2]
-    columns.touch_time[row] = round(touch[3] * system.solver.step * 1e9) / 1e9
+    columns.push[vehicle], columns.push_highest[vehicle] = push[FORCE_NOW], push[HIGHEST]
+    columns.touched[vehicle], columns.touch_place[vehicle], columns.touch_speed[vehicle] = touch[0], touch[1], touch[2]
+    columns.touch_time[vehicle] = round(touch[3] * system.solver.step * 1e9) / 1e9
 
 
 @kernel
-def observe_command(system, state, carriage, row, columns):
-    """Fill the columns of a carriage's drive in row `row` of a frame: command, present motion and force limit."""
+def observe_command(system, state, carriage, columns):
+    """Fill the columns of a carriage's drive: command, present motion and force limit."""
     kind, limit, told_speed, told_force, place, speed = nan, nan, nan, nan, nan, nan
     if not system.carriages.fixed[carriage] and not system.carriages.clamped[carriage]:
         place, speed, mode = (
@@ -187,25 +175,25 @@ def observe_command(system, state, carriage, row, columns):
         if mode == SPEED:
             place, speed = state.reference.position[carriage], state.reference.velocity[carriage]
         limit = force_limit(system.carriages, state, carriage, speed)
-    columns.command_kind[row] = kind
-    columns.commanded_speed[row], columns.commanded_force[row] = told_speed, told_force
-    columns.reference_position[row], columns.reference_speed[row] = place, speed
-    columns.force_limit[row] = limit if limit < inf else nan
+    columns.command_kind[carriage] = kind
+    columns.commanded_speed[carriage], columns.commanded_force[carriage] = told_speed, told_force
+    columns.reference_position[carriage], columns.reference_speed[carriage] = place, speed
+    columns.force_limit[carriage] = limit if limit < inf else nan
 
 
 @kernel
-def observe_body(system, state, body, rows, columns):
+def observe_body(system, state, body, lateral, columns):
     """Fill the columns of one body of a rope, with the position of its empty centre of mass."""
-    own, row, like = state.bodies.position[body], rows.body[body], system.cable.gravity
+    own, like = state.bodies.position[body], system.cable.gravity
     spin = spin_of(state.bodies.velocity, body, like)
     arm = arm_to(axes_of(state, body, like), system.carriages.centre_offset[body], like)
-    store_beside(subtract(centre(state, body, like), arm), rows.lateral, columns.body_position[row])
+    store_beside(subtract(centre(state, body, like), arm), lateral, columns.body_position[body])
     velocity = subtract(load(state.bodies.velocity[body], like), cross(spin, arm))
-    store_in_space(velocity, columns.body_velocity[row])
+    store_in_space(velocity, columns.body_velocity[body])
     quaternion, angles = orientation_in_space(own, like)
-    store(quaternion, columns.body_orientation[row])
-    store(turn_in_space(spin), columns.body_angular_velocity[row])
-    store(angles, columns.body_angles[row])
+    store(quaternion, columns.body_orientation[body])
+    store(turn_in_space(spin), columns.body_angular_velocity[body])
+    store(angles, columns.body_angles[body])
 
 
 @kernel

@@ -7,7 +7,8 @@ import numpy as np
 from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.compilation import as_python
-from cable_twin.mechanics.language.declared import arrays_of
+from cable_twin.mechanics.language.declared import arrays_of, declared
+from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.ale import rest_stretch
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
@@ -115,8 +116,13 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
     arc_lengths = cable.node_arc_length
     state.nodes.position[:, 0] = start + np.outer(arc_lengths, direction)
     state.nodes.position[:, 1] = direction
-    state.friction_origin[:] = state.joints.position
-    state.reference.position[:] = state.joints.position
+    hang_at_rest(system, state)
+
+
+def hang_at_rest(system: System, state: State) -> None:
+    """Start friction and drives of a rope's vehicles at their places, hanging below it."""
+    own = vehicles_of(system, state)
+    state.friction_origin[own] = state.reference.position[own] = state.joints.position[own]
     hang_carriages(system, state)
 
 
@@ -126,9 +132,7 @@ def lay_taut(system: System, state: State) -> None:
     start, end = cable.end_position
     state.nodes.position[:, 1] = (end - start) / cable.unstrained_length
     state.nodes.position[:, 0] = start + cable.node_arc_length[:, None] * state.nodes.position[0, 1]
-    state.friction_origin[:] = state.joints.position
-    state.reference.position[:] = state.joints.position
-    hang_carriages(system, state)
+    hang_at_rest(system, state)
 
 
 def lay_cable(system: System, state: State) -> None:
@@ -184,10 +188,12 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, 
     return settled(system, state, work, tolerance, coupled=coupled)
 
 
-def _advice(system: System) -> str:
+def _advice(system: System, state: State) -> str:
     """Advice for a failed relaxation, as text."""
     cable = system.cable
-    mass = cable.mass_per_length * cable.unstrained_length + float(system.carriages.mass.sum())
+    mass = cable.mass_per_length * cable.unstrained_length + float(
+        system.carriages.mass[bodies_of(system, state)].sum()
+    )
     loads = float(np.linalg.norm(cable.load_force, axis=1).sum()) + mass * float(np.linalg.norm(cable.gravity))
     if cable.axial_stiffness > STIFFEST * loads > 0.0:
         return (
@@ -233,15 +239,16 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
     """
     cable = system.cable
-    for name, array in arrays_of(state).items():
-        if name not in GIVEN:
-            array[:] = 0
+    own = {"vehicle": vehicles_of(system, state), "body": bodies_of(system, state)}
+    for field, array in zip(declared(State), arrays_of(state).values(), strict=True):
+        if field.name not in GIVEN:
+            array[own.get(str(field.shape[0]), slice(None))] = 0
     if state.bodies.position.shape[1] > state.bodies.velocity.shape[1]:
-        state.bodies.position[:, -1] = 1.0  # of a quaternion
+        state.bodies.position[own["body"], -1] = 1.0  # of a quaternion
     work.turned[:] = 0.0
     lay_cable(system, state)
-    state.friction_origin[:] = state.joints.position
-    held = hold_all(state)
+    state.friction_origin[own["vehicle"]] = state.joints.position[own["vehicle"]]
+    held = hold_all(system, state)
     smooth = without_friction(system)
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
@@ -254,6 +261,6 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
-            f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}; {_advice(system)}"
+            f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}; {_advice(system, state)}"
         )
     release_joints(system, state, *held)

@@ -25,7 +25,6 @@ from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_l
 from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
 from cable_twin.mechanics.solution.newton import solve_increments, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
-from cable_twin.mechanics.state import copy_state
 
 REFRESH = 1.1  # growth of the remembered curvature in a step, so that it is measured again now and then
 LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
@@ -132,9 +131,9 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, h)
             end_couplings(bundle, moving, system, state)
         if attempt == 1 or not converged or not saturated:
             break
+        copy_ropes(bundle, column, STATE, state)
         for rope in range(ropes):
             _, here, room = rope_of(bundle, rope, system, state, work)
-            copy_state(record_at(bundle.records[rope, column], state), here)
             hold_at_limits(here, room)
         if bundle.coupled:
             copy_array(moving_before.memory, moving.memory)

@@ -61,11 +61,11 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
 
 
 def clamped(scenario: Scenario) -> list[tuple[int, int, str, Carriage]]:
-    """Carriages clamped to a second rope: index of their own rope, index on it, name and section."""
-    found = []
+    """Carriages clamped to a second rope: index of their own rope, row among all vehicles, name and section."""
+    found, rows = [], {name: number for number, name in enumerate(scenario.vehicles)}
     for row, rope in enumerate(scenario.ropes):
         vehicles = scenario.of_rope(rope).vehicles
-        found += [(row, number, name, one) for number, (name, one) in enumerate(vehicles.items()) if one.clamped_to]
+        found += [(row, rows[name], name, one) for name, one in vehicles.items() if one.clamped_to]
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import Known, pack
-from cable_twin.mechanics.language.declared import clone
+from cable_twin.mechanics.language.declared import Kept, clone
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
 from cable_twin.mechanics.solution.bundle.elimination import lines_of, order_of
@@ -92,15 +92,16 @@ class Assembly:
     """
 
     def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None) -> None:
-        """Assemble ropes; without couplings (None), kernels are compiled without couplings, unlike for empty ones."""
+        """Assemble ropes, whose states are in one block; without couplings (None), kernels have nothing for them."""
         first = ropes[0]
         dim = len(first.system.cable.gravity)
         given = couplings or no_couplings(len(ropes), dim)
         self._systems = [rope.system for rope in ropes]
+        good, before = (Kept(*[rope.state for rope in ropes]).records for _ in range(2))
         self._addresses = Addresses(
             [
-                (rope.system, rope.state, rope.work, clone(rope.state), clone(rope.state), *_sections(rope))
-                for rope in ropes
+                (rope.system, rope.state, rope.work, good[row], before[row], *_sections(rope))
+                for row, rope in enumerate(ropes)
             ]
         )
         pairs = np.concatenate([given.connectors.rope, given.pairs])

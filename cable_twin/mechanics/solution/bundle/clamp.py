@@ -33,7 +33,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.on_rope.presence import rides
+from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
 from cable_twin.mechanics.on_rope.tower import nearest
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
@@ -93,7 +93,9 @@ def find_clamps(bundle, moving, system, state, h):
             found = -1
         taken = found != moving.clamp_rope[clamp]
         moving.clamp_rope[clamp], moving.clamp_place[clamp] = found, found_place
-        track.clamp_holds[carriage] = found >= 0
+        here = belongs(own, track, carriage)
+        if here:
+            track.clamp_holds[carriage] = found >= 0
         mass = 0.0
         if found >= 0 and clamps.loop_length[clamp] > 0.0:
             mass = rail_share(own.cable.unstrained_length, track.joints.position[carriage])
@@ -101,7 +103,8 @@ def find_clamps(bundle, moving, system, state, h):
         moving.rail_mass[clamp] = mass
         moving.clamp_time[clamp] += h
         if taken:
-            store(scale(-mass, like), track.clamp_force[carriage])
+            if here:
+                store(scale(-mass, like), track.clamp_force[carriage])
             clear_array(moving.clamp_slack[clamp])
             clear_array(moving.clamp_taken[clamp])
             moving.clamp_time[clamp] = 0.0
@@ -296,7 +299,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
             return
     beyond = s - length
     station = ridden if 2.0 * beyond < loop_length - length and 2.0 * s > length else 0.0
-    if attached or track_state.joints.position[carriage] != station:
+    if belongs(track, track_state, carriage) and (attached or track_state.joints.position[carriage] != station):
         hang_in_station(track, track_state, carriage, station)
 
 

@@ -53,7 +53,7 @@ class Clamps(NamedTuple):
     """Clamps of carriages to a second rope; each may hold several ropes, one after another."""
 
     rope: IntArray  # (clamps,) on which the carriage slides
-    carriage: IntArray  # (clamps,) its number there
+    carriage: IntArray  # (clamps,) its row among all vehicles
     offset: FloatArray  # (clamps, dim) m, of the clamp from the joint of the carriage
     choice_offset: IntArray  # (clamps + 1,) the ropes to which clamp c may come are rows choice_offset[c] and on
     choice: IntArray  # (choices,) rope
@@ -226,9 +226,8 @@ def rope_of(bundle, rope, system, state, work):
 
 @kernel
 def copy_ropes(bundle, source, target, state):
-    """Copy the states of all ropes from one column of records to another."""
-    for rope in range(bundle.records.shape[0]):
-        copy_state(record_at(bundle.records[rope, source], state), record_at(bundle.records[rope, target], state))
+    """Copy the states of all ropes, which are in one block of memory, from one column of records to another."""
+    copy_state(record_at(bundle.records[0, source], state), record_at(bundle.records[0, target], state))
 
 
 BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `arrays_of` names them
