@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from math import inf, prod
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,6 @@ ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
 COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
 DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")  # by the number in `tower_derailed`
-
-
-class _Share(NamedTuple):
-    """Numbers of a frame that belong to one rope, in the order of the rope's own frame."""
-
-    number: int  # of the rope
-    numbers: IntArray  # (size of that,) their places in the frame
-    attached: IntArray  # (vehicles there,) place of the number of that name, in its own frame
-    rope: IntArray  # (vehicles there,) place of the number of its rope, in its own frame
 
 
 class Layout:
@@ -49,7 +40,7 @@ class Layout:
         ropes: which of these are of which rope, by its name.
         sheaves: names of the bullwheels that join ropes.
         connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
-        alone: layout of each rope with what is on it, where there are several.
+        several: whether ropes have names in the scenario.
         tower_rows: numbers of the towers among the supports.
         end_samples: number of the sample at each end of each rope, by the name of the support.
         sample_ropes: number of the rope of each sample (samples,).
@@ -140,7 +131,7 @@ class Layout:
 
     def _place_ropes(self) -> None:
         """Initialise the places of ropes and vehicles on these; `of` completes several ropes."""
-        self.alone: dict[str, Layout] = {}
+        self.several = False
         lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
         self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
         self.vehicle_ropes = np.zeros(len(self.vehicles), dtype=np.int64)
@@ -150,7 +141,6 @@ class Layout:
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
         self.rope_supports: tuple[slice, ...] = (slice(0, len(self.supports)),)
-        self._shares: dict[str, _Share] = {}
 
     @classmethod
     def of(cls, scenario: Scenario, samples: int) -> Layout:
@@ -174,8 +164,7 @@ class Layout:
             space=scenario.dim == 3,
             grooves=scenario.tower_places if scenario.dim == 3 else None,
         )
-        if scenario.ropes:
-            layout.alone = {name: cls.of(one, samples) for name, one in zip(names, alone, strict=True)}
+        layout.several = bool(scenario.ropes)
         ends = [0, *np.cumsum([len(own) for own in supports]).tolist()]
         layout.rope_supports = tuple(slice(first, last) for first, last in pairwise(ends))
         wheels = scenario.sheaves
@@ -185,9 +174,8 @@ class Layout:
             most_by_friction(scenario, name) if one.sheave else np.nan for name, one in scenario.drives.items()
         ]
         layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
-        for row, (name, own) in enumerate(layout.alone.items()):
-            layout._shares[name] = layout._share_of(row, name)
-            layout.laterals[name] = alone[row].cable.lateral
+        for row, (name, own) in enumerate(zip(names, alone, strict=True) if layout.several else ()):
+            layout.laterals[name] = own.cable.lateral
             layout.vehicle_ropes[[layout.vehicle_rows[vehicle] for vehicle in own.carriages]] = row
             strand = scenario.strands.get(name)
             layout.loop_offsets[row] = strand.offset if strand else 0.0
@@ -195,8 +183,7 @@ class Layout:
                 ridden = name in scenario.carriers.tracks.values()
                 layout.loop_offsets[row] = layout.rope_offsets[row] if ridden else inf
         layout.joints = np.array(
-            [(row, layout.vehicle_rows[name]) for row, own in enumerate(layout.alone.values()) for name in own.vehicles]
-            or [(0, row) for row in layout.vehicle_rows.values()],
+            [(row, layout.vehicle_rows[name]) for row, own in enumerate(alone) for name in own.vehicles],
             dtype=np.int64,
         ).reshape(-1, 2)
         return layout
@@ -204,30 +191,7 @@ class Layout:
     @property
     def rides_loop(self) -> bool:
         """Whether carriers move from rope to rope on a loop."""
-        return bool(self.alone and self.carriers)
-
-    def _share_of(self, number: int, name: str) -> _Share:
-        """Share of one rope in the numbers of a frame."""
-        own, supports = self.alone[name], self.rope_supports[number]
-        vehicles = np.array([self.vehicle_rows[vehicle] for vehicle in own.vehicles], dtype=np.int64)
-        bodies = [body for row in vehicles for body in range(self.first_body[row], self.first_body[row + 1])]
-        rows: dict[str, Any] = {
-            "samples": self.ropes[name],
-            "ropes": slice(number, number + 1),
-            "supports": supports,
-            "vehicles": vehicles,
-            "carriages": vehicles[: len(own.carriages)],
-            "bodies": np.array(bodies, dtype=np.int64),
-            **dict.fromkeys(("drives", "sheaves", "connectors", "pantographs"), slice(0, 0)),
-        }
-        places, here = self.places, own.places
-        there = [field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in places._asdict().items()]
-        return _Share(
-            number=number,
-            numbers=np.concatenate([part.ravel() for part in there]).astype(np.int64),
-            attached=here.attached.astype(np.int64),
-            rope=here.vehicle_rope.astype(np.int64),
-        )
+        return bool(self.several and self.carriers)
 
     def columns_of(self, rope: int, columns: Columns) -> Columns:
         """Views of the columns of a frame with the samples, supports and tension range of one rope, by its number.
@@ -241,19 +205,6 @@ class Layout:
             "drives": slice(None) if len(self.ropes) == 1 else slice(0),
         }
         return Columns(*(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items()))
-
-    def of_rope(self, numbers: FloatArray, name: str) -> FloatArray:
-        """Frame of one rope in its own layout, from the numbers (size,) of the whole frame.
-
-        What is on another strand of its loop is not attached.
-        """
-        if not self.alone:
-            return numbers
-        share = self._shares[name]
-        own: FloatArray = numbers.take(share.numbers, mode="clip")
-        if self.rides_loop:
-            own[share.attached[own[share.rope] != share.number]] = 0.0
-        return own
 
     def on_loop(self, columns: Columns) -> FloatArray:
         """Places (..., vehicles) in m along the cable; of carriers on a loop, along its strands one after the other."""

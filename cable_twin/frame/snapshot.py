@@ -102,18 +102,6 @@ class Snapshot:
             for name, part in self.layout.ropes.items()
         }
 
-    def of_rope(self, name: str) -> Snapshot:
-        """Snapshot of one rope with its vehicles, in the layout of that rope alone.
-
-        Raises:
-            KeyError: there is none of that name.
-        """
-        if name not in self.layout.ropes:
-            raise KeyError(name)
-        if not self.layout.alone:
-            return self
-        return Snapshot(self.layout.alone[name], self.layout.of_rope(self.numbers, name), self.solver)
-
     @property
     def connectors(self) -> Mapping[str, float]:
         """Pull (N) of connectors between ropes, by name."""

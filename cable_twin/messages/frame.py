@@ -244,7 +244,7 @@ class MessageEncoder:
     def _cable(self) -> Template:
         c, arc_lengths = self._columns, self._layout.arc_lengths
         sources = [c.rope_position, arc_lengths[:, None], c.rope_tension[:, None]]
-        if not self._layout.alone:
+        if not self._layout.several:
             return cloud_template(self._header, CABLE_FIELDS, sources)
         ropes = self._layout.sample_ropes[:, None].astype(np.float64)
         return cloud_template(self._header, (*CABLE_FIELDS, ROPE_FIELD), [*sources, ropes])

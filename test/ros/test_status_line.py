@@ -206,7 +206,7 @@ def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
     )
     status = status_of(scenario, commands_applied=1)
     simulation, figures = status._simulation, status._output.figures
-    highest = {name: simulation.snapshot.of_rope(name).columns.rope_tension.max() for name in scenario.ropes}
+    highest = {name: simulation.snapshot.ropes[name].tensions.max() for name in scenario.ropes}
     limits = {
         name: rope.breaking_force / figures.limit(f"{name}: rope safety factor")
         for name, rope in scenario.ropes.items()
