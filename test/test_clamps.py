@@ -5,7 +5,7 @@ import pytest
 from test_scenario_faults import faults_of
 
 from cable_twin.key_figures import KeyFigures
-from cable_twin.mechanics.parameters import MovingCable
+from cable_twin.mechanics.parameters import DriveLimits
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.newton import solve_increments
 from cable_twin.scenario import load_scenario
@@ -22,7 +22,9 @@ def pulled(speed=4.0, **changes):
 
 def let_haul(simulation, speed):
     part = simulation.parts["haul"]
-    part.system = part.system._replace(moving_cable=MovingCable(True, 1e4, 1.0, 1.0, 1.0))
+    limits = DriveLimits(*np.full((7, 1), 1.0))
+    moving = part.system.moving_cable._replace(moving=True, loop_length=1e4, limits=limits)
+    part.system = part.system._replace(moving_cable=moving)
     part.state.rope_drive.target[0] = speed
 
 

@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 import pytest
 from bent_line import BENT
+from cable_twin.recording.snapshot_reader import read_snapshots
 from test_scenario_faults import faults_of
 
 from cable_twin.frame.snapshot import Snapshot
@@ -17,7 +18,6 @@ from cable_twin.offline.replay import main as replay
 from cable_twin.offline.review import main as review
 from cable_twin.offline.simulate import main as simulate
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -83,7 +83,7 @@ def test_a_groove_that_leans_bears_what_an_upright_one_does_not():
     across = np.array([0.0, 1.0, -0.8]) / sqrt(1.64)
     assert tower.tower.lateral_force == pytest.approx(float(across @ force), rel=1e-3)
     assert tower.tower.lateral_ratio < 0.5 < force[1] / force[2]
-    with pytest.raises(ScenarioError, match=r"groove_direction: given .*, which points away from the bare cable"):
+    with pytest.raises(ScenarioError, match=r"groove_direction: given .*: it points away from the bare cable"):
         load_scenario(BENT, far | {"towers.tower.groove_direction": [0.0, -2.5, 1.0]})
 
 

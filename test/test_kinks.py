@@ -43,7 +43,7 @@ def test_the_rope_that_is_shown_passes_through_the_pivots(name):
     system, state, seen = simulation.system, simulation.state, 0
     columns, dim = snapshot.columns, len(simulation.system.cable.gravity)
     axes = [0, 2] if dim == 2 else [0, 1, 2]
-    for row in np.flatnonzero(state.attached):
+    for row in np.flatnonzero(next(iter(simulation.parts.values())).riding):
         first = int(system.carriages.body_offset[row])
         place = float(state.joints.position[row])
         shown = simulation.cable_positions(np.array([place]))[0]

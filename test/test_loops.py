@@ -187,7 +187,7 @@ def test_the_first_minute_of_the_shipped_gondola():
     assert halved == 0
     assert rope_of(simulation) == pytest.approx(rope, abs=1e-9 * rope)
     assert spacing_error(simulation) < 1e-9 * rope
-    up, down = (set(part.state.payload[part.state.attached].tolist()) for part in simulation._parts)
+    up, down = (set(part.state.payload[part.riding].tolist()) for part in simulation._parts)
     assert up == {750.0}
     assert down == {0.0}
     columns = simulation.snapshot.columns

@@ -232,10 +232,10 @@ def test_numbers_of_a_scenario_reach_the_mechanics_by_their_names():
     drive = {"limits": limits | {"emergency_deceleration": 1.1}, "haul_rope": rope | {"damping_ratio": 0.02}}
     system = build_system(load_scenario("aerial_tramway", {"carriages.cabin.drive": drive}))
     for key, value in limits.items():
-        assert getattr(system.carriages, f"{key}_limit").tolist() == [value]
+        assert getattr(system.carriages.limits, key).tolist() == [value]
     for key, value in drive["haul_rope"].items():
         assert getattr(system.haul_ropes, key).tolist() == [value]
-    assert system.carriages.emergency_deceleration.tolist() == [1.1]
+    assert system.carriages.limits.emergency_deceleration.tolist() == [1.1]
 
 
 def test_supports_become_projectors_onto_what_they_leave_free():
@@ -264,11 +264,11 @@ def test_bodies_keep_the_order_of_the_file_and_limits_left_out_are_infinite():
     assert carriages.mass.tolist() == [2.67, 2.67, 1500.0, 1000.0, 3100.0]
     assert carriages.lower_pivot.tolist() == [[0.0, -0.5], [0.0, 0.0], [0.0, -0.2], [0.0, -2.5], [0.0, 0.0]]
     assert carriages.fixed.tolist() == [False, True]
-    assert carriages.speed_limit.tolist() == [inf, 10.0]
-    assert carriages.jerk_limit.tolist() == [inf, 0.2]
-    assert carriages.force_limit.tolist() == [inf, 150e3]
-    assert carriages.acceleration_limit.tolist() == [0.5, 0.3]
-    assert carriages.emergency_deceleration.tolist() == [1.5, 1.2]
+    assert carriages.limits.speed.tolist() == [inf, 10.0]
+    assert carriages.limits.jerk.tolist() == [inf, 0.2]
+    assert carriages.limits.force.tolist() == [inf, 150e3]
+    assert carriages.limits.acceleration.tolist() == [0.5, 0.3]
+    assert carriages.limits.emergency_deceleration.tolist() == [1.5, 1.2]
     assert carriages.rolling_friction.tolist() == [0.0, 0.005]
 
 
@@ -278,7 +278,7 @@ def test_an_end_stop_left_open_stops_the_carriage_within_its_stroke(scenario):
     capacity = payload.capacity if payload else 0.0
     carriages = build_system(scenario).carriages
     length = scenario.cable.unstrained_length
-    limit = carriages.speed_limit[0]
+    limit = carriages.limits.speed[0]
     speed = sqrt(9.81 * length) / 2 if limit == inf else limit
     stroke, stiffness = carriages.stop_stroke[0], carriages.stop_stiffness[0]
     assert stroke == pytest.approx(0.005 * length)

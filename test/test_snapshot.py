@@ -129,7 +129,7 @@ def test_columns_are_those_of_the_state(simulation):
     for column, array in (
         (columns.arc_length, state.joints.position),
         (columns.speed, state.joints.velocity),
-        (columns.drive_force, state.drive_force),
+        (columns.drive_force, state.drives.force),
         (columns.attached, state.attached),
         (columns.payload, state.payload),
         (columns.body_angles[:, 1], state.bodies.position[:, 2]),

@@ -52,10 +52,10 @@ def test_what_is_sound_is_taken(simulation):
 def test_no_number_outside_its_range_is_taken(simulation):
     full = saved(simulation)
     before = simulation.snapshot.numbers.tobytes()
-    tried, ropes = set(), len(full.starts)
+    tried = set()
     for within, ranges, arrays in (
-        ("state/", RANGES, arrays_of(full.states[0])),
-        (f"start{ropes if ropes > 1 else ''}/", RANGES, arrays_of(full.starts[-1])),
+        (r"state\d*/", RANGES, arrays_of(full.states[0])),
+        (r"start\d*/", RANGES, arrays_of(full.starts[-1])),
         *((f"between/{part}/", BUNDLE_RANGES, part_of(full.between, part)) for part in ("now", "start")),
     ):
         for name, array in arrays.items():

@@ -74,7 +74,7 @@ def test_towers_are_in_order_and_do_not_share_names_with_the_ends():
 
 def test_a_cable_too_short_for_its_way_over_the_towers():
     (fault,) = faults_of(TRAMWAY, {**HYDRAULIC, "cable.unstrained_length": 955.0})
-    assert "for ends that are 1006.76 m apart over the towers" in fault
+    assert "its ends are 1006.76 m apart over the towers" in fault
 
 
 REST = [

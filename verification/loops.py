@@ -85,7 +85,7 @@ def tangential_weights(simulation: Simulation) -> float:
     total = 0.0
     for part in simulation._parts:
         system, state = part.system, part.state
-        for carrier in np.flatnonzero(state.attached).tolist():
+        for carrier in np.flatnonzero(part.riding).tolist():
             along = joint_tangent(system.cable, state, carrier)[-1] / rest_stretch(system.cable, state)
             total += float(system.carriages.mass[carrier] * -system.cable.gravity[-1] * along)
     return total
@@ -110,7 +110,7 @@ def statics() -> Iterator[Result]:
                 "payload": {"capacity": 400.0, "leaving": {"return": 400.0, "drive": 0.0}},
             },
         )
-        there = [float(part.state.joints.position[part.state.attached][0]) for part in simulation._parts]
+        there = [float(part.state.joints.position[part.riding][0]) for part in simulation._parts]
         off = [round(place) - place for place in there]
         first, spacing = first + off[0], spacing + off[1] - off[0]
     motion = wheels(simulation)
@@ -303,7 +303,7 @@ def spacing_error(simulation: Simulation) -> float:
     """By how much the unstrained rope (m) between two carriers of a strand is off the spacing, at most."""
     worst = 0.0
     for part in simulation._parts:
-        on = np.sort(part.state.joints.position[part.state.attached])
+        on = np.sort(part.state.joints.position[part.riding])
         places = [rope_before(part.system.cable, part.state, place) for place in on.tolist()]
         worst = max(worst, float(np.abs(np.diff(places) - part.scenario.spacing).max(initial=0.0)))
     return worst

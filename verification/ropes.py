@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
-from cable_twin.mechanics.parameters import FloatArray, MovingCable
+from cable_twin.mechanics.parameters import DriveLimits, FloatArray
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
@@ -112,7 +112,9 @@ def clamp_energy() -> Iterator[Result]:
     for label, tension in (("tight", TIGHT), ("slack", SLACK)):
         simulation = Simulation(load_scenario(clamped(haul=tension, places=(100.0,), solver={"step": 0.002})))
         part, before, start = simulation.parts["haul"], simulation.energy().total, clamp_place(simulation)
-        part.system = part.system._replace(moving_cable=MovingCable(True, 1e4, 0.5, 0.5, 0.5))
+        limits = DriveLimits(*np.full((7, 1), 0.5))
+        moving = part.system.moving_cable._replace(moving=True, loop_length=1e4, limits=limits)
+        part.system = part.system._replace(moving_cable=moving)
         part.state.rope_drive.target[0] = 4.0  # m/s
         work, power, stored, largest = 0.0, 0.0, 0.0, 0.0
         for _ in range(4000):

@@ -83,6 +83,19 @@ def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
 
 
 @by_reference
+class DriveLimits(NamedTuple):
+    """Limits of drives, one row per axis: joint or haul drum of a vehicle, moving cable, bullwheel."""
+
+    speed: FloatArray  # m/s, inf without a limit
+    acceleration: FloatArray  # m/s^2, of the reference
+    deceleration: FloatArray  # m/s^2, of the reference towards rest
+    emergency_deceleration: FloatArray  # m/s^2, of the reference in an emergency stop
+    jerk: FloatArray  # m/s^3, inf without a limit
+    force: FloatArray  # N, inf without a limit
+    power: FloatArray  # W, force times speed, inf without a limit
+
+
+@by_reference
 class Carriages(NamedTuple):
     """Carriages as chains of bodies; body k of carriage c is row body_offset[c] + k, the first hangs from the cable."""
 
@@ -102,13 +115,7 @@ class Carriages(NamedTuple):
     rolling_friction: FloatArray  # (carriages,) - , of the normal contact force
     viscous_friction: FloatArray  # (carriages,) N s/m
     presliding: FloatArray  # (carriages,) m, elastic displacement of a joint before it slides
-    speed_limit: FloatArray  # (carriages,) m/s, inf without a limit
-    acceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference
-    deceleration_limit: FloatArray  # (carriages,) m/s^2, of the drive reference towards rest
-    emergency_deceleration: FloatArray  # (carriages,) m/s^2, of the drive reference in an emergency stop
-    jerk_limit: FloatArray  # (carriages,) m/s^3, inf without a limit
-    force_limit: FloatArray  # (carriages,) N, inf without a limit
-    power_limit: FloatArray  # (carriages,) W, force times speed, inf without a limit
+    limits: DriveLimits  # (carriages,)
     drive_stops: NDArray[np.bool_]  # (carriages,) an emergency stop is the drive's, at its emergency deceleration
     brake_force: FloatArray  # (carriages, 3) N, of the brakes that an emergency stop applies, 0 of all others
     brake_rise_time: FloatArray  # (carriages, 3) s, from release to full force
@@ -159,9 +166,7 @@ class MovingCable(NamedTuple):
 
     moving: bool
     loop_length: float  # m, unstrained; the part beyond the cable's own length is not simulated
-    acceleration_limit: float  # m/s^2, of the drive reference
-    emergency_deceleration: float  # m/s^2, of the drive reference in an emergency stop
-    jerk_limit: float  # m/s^3, inf without a limit
+    limits: DriveLimits  # (1,) of its drive
     over_bullwheels: bool = False  # its ends move with bullwheels, shared with other strands
     loop_offset: float = 0.0  # m, of its start on the loop, from the start of the first strand
     carries: NDArray[np.bool_] = np.zeros(0, dtype=np.bool_)  # (vehicles,) may be clamped to it, among several ropes
@@ -170,9 +175,7 @@ class MovingCable(NamedTuple):
 STANDING = MovingCable(
     moving=False,
     loop_length=1.0,
-    acceleration_limit=0.0,
-    emergency_deceleration=0.0,
-    jerk_limit=0.0,
+    limits=DriveLimits(*np.full((7, 1), np.inf)),
 )
 
 

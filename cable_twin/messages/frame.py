@@ -307,7 +307,7 @@ def read_rope(data: bytes, layout: Layout, numbers: FloatArray) -> None:
     """
     c, count = layout.columns(numbers), layout.arc_lengths.size
     if np.isnan(c.rope_position[0, 0]):
-        width = len(CABLE_FIELDS) + bool(layout.alone)
+        width = len(CABLE_FIELDS) + bool(layout.several)
         points = np.frombuffer(data, "<f4", count * width, len(data) - 1 - 4 * count * width).reshape(count, width)
         c.rope_position[:], c.rope_tension[:] = points[:, :3], points[:, 4]
 

@@ -12,7 +12,6 @@ from cable_twin.frame.records import Command, Energy
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import Kept, write
-from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel, update_end_tensions
@@ -127,7 +126,7 @@ class Loop:
             moving, carriages = part.system.moving_cable, part.system.carriages
             places = ((carriages.loop_place - moving.loop_offset) % moving.loop_length - passed) / stretch
             passed += (stretch - 1.0) * length
-            on = carriages.clamped & state.attached & vehicles_of(part.system, state)
+            on = carriages.clamped & part.riding
             state.joints.position[on] = np.clip(places, 0.0, length)[on]
             state.reference.position[on] = state.joints.position[on]
             hang_carriages(part.system, state)
@@ -277,8 +276,7 @@ class LoopLayout:
         loaded = {}
         for row, system in self._bare().items():
             cable, carriages = system.cable, system.carriages
-            state = self._parts[row].state
-            attached = np.repeat(state.attached, np.diff(carriages.body_offset)) & bodies_of(system, state)
+            attached = np.repeat(self._parts[row].riding, np.diff(carriages.body_offset))
             more = float(carriages.mass[attached].sum()) / cable.unstrained_length
             loaded[row] = system._replace(cable=cable._replace(mass_per_length=cable.mass_per_length + more))
         try:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import Command
@@ -167,8 +168,7 @@ class Ropeway:
 
     def carry_clamped_at(self, speed: float) -> None:
         """Set the vehicles clamped to the rope in motion at its `speed` (m/s)."""
-        on = self.system.carriages.clamped & self.state.attached & vehicles_of(self.system, self.state)
-        for index in np.flatnonzero(on).tolist():
+        for index in np.flatnonzero(self.system.carriages.clamped & self.riding).tolist():
             set_going(self.system, self.state, index, speed)
 
     def stop(self) -> None:
@@ -205,6 +205,11 @@ class Ropeway:
         """Travel (m) of the counterweight at an end."""
         moved = self.state.nodes.position[-end, 0] - self.system.cable.end_position[end]
         return float(moved @ self.system.counterweights.direction[end])
+
+    @property
+    def riding(self) -> NDArray[np.bool_]:
+        """Condition (vehicles,) of being attached to the rope now."""
+        return self.state.attached & vehicles_of(self.system, self.state)
 
     @property
     def _is_loaded(self) -> bool:

@@ -15,6 +15,7 @@ from cable_twin.mechanics.on_rope.chain import load_bodies, shift_centres
 from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.parameters import (
     BODY_FIELDS,
+    DriveLimits,
     FloatArray,
     MovingCable,
     System,
@@ -57,7 +58,9 @@ def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Se
                 bodies if name in BODY_FIELDS else vehicles
             ]
             for name in carriages._fields[1:]
+            if name != "limits"
         },
+        limits=DriveLimits(*np.concatenate([np.array(one.carriages.limits) for one in systems], axis=1)[:, vehicles]),
     )
     hauls = hauls._replace(
         present=any(one.haul_ropes.present for one in systems),

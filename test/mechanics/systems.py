@@ -11,6 +11,7 @@ from cable_twin.mechanics.parameters import (
     Cable,
     Carriages,
     Counterweights,
+    DriveLimits,
     HaulRopes,
     Solver,
     System,
@@ -82,13 +83,7 @@ def make_carriages(chains=(), dim=2, **changes):
         rolling_friction=np.zeros(count),
         viscous_friction=np.zeros(count),
         presliding=np.full(count, 1e-2),
-        speed_limit=np.full(count, np.inf),
-        acceleration_limit=np.full(count, 0.5),
-        deceleration_limit=np.full(count, 0.5),
-        emergency_deceleration=np.full(count, 1.5),
-        jerk_limit=np.full(count, np.inf),
-        force_limit=np.full(count, np.inf),
-        power_limit=np.full(count, np.inf),
+        limits=make_limits(count),
         drive_stops=np.ones(count, dtype=np.bool_),
         brake_force=np.zeros((count, 3)),
         brake_rise_time=np.zeros((count, 3)),
@@ -97,6 +92,16 @@ def make_carriages(chains=(), dim=2, **changes):
         stop_damping=np.full(count, 0.3),
     )
     return carriages._replace(**changes)
+
+
+def make_limits(count=1, acceleration=0.5, emergency_deceleration=1.5, **changes):
+    """Limits of drives, without any but of accelerations."""
+    limits = DriveLimits(*np.full((7, count), np.inf))._replace(
+        acceleration=np.full(count, acceleration),
+        deceleration=np.full(count, acceleration),
+        emergency_deceleration=np.full(count, emergency_deceleration),
+    )
+    return limits._replace(**{name: np.full(count, value) for name, value in changes.items()})
 
 
 def make_towers(dim=2, contacts=0, **changes):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from systems import make_limits
 
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED
 from cable_twin.mechanics.solution.bundle.bullwheels import (
@@ -36,9 +37,7 @@ def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
         adhesion=np.array([ADHESION]),
         resistance=np.zeros(1),
         driven=np.ones(1, np.int64),
-        acceleration_limit=np.array([0.3]),
-        emergency_deceleration=np.array([1.2]),
-        jerk_limit=np.array([np.inf]),
+        limits=make_limits(1, 0.3, 1.2),
         way=np.array([[-np.inf, np.inf]]),
         brake_force=np.zeros(1),
         rollback=np.array([np.inf]),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import disturbed_state, make_system, put, with_moving_cable
+from systems import disturbed_state, make_limits, make_system, put, with_moving_cable
 
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
@@ -16,9 +16,7 @@ from verification import JIT
 from verification.models import for_kernels, moving
 from verification.supports import tramway
 
-MOVING = MovingCable(
-    moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
-)
+MOVING = MovingCable(moving=True, loop_length=5.0, limits=make_limits(1, 0.8, 1.5))
 LENGTH = 0.7  # m, of an element
 
 

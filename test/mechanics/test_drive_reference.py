@@ -2,7 +2,7 @@ from math import sqrt
 
 import numpy as np
 import pytest
-from systems import make_system
+from systems import make_limits, make_system
 
 from cable_twin.mechanics.drives.reference import advance_reference, braking_speed
 from cable_twin.mechanics.parameters import SPEED
@@ -13,11 +13,10 @@ LENGTH, STROKE, STEP = 50.0, 0.5, 0.01
 
 def drive(start=25.0, acceleration=0.5, **limits):
     """A driven carriage at an arc length (m) of 50 m, with limits by the names of a scenario's."""
-    names = {"acceleration_limit": acceleration, "deceleration_limit": acceleration, "stop_stroke": STROKE, **limits}
     system = make_system(
         chains=(1,),
         cable={"element_count": 2, "element_length": 0.5 * LENGTH},
-        carriages={name: np.array([value]) for name, value in names.items()},
+        carriages={"stop_stroke": np.array([STROKE]), "limits": make_limits(1, acceleration, **limits)},
     )
     state = allocate_state(system)
     state.drives.mode[:] = SPEED
@@ -51,7 +50,7 @@ def test_trapezoid_is_exact_whatever_the_step(step):
 @pytest.mark.parametrize("target", [1.5, -1.5])
 def test_jerk_limit_holds_and_the_target_is_not_passed(jerk, target):
     acceleration = 0.5
-    system, state = drive(25.0, acceleration=acceleration, jerk_limit=jerk)
+    system, state = drive(25.0, acceleration=acceleration, jerk=jerk)
     path = run(system, state, 16.0, target)
     rates = np.diff(path[:, 1]) / STEP
     assert np.abs(rates).max() <= acceleration + 1e-12
@@ -70,7 +69,7 @@ def test_jerk_limit_holds_and_the_target_is_not_passed(jerk, target):
 @pytest.mark.parametrize("jerk", [None, 0.3])
 @pytest.mark.parametrize(("target", "end"), [(6.0, LENGTH - STROKE), (-6.0, STROKE)])
 def test_brakes_in_time_for_the_ends_of_the_track(jerk, target, end):
-    system, state = drive(25.0, acceleration=0.8, **({} if jerk is None else {"jerk_limit": jerk}))
+    system, state = drive(25.0, acceleration=0.8, **({} if jerk is None else {"jerk": jerk}))
     path = run(system, state, 60.0, target)
     # the step in which it starts to brake is not cut at that moment: micrometres
     assert path[:, 0].min() >= STROKE - 1e-5
@@ -100,7 +99,7 @@ def test_braking_speed_stops_within_the_distance():
 
 
 def test_emergency_deceleration_replaces_both_limits():
-    system, state = drive(10.0, jerk_limit=0.2, emergency_deceleration=2.0)
+    system, state = drive(10.0, jerk=0.2, emergency_deceleration=2.0)
     run(system, state, 10.0, 3.0)
     assert state.reference.velocity[0] == 3.0
     at = state.reference.position[0]

@@ -78,7 +78,8 @@ def hauled_residual(system, work):
         first, pulls = carriages.body_offset[:-1], on_w[:, None] * work.haul_direction
         contact = state.multipliers.copy()
         contact[first] -= pulls
-        borne = changed(state, drive_force=np.zeros_like(on_w), multipliers=contact)
+        free = np.full(len(on_w), FREE)
+        borne = changed(state, drives_force=np.zeros_like(on_w), drives_mode=free, multipliers=contact)
         bare = rows(system, borne, work)
         bodies = bare[4 * (system.cable.element_count + 1) :][: 3 * carriages.mass.size].reshape(-1, 3)
         gaps = []

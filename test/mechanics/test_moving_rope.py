@@ -5,7 +5,7 @@ On a strand there is more rope on the mesh than that is long, and rope has other
 
 import numpy as np
 import pytest
-from systems import changed, dense_blocks, difference, disturbed_state, make_system, put, with_moving_cable
+from systems import changed, dense_blocks, difference, disturbed_state, make_limits, make_system, put, with_moving_cable
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
 from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
@@ -36,9 +36,7 @@ from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import allocate_workspace
 
-MOVING = MovingCable(
-    moving=True, loop_length=5.0, acceleration_limit=0.8, emergency_deceleration=1.5, jerk_limit=np.inf
-)  # of which 2.1 m are the cable
+MOVING = MovingCable(moving=True, loop_length=5.0, limits=make_limits(1, 0.8, 1.5))  # of which 2.1 m are the cable
 
 
 def gauss(points=6):

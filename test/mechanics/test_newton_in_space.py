@@ -11,6 +11,7 @@ from systems import (
     changed,
     difference,
     disturbed_state,
+    make_limits,
     make_system,
     second_difference,
     with_moving_cable,
@@ -417,7 +418,7 @@ def test_newton_step_in_wind():
 def test_newton_step_on_a_moving_cable(mode):
     """What is clamped to a cable that goes by is driven; the flow of the rope is in the equations of the cable."""
     system, state, work = setup(2, mode)
-    moving = MovingCable(True, 10.0, acceleration_limit=0.5, emergency_deceleration=1.0, jerk_limit=np.inf)
+    moving = MovingCable(True, 10.0, limits=make_limits(1, 0.5, 1.0))
     state.rope.velocity[:], state.rope.acceleration[:] = 2.5, 0.4
     check_newton_step(with_moving_cable(system, moving), state, work)
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from math import inf
 
-from cable_twin.mechanics.drives.reference import follow, ramp
+from cable_twin.mechanics.drives.reference import approach_target, follow
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint, joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
+from cable_twin.mechanics.parameters import START
 from cable_twin.mechanics.rope.ale import flow_integrals, transport_velocity
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import point_at, slope
@@ -55,20 +56,10 @@ def move_rope(system, state, duration):
     """
     moving, course = system.moving_cable, state.rope
     if not moving.over_bullwheels:
-        ramp_rope(system, state, duration)
+        approach_target(moving.limits, state.rope_drive, START, course, inf, inf, duration)
         course.position[1], course.velocity[1] = course.position[0], course.velocity[0]
         course.acceleration[1] = course.acceleration[0]
     carry_clamped(system, state)
-
-
-@kernel
-def ramp_rope(system, state, duration):
-    """Advance the travel at the start of the rope by `duration` (s) towards the target speed of its drive."""
-    moving = system.moving_cable
-    limit, jerk = moving.acceleration_limit, moving.jerk_limit
-    if state.rope_drive.braking[0]:
-        limit, jerk = moving.emergency_deceleration, inf
-    ramp(state.rope, 0, state.rope_drive.target[0], limit, jerk, duration)
 
 
 @kernel

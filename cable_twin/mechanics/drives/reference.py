@@ -39,34 +39,47 @@ def force_limit(carriages, state, carriage, speed):
         if carriages.drive_stops[carriage]:
             return inf
         return brake_force(carriages, state, carriage, SERVICE) + brake_force(carriages, state, carriage, EMERGENCY)
-    by_power = carriages.power_limit[carriage] / abs(speed) if speed != 0.0 else inf
-    return min(carriages.force_limit[carriage], by_power)
+    by_power = carriages.limits.power[carriage] / abs(speed) if speed != 0.0 else inf
+    return min(carriages.limits.force[carriage], by_power)
 
 
 @kernel
 def advance_reference(carriages, cable, state, carriage, duration):
-    """Move the reference (position, speed, acceleration) of a driven joint by `duration` (s).
+    """Move the reference (position, speed, acceleration) of a driven joint or drum by `duration` (s).
 
-    It goes to its target speed as `ramp` has it, as fast as the limits of acceleration and deceleration allow, and
-    brakes in time for the ends of the track. A reversal pauses for the rest of the step in which it comes to rest where
-    the two limits differ.
+    Brakes that an emergency stop applies instead of the drive stop the reference by the end of the step, unless that
+    takes more than they can (`motion.find_saturated`). Otherwise it brakes in time for the ends of the track.
     """
     reference = state.reference
     position, speed = reference.position[carriage], reference.velocity[carriage]
-    limit, slowing = carriages.acceleration_limit[carriage], carriages.deceleration_limit[carriage]
-    jerk = carriages.jerk_limit[carriage]
-    target = state.drives.target[carriage]
-    if state.drives.braking[carriage]:
-        if not carriages.drive_stops[carriage]:
-            # brakes: at rest by the end of the step, unless that takes more than they can
-            follow(reference, carriage, position + 0.5 * speed * duration, 0.0, -speed / duration)
-            return
-        slowing, jerk = carriages.emergency_deceleration[carriage], inf
-        limit = slowing
-
+    if state.drives.braking[carriage] and not carriages.drive_stops[carriage]:
+        follow(reference, carriage, position + 0.5 * speed * duration, 0.0, -speed / duration)
+        return
     stroke = carriages.stop_stroke[carriage]
-    ahead = cable.unstrained_length - stroke - position
-    behind = position - stroke
+    ahead, behind = cable.unstrained_length - stroke - position, position - stroke
+    approach_target(carriages.limits, state.drives, carriage, reference, ahead, behind, duration)
+
+
+@kernel
+def approach_target(limits, drives, axis, course, ahead, behind, duration):
+    """Move the course of a drive by `duration` (s) towards its target speed, within its limits.
+
+    It stops within the distances `ahead` and `behind` (m); the speed changes as in `ramp`. Where the limits of
+    acceleration and deceleration differ, a reversal pauses for the rest of the step in which it comes to rest.
+
+    Args:
+        limits: of drives.
+        drives: their commands.
+        axis: row of the drive in both, and in its course.
+        course: position, velocity, acceleration of the axis.
+        ahead: m.
+        behind: m.
+        duration: s.
+    """
+    speed, target = course.velocity[axis], drives.target[axis]
+    limit, slowing, jerk = limits.acceleration[axis], limits.deceleration[axis], limits.jerk[axis]
+    if drives.braking[axis]:
+        limit, slowing, jerk = limits.emergency_deceleration[axis], limits.emergency_deceleration[axis], inf
     capped = capped_speed(target, ahead, behind, speed, slowing, duration)
     if capped != target:
         target, jerk = capped, inf  # the end of the track outranks comfort
@@ -74,7 +87,7 @@ def advance_reference(carriages, cable, state, carriage, duration):
         limit = slowing
         if target * speed < 0.0:
             target = 0.0
-    ramp(reference, carriage, target, limit, jerk, duration)
+    ramp(course, axis, target, limit, jerk, duration)
 
 
 @kernel

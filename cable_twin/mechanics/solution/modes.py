@@ -22,6 +22,7 @@ from scipy.sparse.linalg import eigsh
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.language.rotations import by_turn, moment_by_turn, orientation
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import rest_length, rest_stretch
@@ -226,7 +227,7 @@ class Hanging(NamedTuple):
 
 def hanging_carriages(system: System, state: State) -> list[Hanging]:
     """Mass and stiffness of all carriages on the cable, at an equilibrium."""
-    riding = state.attached & (state.vehicle_rope == system.number)
+    riding = state.attached & vehicles_of(system, state)
     return [_hanging(system, state, int(number)) for number in np.flatnonzero(riding)]
 
 

@@ -20,7 +20,7 @@ from cable_twin.mechanics.solution.bundle.records import (
 )
 from cable_twin.scenario.builders import columns, floats
 from cable_twin.scenario.builders.system import BUFFER, build_system
-from cable_twin.scenario.builders.vehicles import NO_BRAKE
+from cable_twin.scenario.builders.vehicles import NO_BRAKE, build_limits
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.couplings import Connector, Pantograph, Sheave, Stage
 from cable_twin.scenario.sections.drives import Brake, Limits
@@ -122,7 +122,7 @@ def build_bullwheels(scenario: Scenario) -> Bullwheels:
     tensioning = [_tensioning(scenario, sheave) for sheave in given]
     copied: dict[str, Any] = {
         **columns(Bullwheels, Sheave, list(given)),
-        **columns(Bullwheels, Limits, [drive.limits if drive else Limits() for drive in turning], "{}_limit"),
+        "limits": build_limits([drive.limits if drive else Limits() for drive in turning]),
         **columns(Bullwheels, Brake, [sheave.brake or NO_BRAKE for sheave in given], "brake_{}"),
     }
     own = {

@@ -11,7 +11,7 @@ from cable_twin.mechanics import parameters
 from cable_twin.mechanics.parameters import FloatArray, Payloads, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError, line_over, rest_over_supports
 from cable_twin.scenario.builders import columns, floats, numbers
-from cable_twin.scenario.builders.vehicles import PRESLIDING, build_carriages, build_haul_ropes
+from cable_twin.scenario.builders.vehicles import PRESLIDING, build_carriages, build_haul_ropes, build_limits
 from cable_twin.scenario.builders.wind import build_wind
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import Cable, EndSupport, Grading, Tower
@@ -227,8 +227,8 @@ def _build_moving_cable(scenario: Scenario) -> parameters.MovingCable:
     if scenario.strand is not None:
         return parameters.STANDING._replace(moving=True, over_bullwheels=True, loop_length=scenario.loop_length)
     for drive in scenario.drives.values():
-        limits = numbers(parameters.MovingCable, drive.limits, "{}_limit")
-        return parameters.MovingCable(moving=True, loop_length=scenario.loop_length, **limits)
+        limits = build_limits([drive.limits])
+        return parameters.MovingCable(moving=True, loop_length=scenario.loop_length, limits=limits)
     return parameters.STANDING
 
 

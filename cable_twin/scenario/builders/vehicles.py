@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -80,10 +81,9 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
     copied = {
         **columns(record, Body, bodies, "hinge_{}"),
         **columns(record, Friction, [carriage.friction for carriage in carriages], "{}_friction"),
-        **columns(record, Limits, limits, "{}_limit"),
         **{name: column.reshape(-1, len(BRAKES)) for name, column in brakes.items()},
     }
-    own = {
+    own: dict[str, Any] = {
         "body_offset": np.cumsum([0, *(len(carriage.bodies) for carriage in carriages)], dtype=np.int64),
         "inertia": _inertias(scenario, bodies),
         "upper_pivot": floats([scenario.vector(body.upper_pivot) for body in bodies], dim),
@@ -94,13 +94,20 @@ def build_carriages(scenario: Scenario) -> parameters.Carriages:
         "clamped": np.array([carriage.joint == "clamped" for carriage in carriages], dtype=np.bool_),
         "loop_place": floats([carriage.arc_length for carriage in carriages]),
         "presliding": np.full(len(carriages), PRESLIDING),
-        "deceleration_limit": floats([limit.deceleration or limit.acceleration for limit in limits]),
+        "limits": build_limits(limits),
         "drive_stops": np.array(["drive" in drive.emergency_stop for drive in drives], dtype=np.bool_),
         "stop_stroke": stops[:, 0].copy(),
         "stop_stiffness": stops[:, 1].copy(),
         "stop_damping": stops[:, 2].copy(),
     }
     return record(**(copied | own))
+
+
+def build_limits(limits: list[Limits]) -> parameters.DriveLimits:
+    """Build the limits of drives; a service stop decelerates as the drive accelerates by default."""
+    given = columns(parameters.DriveLimits, Limits, limits)
+    slowing = floats([limit.deceleration or limit.acceleration for limit in limits])
+    return parameters.DriveLimits(**given | {"deceleration": slowing})
 
 
 def _inertias(scenario: Scenario, bodies: list[Body]) -> FloatArray:

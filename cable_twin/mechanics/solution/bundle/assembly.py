@@ -10,7 +10,7 @@ import numpy as np
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.declared import Kept, clone
-from cable_twin.mechanics.parameters import FloatArray, IntArray, System
+from cable_twin.mechanics.parameters import DriveLimits, FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
 from cable_twin.mechanics.solution.bundle.elimination import lines_of, order_of
 from cable_twin.mechanics.solution.bundle.records import (
@@ -67,6 +67,7 @@ def no_couplings(ropes: int, dim: int) -> Couplings:
         "driven": number,
         "tensioning": number,
         "direction": vector,
+        "limits": DriveLimits(*np.zeros((7, 0))),
         "way": pair,
         "travel": pair,
     }

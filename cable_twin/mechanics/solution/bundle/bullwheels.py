@@ -14,7 +14,7 @@ from math import inf, nan, sqrt, tanh
 
 from cable_twin.mechanics.drives.motion import prescribe
 from cable_twin.mechanics.drives.moving_rope import carry_clamped
-from cable_twin.mechanics.drives.reference import capped_speed, follow, ramp
+from cable_twin.mechanics.drives.reference import approach_target, follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
@@ -102,14 +102,8 @@ def drive_rim(sheaves, motion, sheave, net, inertia, h):
     rim, speed, place = motion.rim, motion.rim.velocity[sheave], motion.rim.position[sheave]
     by_brake = motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0
     if motion.drives.mode[sheave] == SPEED and not by_brake:
-        limit, jerk = sheaves.acceleration_limit[sheave], sheaves.jerk_limit[sheave]
-        if motion.drives.braking[sheave]:
-            limit, jerk = sheaves.emergency_deceleration[sheave], inf
-        low, high = sheaves.way[sheave, 0], sheaves.way[sheave, 1]
-        target = capped_speed(motion.drives.target[sheave], high - place, place - low, speed, limit, h)
-        if target != motion.drives.target[sheave]:
-            jerk = inf  # the end of the way outranks comfort
-        ramp(rim, sheave, target, limit, jerk, h)
+        ahead, behind = sheaves.way[sheave, 1] - place, place - sheaves.way[sheave, 0]
+        approach_target(sheaves.limits, motion.drives, sheave, rim, ahead, behind, h)
         return False, rim.acceleration[sheave]
     against = resisting(sheaves, motion, sheave, h)
     given = motion.drives.force[sheave] if motion.drives.mode[sheave] == FORCE and not by_brake else 0.0

@@ -8,7 +8,7 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.declared import Memory, Of, Range, allocate, ranges_of
-from cable_twin.mechanics.parameters import FloatArray, IntArray
+from cable_twin.mechanics.parameters import DriveLimits, FloatArray, IntArray
 from cable_twin.mechanics.state import PLACE, Course, Drives, Motion, copy_state
 
 # Columns of `Bundle.records`: parameters, motion and scratch of a rope, its motion at the last good step and at the
@@ -84,9 +84,7 @@ class Bullwheels(NamedTuple):
     resistance: FloatArray  # (wheels,) N at its rim, of its bearings
     driven: IntArray  # (wheels,) 1 where there is a drive
     way: FloatArray  # (wheels, 2) m, of rope gone by, least and most, within which the drive stops; -inf, inf of none
-    acceleration_limit: FloatArray  # (wheels,) m/s², of the drive
-    emergency_deceleration: FloatArray  # (wheels,) m/s², of the drive in an emergency stop
-    jerk_limit: FloatArray  # (wheels,) m/s³, inf where there is none
+    limits: DriveLimits  # (wheels,) of the drive
     brake_force: FloatArray  # (wheels,) N at its rim, of what an emergency stop applies instead, 0 of none
     brake_rise_time: FloatArray  # (wheels,) s, from release to full force
     rollback: FloatArray  # (wheels,) m, that the rim may go back before it is stopped, inf without a watch
