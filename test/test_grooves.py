@@ -8,7 +8,6 @@ from math import sqrt
 import numpy as np
 import pytest
 from bent_line import BENT
-from cable_twin.recording.snapshot_reader import read_snapshots
 from test_scenario_faults import faults_of
 
 from cable_twin.frame.snapshot import Snapshot
@@ -18,6 +17,7 @@ from cable_twin.offline.replay import main as replay
 from cable_twin.offline.review import main as review
 from cable_twin.offline.simulate import main as simulate
 from cable_twin.recording.log_reader import read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 

@@ -5,8 +5,7 @@ import pytest
 import test_loads
 from test_moving_cable_twin import short_lift
 
-from cable_twin.frame.layout import CABLE, SHAPES, Layout
-from cable_twin.mechanics.readout.columns import Columns
+from cable_twin.frame.layout import CABLE, Layout
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT
@@ -206,10 +205,6 @@ def test_columns_of_many_frames_are_those_of_each(simulation):
             np.testing.assert_array_equal(pairs[index // 2, index % 2], own)
             assert np.shares_memory(whole, numbers) or whole.size == 0
     assert sum(column[0].size for column in batch) == layout.size
-
-
-def test_shapes_name_every_column_in_its_order():
-    assert tuple(SHAPES) == Columns._fields
 
 
 def test_layout_of_nothing_but_a_rope():

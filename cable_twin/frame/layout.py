@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.frame.column_shapes import SHAPES
 from cable_twin.frame.records import FloatArray
+from cable_twin.mechanics.language.declared import declared
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.scenario import Scenario, most_by_friction
 
 IntArray = NDArray[np.int64]
+COLUMNS = declared(Columns)  # name, shape, unit of each
 ENDS = ("start", "end")  # the first two supports of every rope
 CABLE = "cable"  # name of the only rope
 COMMANDED = ("nothing", "force", "speed", "emergency stop")  # by the number in `command_kind`
@@ -125,7 +126,7 @@ class Layout:
             "connectors": len(self.connectors),
             "pantographs": len(self.pantographs),
         }
-        shapes = [tuple(int(counts.get(count, count)) for count in SHAPES[name]) for name in Columns._fields]
+        shapes = [tuple(int(counts.get(count, count)) for count in column.shape) for column in COLUMNS]
         ends = [0, *np.cumsum([prod(shape) for shape in shapes], dtype=int).tolist()]
         return [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)], ends[-1]
 
@@ -204,7 +205,8 @@ class Layout:
             "ropes": slice(rope, rope + 1),
             "drives": slice(None) if len(self.ropes) == 1 else slice(0),
         }
-        return Columns(*(field[rows.get(str(SHAPES[key][0]), slice(None))] for key, field in columns._asdict().items()))
+        own = (rows.get(str(column.shape[0]), slice(None)) for column in COLUMNS)
+        return Columns(*(field[part] for field, part in zip(columns, own, strict=True)))
 
     def on_loop(self, columns: Columns) -> FloatArray:
         """Places (..., vehicles) in m along the cable; of carriers on a loop, along its strands one after the other."""
@@ -241,4 +243,4 @@ def numbered(names: Iterable[str]) -> dict[str, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "SHAPES", "Layout", "numbered"]
+__all__ = ["CABLE", "COMMANDED", "DERAILED", "ENDS", "Layout", "numbered"]

@@ -319,14 +319,7 @@ class KeyFigures:
     def _touch(self, row: int, touch: FloatArray) -> Touch:
         """Touch of a vehicle with a vehicle after it on its rope."""
         other, place, speed, time = touch.tolist()
-        return Touch(self._vehicles[row], self._vehicles[self._row_on_rope(row, int(other))], time, place, speed)
-
-    def _row_on_rope(self, row: int, number: int) -> int:
-        """Row of a vehicle by its number on the rope of another one."""
-        assert self._layout is not None
-        joints = self._layout.joints
-        rope = joints[joints[:, 1] == row, 0][0]
-        return int(joints[joints[:, 0] == rope, 1][number])
+        return Touch(self._vehicles[row], self._vehicles[int(other)], time, place, speed)
 
     def _of_buffers(self, rope: int) -> Iterator[KeyFigure]:
         """Highest buffer force of each pair of vehicles of a rope in contact so far."""

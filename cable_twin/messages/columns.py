@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.stores import ros2_jazzy
 
-from cable_twin.frame.column_shapes import SHAPES
 from cable_twin.frame.records import FloatArray, SolverReport
 from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.mechanics.language.declared import declared
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.messages.cdr import serialize
 from cable_twin.messages.topics import Topic
 
@@ -45,26 +46,9 @@ COLUMNS_OF: Mapping[str, Sequence[str]] = {  # columns of each group; all others
     "path": ("rope_position", "rope_tension", "body_velocity", "body_angular_velocity"),
 }
 BY_COMPONENT = ("body_angles",)  # all pitches one after the other, as in `joint_states`: compression finds them there
-UNITS: Mapping[str, str] = {  # all other columns are dimensionless: numbers, ratios, yes or no
-    **dict.fromkeys(("time", "touch_time", "tower_derailed_time"), "s"),
-    **dict.fromkeys(("arc_length", "joint_position", "haul_travel", "touch_place", "body_position"), "m"),
-    **dict.fromkeys(("support_travel", "reference_position", "drive_reference_position", "drive_position"), "m"),
-    **dict.fromkeys(("rope_position", "sheave_position", "sheave_travel", "sheave_slip", "pantograph_position"), "m"),
-    **dict.fromkeys(("speed", "haul_speed", "touch_speed", "body_velocity", "commanded_speed", "wind"), "m/s"),
-    **dict.fromkeys(("reference_speed", "drive_commanded_speed", "drive_reference_speed", "drive_speed"), "m/s"),
-    **dict.fromkeys(("sheave_speed", "pantograph_speed"), "m/s"),
-    **dict.fromkeys(("drive_force", "contact_force", "haul_force", "haul_pull", "push", "push_highest"), "N"),
-    **dict.fromkeys(("support_force", "tower_load", "tower_lowest_load", "tower_rest_load", "tower_lateral"), "N"),
-    **dict.fromkeys(("commanded_force", "force_limit", "drive_commanded_force", "moving_cable_force"), "N"),
-    **dict.fromkeys(("rope_tension", "sheave_force", "sheave_tension", "connector_force", "pantograph_force"), "N"),
-    **dict.fromkeys(("lowest_tension", "highest_tension"), "N, m"),
-    **dict.fromkeys(("solver_energy_lost", "solver_energy_moved"), "J"),
-    "payload": "kg",
-    "body_angular_velocity": "rad/s",
-    "body_angles": "rad",
-    "solver_constraint_residual": "m",
-}
 REPORT = tuple(f"solver_{name}" for name in SolverReport.__dataclass_fields__)  # since the message before with them
+REPORT_UNITS = {"solver_energy_lost": "J", "solver_energy_moved": "J", "solver_constraint_residual": "m"}
+DECLARED = {column.name: column for column in declared(Columns)}
 REPORT_GROUP, RESIDUAL = "forces", REPORT.index("solver_constraint_residual")
 IntArray = NDArray[np.intp]
 NO_PLACE: IntArray = np.zeros(0, np.intp)
@@ -107,7 +91,7 @@ def columns_metadata(layout: Layout) -> dict[str, str]:
     """Description of the message as log metadata: JSON with the columns of each group and the names of their rows."""
     groups = {
         group: [
-            {"name": name, "unit": UNITS.get(name, ""), "shape": places.shape, "axes": _axes(name)}
+            {"name": name, "unit": _unit(name), "shape": places.shape, "axes": _axes(name)}
             for name, places in columns.items()
         ]
         for group, columns in _columns(layout).items()
@@ -118,9 +102,16 @@ def columns_metadata(layout: Layout) -> dict[str, str]:
     return {COLUMNS: json.dumps(described, ensure_ascii=False)}
 
 
+def _unit(name: str) -> str:
+    """Unit of a column; empty for numbers, ratios, yes or no."""
+    unit = DECLARED[name].unit if name in DECLARED else REPORT_UNITS.get(name, "-")
+    return "" if unit == "-" else unit
+
+
 def _axes(name: str) -> list[str]:
     """Names of the axes of a column: what it has a row of, and "component" for vectors and pairs."""
-    axes = ["component" if isinstance(count, int) else count for count in SHAPES.get(name, (1,))]
+    shape = DECLARED[name].shape if name in DECLARED else (1,)
+    axes = ["component" if isinstance(count, int) else count for count in shape]
     return axes[::-1] if name in BY_COMPONENT else axes
 
 
@@ -231,7 +222,7 @@ class RowDecoder:
         """Name of a number of a frame, such as body_angles[cabin/hanger, 1]: its pitch."""
         for name, places in self._layout.places._asdict().items():
             for row, *component in np.argwhere(places == place).tolist():
-                names = getattr(self._layout, str(SHAPES.get(name, ("",))[0]), ())
+                names = getattr(self._layout, str(DECLARED[name].shape[0]) if name in DECLARED else "", ())
                 return f"{name}[{', '.join(map(str, ([*names][row] if names else row, *component)))}]"
         raise KeyError(place)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from math import inf, isnan, nan
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
 from cable_twin.mechanics.drives.reference import force_limit
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.declared import Of
 from cable_twin.mechanics.language.rotations import cross, orientation_in_space, turn_in_space
 from cable_twin.mechanics.language.vectors import load, scale, store, subtract
 from cable_twin.mechanics.on_rope.buffer import FORCE_NOW, HIGHEST
@@ -30,69 +31,83 @@ class Columns(NamedTuple):
     Everything is in space: a planar system has y = 0 and turns about y only.
     """
 
-    time: FloatArray  # (1,) s, simulated; not filled by `observe`
-    arc_length: FloatArray  # (vehicles,) m, of the joint, unstrained
-    speed: FloatArray  # (vehicles,) m/s, rate of arc_length
-    drive_force: FloatArray  # (vehicles,) N, along the cable, on the vehicle or on the sheave of its haul rope
-    joint_position: FloatArray  # (vehicles, 3) m
-    contact_force: FloatArray  # (vehicles, 3) N, of the cable on the vehicle
-    attached: FloatArray  # (vehicles,) 1 on the cable, 0 where a carrier hangs at rest in a station
-    payload: FloatArray  # (vehicles,) kg
-    haul_travel: FloatArray  # (vehicles,) m, where the vehicle would be if its haul rope did not stretch
-    haul_speed: FloatArray  # (vehicles,) m/s, of the haul rope at the sheave
-    haul_force: FloatArray  # (vehicles,) N, of the haul rope, or that of a clamp, on the vehicle, along the cable
-    haul_pull: FloatArray  # (vehicles, 3) N, the same in space
-    push: FloatArray  # (vehicles,) N, with which it and those after it on the rope push each other
-    push_highest: FloatArray  # (vehicles,) N, the highest of all steps since the start or the last reset
-    touched: FloatArray  # (vehicles,) 1 + row, on its rope, of the one after it that it has met last, or 0
-    touch_place: FloatArray  # (vehicles,) m, its arc length there
-    touch_speed: FloatArray  # (vehicles,) m/s, at which they met
-    touch_time: FloatArray  # (vehicles,) s, of that
-    body_position: FloatArray  # (bodies, 3) m, of the centre of mass without payload
-    body_orientation: FloatArray  # (bodies, 4) unit quaternion x, y, z, w
-    body_velocity: FloatArray  # (bodies, 3) m/s
-    body_angular_velocity: FloatArray  # (bodies, 3) rad/s
-    body_angles: FloatArray  # (bodies, 3) roll, pitch, yaw in rad; pitch goes on beyond a turn
-    support_force: FloatArray  # (supports, 3) N, of start, end and towers on the cable
-    support_travel: FloatArray  # (supports,) m, of a counterweight in the direction of its pull
-    tower_load: FloatArray  # (supports,) N, sum of the normal forces of a tower
-    tower_lowest_load: FloatArray  # (supports,) N, the least of all steps since the start or the last reset
-    tower_rest_load: FloatArray  # (supports,) N, at the start
-    tower_lateral: FloatArray  # (supports,) N to the left of the track, of a tower in space on the cable in its grooves
-    tower_lateral_ratio: FloatArray  # (supports,) -, highest of its size to the normal force of all steps since then
-    tower_derailed: FloatArray  # (supports,) 0 in the grooves of a tower in space, else OUT_LEFT, OUT_RIGHT or LIFTED
-    tower_derailed_time: FloatArray  # (supports,) s, of that; 0 where it has not come out
-    command_kind: FloatArray  # (carriages,) FREE, FORCE, SPEED or STOPPING; NaN of a carriage that takes no command
-    commanded_speed: FloatArray  # (carriages,) m/s, 0 where the command is no speed
-    commanded_force: FloatArray  # (carriages,) N, 0 where the command is no force
-    reference_position: FloatArray  # (carriages,) m, of the ramp that the drive follows; its own place without one
-    reference_speed: FloatArray  # (carriages,) m/s, of the ramp that the drive follows; its own speed without one
-    force_limit: FloatArray  # (carriages,) N, of drive or brakes at the present speed; NaN where there is none
-    drive_command_kind: FloatArray  # (drives,) as `command_kind`
-    drive_commanded_speed: FloatArray  # (drives,) m/s
-    drive_commanded_force: FloatArray  # (drives,) N
-    drive_reference_position: FloatArray  # (drives,) m
-    drive_reference_speed: FloatArray  # (drives,) m/s
-    drive_position: FloatArray  # (drives,) m, unstrained cable that has gone by, towards the end
-    drive_speed: FloatArray  # (drives,) m/s
-    moving_cable_force: FloatArray  # (drives,) N, of the drive on the cable
-    rope_position: FloatArray  # (samples, 3) m
-    rope_tension: FloatArray  # (samples,) N, before a load that is there
-    lowest_tension: FloatArray  # (ropes, 2) N, of nodes and both sides of every load, and its arc length (m)
-    highest_tension: FloatArray  # (ropes, 2) the same
-    wind: FloatArray  # (3,) m/s, as it was commanded last, or by the scenario
-    vehicle_rope: FloatArray  # (vehicles,) number of its rope; the columns below not by `observe`
-    sheave_position: FloatArray  # (sheaves,) m, unstrained rope that has gone over a bullwheel
-    sheave_speed: FloatArray  # (sheaves,) m/s
-    sheave_force: FloatArray  # (sheaves,) N, of its drive at its rim
-    sheave_tension: FloatArray  # (sheaves, 2) N, of the strand that comes to it and of that which leaves it
-    sheave_travel: FloatArray  # (sheaves,) m, of what tensions it; NaN where nothing does
-    sheave_slip: FloatArray  # (sheaves,) m, by which its rim has gone further than the rope
-    sheave_rolled_back: FloatArray  # (sheaves,) 1 where it has stopped the lift, which went back too far, else 0
-    connector_force: FloatArray  # (connectors,) N, pull of what hangs between ropes
-    pantograph_force: FloatArray  # (pantographs,) N, upwards on the rope
-    pantograph_position: FloatArray  # (pantographs, 3) m, of the head
-    pantograph_speed: FloatArray  # (pantographs,) m/s, along the track
+    time: Annotated[FloatArray, Of(1, unit="s")]  # simulated; not filled by `observe`
+    arc_length: Annotated[FloatArray, Of("vehicles", unit="m")]  # of the joint, unstrained
+    speed: Annotated[FloatArray, Of("vehicles", unit="m/s")]  # rate of arc_length
+    drive_force: Annotated[FloatArray, Of("vehicles", unit="N")]  # along the cable, on the vehicle or on its haul drum
+    joint_position: Annotated[FloatArray, Of("vehicles", 3, unit="m")]
+    contact_force: Annotated[FloatArray, Of("vehicles", 3, unit="N")]  # of the cable on the vehicle
+    attached: Annotated[FloatArray, Of("vehicles")]  # 1 on the cable, 0 at rest in a station
+    payload: Annotated[FloatArray, Of("vehicles", unit="kg")]
+    haul_travel: Annotated[
+        FloatArray, Of("vehicles", unit="m")
+    ]  # place of the vehicle without stretch of its haul rope
+    haul_speed: Annotated[FloatArray, Of("vehicles", unit="m/s")]  # of the haul rope at its drum
+    haul_force: Annotated[FloatArray, Of("vehicles", unit="N")]  # of haul rope or clamp on the vehicle, along the cable
+    haul_pull: Annotated[FloatArray, Of("vehicles", 3, unit="N")]  # the same force as a vector
+    push: Annotated[FloatArray, Of("vehicles", unit="N")]  # between the vehicle and those after it on the rope
+    push_highest: Annotated[FloatArray, Of("vehicles", unit="N")]  # highest of all steps since start or reset
+    touched: Annotated[FloatArray, Of("vehicles")]  # 1 + row of the last vehicle touched after it on the rope, or 0
+    touch_place: Annotated[FloatArray, Of("vehicles", unit="m")]  # arc length of that touch
+    touch_speed: Annotated[FloatArray, Of("vehicles", unit="m/s")]  # at which the two vehicles met
+    touch_time: Annotated[FloatArray, Of("vehicles", unit="s")]  # of that touch
+    body_position: Annotated[FloatArray, Of("bodies", 3, unit="m")]  # of the centre of mass without payload
+    body_orientation: Annotated[FloatArray, Of("bodies", 4)]  # unit quaternion x, y, z, w
+    body_velocity: Annotated[FloatArray, Of("bodies", 3, unit="m/s")]
+    body_angular_velocity: Annotated[FloatArray, Of("bodies", 3, unit="rad/s")]
+    body_angles: Annotated[FloatArray, Of("bodies", 3, unit="rad")]  # roll, pitch, yaw; pitch goes on beyond a turn
+    support_force: Annotated[FloatArray, Of("supports", 3, unit="N")]  # of start, end and towers on the cable
+    support_travel: Annotated[FloatArray, Of("supports", unit="m")]  # of a counterweight in the direction of its pull
+    tower_load: Annotated[FloatArray, Of("supports", unit="N")]  # sum of normal forces of a tower
+    tower_lowest_load: Annotated[FloatArray, Of("supports", unit="N")]  # lowest of all steps since start or reset
+    tower_rest_load: Annotated[FloatArray, Of("supports", unit="N")]  # at the start
+    tower_lateral: Annotated[
+        FloatArray, Of("supports", unit="N")
+    ]  # of a tower in space on the cable, to the left of the track
+    tower_lateral_ratio: Annotated[
+        FloatArray, Of("supports")
+    ]  # highest of its size over the normal force since start or reset
+    tower_derailed: Annotated[FloatArray, Of("supports")]  # 0 in the grooves, else OUT_LEFT, OUT_RIGHT or LIFTED
+    tower_derailed_time: Annotated[FloatArray, Of("supports", unit="s")]  # of the derailment; 0 without one
+    command_kind: Annotated[FloatArray, Of("carriages")]  # FREE, FORCE, SPEED or STOPPING; NaN without commands
+    commanded_speed: Annotated[FloatArray, Of("carriages", unit="m/s")]  # 0 of other commands
+    commanded_force: Annotated[FloatArray, Of("carriages", unit="N")]  # 0 of other commands
+    reference_position: Annotated[
+        FloatArray, Of("carriages", unit="m")
+    ]  # of the drive; the joint's own without a reference
+    reference_speed: Annotated[
+        FloatArray, Of("carriages", unit="m/s")
+    ]  # of the drive; the joint's own without a reference
+    force_limit: Annotated[
+        FloatArray, Of("carriages", unit="N")
+    ]  # of drive or brakes at the present speed; NaN without a limit
+    drive_command_kind: Annotated[FloatArray, Of("drives")]  # as `command_kind`
+    drive_commanded_speed: Annotated[FloatArray, Of("drives", unit="m/s")]
+    drive_commanded_force: Annotated[FloatArray, Of("drives", unit="N")]
+    drive_reference_position: Annotated[FloatArray, Of("drives", unit="m")]
+    drive_reference_speed: Annotated[FloatArray, Of("drives", unit="m/s")]
+    drive_position: Annotated[FloatArray, Of("drives", unit="m")]  # unstrained cable that has passed, towards the end
+    drive_speed: Annotated[FloatArray, Of("drives", unit="m/s")]
+    moving_cable_force: Annotated[FloatArray, Of("drives", unit="N")]  # of the drive on the cable
+    rope_position: Annotated[FloatArray, Of("samples", 3, unit="m")]
+    rope_tension: Annotated[FloatArray, Of("samples", unit="N")]  # before a load at that place
+    lowest_tension: Annotated[FloatArray, Of("ropes", 2, unit="N, m")]  # along the rope, and its arc length
+    highest_tension: Annotated[FloatArray, Of("ropes", 2, unit="N, m")]  # along the rope, and its arc length
+    wind: Annotated[FloatArray, Of(3, unit="m/s")]  # of the last command, or of the scenario
+    vehicle_rope: Annotated[
+        FloatArray, Of("vehicles")
+    ]  # number of its rope; the columns below are not filled by `observe`
+    sheave_position: Annotated[FloatArray, Of("sheaves", unit="m")]  # unstrained rope over a bullwheel
+    sheave_speed: Annotated[FloatArray, Of("sheaves", unit="m/s")]
+    sheave_force: Annotated[FloatArray, Of("sheaves", unit="N")]  # of its drive at its rim
+    sheave_tension: Annotated[FloatArray, Of("sheaves", 2, unit="N")]  # of the incoming and the outgoing strand
+    sheave_travel: Annotated[FloatArray, Of("sheaves", unit="m")]  # of the tensioning device; NaN without one
+    sheave_slip: Annotated[FloatArray, Of("sheaves", unit="m")]  # of the rim ahead of the rope
+    sheave_rolled_back: Annotated[FloatArray, Of("sheaves")]  # 1 where a rollback has stopped the lift, else 0
+    connector_force: Annotated[FloatArray, Of("connectors", unit="N")]  # pull of a connector between ropes
+    pantograph_force: Annotated[FloatArray, Of("pantographs", unit="N")]  # upwards on the rope
+    pantograph_position: Annotated[FloatArray, Of("pantographs", 3, unit="m")]  # of the head
+    pantograph_speed: Annotated[FloatArray, Of("pantographs", unit="m/s")]  # along the track
 
 
 @kernel
