@@ -1,5 +1,6 @@
 """A first start: what its second process compiles ahead is what is asked for, and how far it says that it is."""
 
+import inspect
 import os
 import signal
 import subprocess
@@ -17,7 +18,13 @@ from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON,
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, first_compilation
 from cable_twin.simulation.engine import Engine
-from cable_twin.simulation.first_compilation import Moment, watching_compilation, work_ahead
+from cable_twin.simulation.first_compilation import (
+    Moment,
+    called_at_start,
+    kernels_below,
+    watching_compilation,
+    work_ahead,
+)
 from cable_twin.terminal import bars
 from cable_twin.terminal.bars import BEGIN, compilation_shown
 
@@ -91,6 +98,22 @@ for kernel, kinds in chosen.items():
 
 
 ONE, SEVERAL = "solve_block_tridiagonal", "solve_bundle"  # one rope, several
+
+
+@needs_kernels
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "config").glob("*.yaml")))
+def test_kernels_with_a_workspace_are_compiled_ahead(name):
+    """Their arguments go by name; one that `typical` does not know would be compiled late, and in one process alone."""
+    engine = Engine(load_scenario(name))
+    known = engine.typical().keys()
+    missing = [
+        f"{kernel.title}: {argument}"
+        for kernel in kernels_below(engine, *called_at_start(engine))
+        if not numba.typeof(kernel).dispatcher.targetoptions.get("forceinline")
+        for argument in inspect.signature(kernel.py_func).parameters
+        if argument not in known and "work" in inspect.signature(kernel.py_func).parameters
+    ]
+    assert not missing, f"Ropeway.typical, or Engine.typical, has no value for {', '.join(missing)}"
 
 
 @pytest.mark.parametrize(

@@ -224,8 +224,9 @@ class Engine:
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
-        counts = dict.fromkeys(("sheave", "clamp", "connector", "member", "event", "column", "iteration"), 0)
-        return first.typical(self._works[0]) | whole | inner | counts
+        counts = "rope", "node", "sheave", "clamp", "connector", "member", "event", "column", "iteration"
+        numbers = dict.fromkeys(counts, 0) | dict.fromkeys(("by_mass", "tension_time"), 1.0)
+        return first.typical(self._works[0]) | whole | inner | numbers
 
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take a number of solver steps, fewer after the rollback of a lift; returns the fields of `Outcome`."""

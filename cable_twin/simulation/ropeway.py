@@ -16,7 +16,9 @@ from cable_twin.mechanics.drives.motion import set_going, take_over
 from cable_twin.mechanics.drives.stations import hang_in_station, park
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import as_python
+from cable_twin.mechanics.language.rotations import no_turn
 from cable_twin.mechanics.language.simd import WIDTH
+from cable_twin.mechanics.on_rope.hinge import Above
 from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, System
@@ -225,7 +227,10 @@ class Ropeway:
         return held and not self.scenario.towers and cable.unstrained_length < apart
 
     def typical(self, work: Workspace) -> dict[str, Any]:
-        """Arguments of kernels for one rope by parameter name; only their types count."""
+        """Arguments of kernels for one rope by parameter name; only their types count.
+
+        A kernel with the workspace whose argument is missing here is not compiled ahead; a test names it.
+        """
         system, state = self.system, self.state
         whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
@@ -233,9 +238,11 @@ class Ropeway:
         counts = "carriage", "contact", "tower", "end", "body", "element", "station", "number"
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys(counts, 0)
-        numbers |= dict.fromkeys((*sizes, "rope_drag", "s", "s_dot", "travel"), 1.0)
-        vectors = {"gravity": system.cable.gravity, "like": system.cable.gravity, "direction": (0.0, 0.0, 0.0)}
-        method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0)}
+        numbers |= dict.fromkeys((*sizes, "rope_drag", "increment", "previous", "s", "s_dot", "travel"), 1.0)
+        like, still = system.cable.gravity, no_turn(system.cable.gravity)
+        vectors: dict[str, Any] = dict.fromkeys(("gravity", "like", "pivot", "moved", "force", "residual"), like)
+        vectors |= {"direction": (0.0, 0.0, 0.0), "turned": still, "impedance": (like,) * len(like)}
+        method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0), "above": Above(still, still)}
         return whole | system._asdict() | inner | numbers | vectors | method
 
     def mean_tension(self) -> float:

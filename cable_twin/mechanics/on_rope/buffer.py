@@ -187,19 +187,19 @@ def with_neighbours(system, state, carriage, force, impedance, work):
 
 
 @kernel
-def contact_error(system, work, increment, before):
+def contact_error(system, work, increment, previous):
     """Residual error (m) of linearly converging vehicles in buffer contact; 0 without contact.
 
     Args:
         system: parameters.
         work: with what is pressed.
         increment: last Newton increment (m).
-        before: the one before it (m), 0 without.
+        previous: the one before it (m), 0 without.
     """
     if system.buffers.present:
         for carriage in range(work.pressed.size):
             if work.pressed[carriage]:
-                return increment * increment / before if before > 0.0 else inf
+                return increment * increment / previous if previous > 0.0 else inf
     return 0.0
 
 

@@ -122,13 +122,12 @@ def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
 
 
 @kernel
-def close_joints(carriages, state, carriage, place, direction, work):
-    """Gaps (eq. 14) of all joints of a carriage at `place` (dim,) in m, for the cable orientation `direction`."""
-    above = place
+def close_joints(carriages, state, carriage, pivot, above, work):
+    """Gaps (eq. 14) of all joints of a carriage on the cable, at `pivot` (dim,) in m and orientation `above`."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        store(subtract(above, pivot_position(state, body, carriages.upper_pivot[body], place)), work.joint_gap[body])
-        above = pivot_position(state, body, carriages.lower_pivot[body], place)
-        measure_held(carriages, state, body, body == carriages.body_offset[carriage], direction, work.held_gap[body])
+        store(subtract(pivot, pivot_position(state, body, carriages.upper_pivot[body], pivot)), work.joint_gap[body])
+        pivot = pivot_position(state, body, carriages.lower_pivot[body], pivot)
+        measure_held(carriages, state, body, body == carriages.body_offset[carriage], above, work.held_gap[body])
 
 
 @kernel

@@ -91,12 +91,12 @@ def integrate(bundle, moving, scratch, system, state, work, h):
 
 
 @kernel
-def contact_error_of_all(bundle, system, state, work, increment, before):
+def contact_error_of_all(bundle, system, state, work, increment, previous):
     """Residual error (m) of vehicles in buffer contact on any rope."""
     worst = 0.0
     for rope in range(bundle.records.shape[0]):
         own, _, room = rope_of(bundle, rope, system, state, work)
-        worst = max(worst, contact_error(own, room, increment, before))
+        worst = max(worst, contact_error(own, room, increment, previous))
     return worst
 
 
