@@ -254,6 +254,7 @@ def changed(state, **fields):
     """The state with other arrays; those of the records in it are named as in nodes_position."""
     names = {name.replace(".", "_"): name for name in arrays_of(state)}
     arrays = {name: value for name, value in fields.items() if not isinstance(value, tuple)}
+    assert arrays.keys() <= {*names, *names.values()}, f"no arrays of a state: {[*arrays]}"
     whole = with_arrays(State, arrays_of(state) | {names.get(name, name): array for name, array in arrays.items()})
     return whole._replace(**{name: value for name, value in fields.items() if isinstance(value, tuple)})
 
