@@ -54,12 +54,12 @@ def predict(c, h, kind):
 
 
 @inlined_kernel
-def predict_massless(c, h, kind, number):
+def predict_massless(c, h, kind, row):
     """Predict one coordinate without inertia by a constant auxiliary acceleration."""
-    a = kind.algorithmic[number]
-    kind.position[number] += h * (kind.velocity[number] + 0.5 * h * a)
-    kind.velocity[number] += h * a
-    kind.acceleration[number] = (a - c.alpha_f * kind.acceleration[number]) / (1.0 - c.alpha_f)
+    a = kind.algorithmic[row]
+    kind.position[row] += h * (kind.velocity[row] + 0.5 * h * a)
+    kind.velocity[row] += h * a
+    kind.acceleration[row] = (a - c.alpha_f * kind.acceleration[row]) / (1.0 - c.alpha_f)
 
 
 @kernel
@@ -79,13 +79,13 @@ def correct(c, h, increments, kind):
 
 
 @inlined_kernel
-def predict_one(c, h, kind, number):
+def predict_one(c, h, kind, row):
     """Predict one coordinate with the acceleration of the previous step, like `predict`."""
-    a = kind.algorithmic[number]
-    after = (kind.acceleration[number] - c.alpha_m * a) / (1.0 - c.alpha_m)
-    kind.position[number] += h * (kind.velocity[number] + h * ((0.5 - c.beta) * a + c.beta * after))
-    kind.velocity[number] += h * ((1.0 - c.gamma) * a + c.gamma * after)
-    kind.algorithmic[number] = after
+    a = kind.algorithmic[row]
+    after = (kind.acceleration[row] - c.alpha_m * a) / (1.0 - c.alpha_m)
+    kind.position[row] += h * (kind.velocity[row] + h * ((0.5 - c.beta) * a + c.beta * after))
+    kind.velocity[row] += h * ((1.0 - c.gamma) * a + c.gamma * after)
+    kind.algorithmic[row] = after
 
 
 @kernel

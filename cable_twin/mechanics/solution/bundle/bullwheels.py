@@ -31,7 +31,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     STATE,
     SYSTEM,
 )
-from cable_twin.mechanics.solution.newmark import factors
+from cable_twin.mechanics.solution.newmark import factors, predict_one
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
 ESTIMATED = 3  # iterations of a step that go by the estimated stiffness, which most steps need no more than
@@ -50,7 +50,7 @@ def move_bullwheels(sheaves, motion, c, h):
     for sheave in range(sheaves.inertia.size):
         turn_wheel(sheaves, motion, sheave, c, h)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
-            guess(motion.carriage, sheave, c, h)
+            predict_one(c, h, motion.carriage, sheave)
         if sheaves.tensioning[sheave] == HYDRAULIC:
             move_cylinder(sheaves, motion, sheave, h)
 
@@ -78,13 +78,13 @@ def turn_wheel(sheaves, motion, sheave, c, h):
     motion.slipping[sheave] = slipping
     if slipping != 0:
         motion.by_forces[sheave] = ROPE
-        guess(rope, sheave, c, h)
+        predict_one(c, h, rope, sheave)
     elif turns:
         motion.by_forces[sheave] = WHEEL
         if not was_turned:  # its forces are new: go on with what they make of it now
             rope.acceleration[sheave] = rope.algorithmic[sheave] = rate
         before = rope.position[sheave]
-        guess(rope, sheave, c, h)
+        predict_one(c, h, rope, sheave)
         follow(rim, sheave, place + rope.position[sheave] - before, rope.velocity[sheave], rope.acceleration[sheave])
     else:
         motion.by_forces[sheave] = NOTHING
@@ -154,23 +154,13 @@ def move_cylinder(sheaves, motion, sheave, h):
 
 
 @kernel
-def guess(motion, number, c, h):
-    """Newmark prediction of one coordinate, see `newmark.predict`."""
-    a = motion.algorithmic[number]
-    after = (motion.acceleration[number] - c.alpha_m * a) / (1.0 - c.alpha_m)
-    motion.position[number] += h * (motion.velocity[number] + h * ((0.5 - c.beta) * a + c.beta * after))
-    motion.velocity[number] += h * ((1.0 - c.gamma) * a + c.gamma * after)
-    motion.algorithmic[number] = after
-
-
-@kernel
-def add_increment(motion, number, c, h, delta):
+def add_increment(kind, row, c, h, delta):
     """Newmark correction of one coordinate, see `newmark.correct`."""
     by_acceleration, by_velocity = factors(c, h)
-    motion.position[number] += delta
-    motion.velocity[number] += by_velocity * delta
-    motion.algorithmic[number] += delta / (c.beta * h * h)
-    motion.acceleration[number] += by_acceleration * delta
+    kind.position[row] += delta
+    kind.velocity[row] += by_velocity * delta
+    kind.algorithmic[row] += delta / (c.beta * h * h)
+    kind.acceleration[row] += by_acceleration * delta
 
 
 @kernel
