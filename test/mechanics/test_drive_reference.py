@@ -107,3 +107,13 @@ def test_emergency_deceleration_replaces_both_limits():
     path = run(system, state, 2.0, 0.0)
     assert path[-1, 1] == 0.0
     assert path[-1, 0] - at == pytest.approx(3.0**2 / (2.0 * 2.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.3, 1.0, 4.0])
+def test_a_release_of_an_emergency_stop_at_low_speed_does_not_reverse(speed):
+    """The deceleration of the emergency stop is more than the jerk limit can end before rest."""
+    system, state = drive(10.0, jerk=0.2, emergency_deceleration=1.2)
+    state.reference.velocity[0], state.reference.acceleration[0] = speed, -1.2
+    path = run(system, state, 40.0, 0.0)
+    assert path[:, 1].min() >= 0.0
+    assert path[-1, 1:].tolist() == [0.0, 0.0]

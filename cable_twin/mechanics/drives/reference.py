@@ -13,6 +13,7 @@ from cable_twin.mechanics.on_rope.friction import brake_force
 from cable_twin.mechanics.parameters import EMERGENCY, SERVICE
 
 ROUNDING = 1e-6  # of a step
+PASSING = 1.5  # changes of the acceleration in a step, by which it may be above that which lands on the target
 
 
 @kernel
@@ -115,7 +116,9 @@ def ramp(course, number, target, limit, jerk, duration):
         landing = sqrt(half * half + 2.0 * jerk * abs(gap)) - half
         size = min(limit, landing, abs(gap) / duration)
         wanted = direction * size
-        wanted = min(max(wanted, acceleration - jerk * duration), acceleration + jerk * duration)
+        # beyond that acceleration, as after an emergency stop, comfort yields: the target is not passed
+        if acceleration * direction <= landing + PASSING * jerk * duration:
+            wanted = min(max(wanted, acceleration - jerk * duration), acceleration + jerk * duration)
     reached = abs(wanted) * duration >= abs(gap) and wanted * direction >= 0.0
     if jerk == inf and reached:
         ramping = abs(gap) / limit if limit > 0.0 else 0.0
