@@ -208,7 +208,7 @@ WEIGHT = {"direction": [-0.98, -0.197], "mass": 33.0e3}
 PUSHES = {**WEIGHT, "direction": [0.98, 0.197]}
 RETURN, LEAVING = "sheaves.return", "carriers.payload.leaving"
 OF_A_LOOP = [  # some have others beside them
-    (f"{RETURN}.joins", ["down.end", "down.start"], "joins.1: given 'down.start': 'drive' joins it"),
+    (f"{RETURN}.joins", ["down.end", "down.start"], "joins.1: given 'down.start': 'drive' joins the end"),
     (f"{RETURN}.joins", ["down.start", "up.start"], "joins.0: given 'down.start'; allowed: up.end, down."),
     ("sheaves.drive.joins", ["up.end"], "sheaves.drive.joins: given"),
     ("ropes.down.end.position", [30.0, 0.0], "sheaves.return.joins: given ends that are 30 m apart"),

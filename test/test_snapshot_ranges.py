@@ -93,7 +93,7 @@ def test_a_joint_is_on_the_element_that_is_named(simulation):
 def test_conditions_are_true_or_false(simulation):
     full = saved(simulation)
     full.states[0].rope_drive.braking.view(np.uint8)[0] = 7
-    with pytest.raises(SnapshotError, match=r"^state/rope_drive.braking: holds what is neither true nor false"):
+    with pytest.raises(SnapshotError, match=r"^state/rope_drive.braking: holds a byte that is neither true nor false"):
         simulation.restore(full)
 
 

@@ -93,12 +93,12 @@ class Bar(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Length (m)."""
+        """Length (m) of the bar."""
         return dist(self.start, self.end)
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Middle (m)."""
+        """Middle (m) of the bar, in its body's axes x and z."""
         return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
 
     @property

@@ -17,7 +17,7 @@ QUIET = 0.01  # m/s of all mass, up to which it counts as standing still
 
 
 class Block(NamedTuple):
-    """Energy lost and moved in one block of time."""
+    """Numerical energy loss and exchanged kinetic energy in one block of time."""
 
     lost: float  # J
     moved: float  # J

@@ -269,7 +269,7 @@ class KeyFigures:
         yield braking.limited(least, f"{source}.power")
 
     def _reported_with(self, group: Group, rope: int) -> bool:
-        """Whether a group is reported with a rope: a carriage with its own, carriers with the last one they ride."""
+        """Whether a rope reports a group: a carriage with its own rope, carriers with their last rope."""
         name = group.subject.name
         if group.subject.key == "carriers":
             return rope == max(number for number, one in enumerate(self._ropes) if one.carriers is not None)
@@ -362,7 +362,7 @@ class KeyFigures:
             yield extreme(f"{kind}_travel", subject, "lowest", extremes.lowest_sheave_travel[row]).limited(low, source)
 
     def _of_loads(self) -> Iterator[KeyFigure]:
-        """Figures of the load of carriers on each strand that they hang from."""
+        """Load of the carriers on each rope from which carriers hang, as key figures."""
         if self._scenario.carriers is not None:
             for row, rope in enumerate(self._scenario.ropes):
                 if rope not in self._scenario.carriers.tracks:  # else they hang from its track
@@ -449,7 +449,7 @@ def wind_at(row: FloatArray) -> str:
 
 
 def worst_of(extremes: FloatArray, rows: Sequence[int], statistic: str) -> int:
-    """Row with the most extreme value; of equal ones that on the first rope, then the first."""
+    """Row with the most extreme value; among equal values, on the first rope, then first in `rows`."""
     among = np.asarray(rows, np.intp)
     values = extremes[among, VALUE] * (1.0 if statistic == "lowest" else -1.0)
     return int(among[np.lexsort((extremes[among, ROPE], values))[0]])

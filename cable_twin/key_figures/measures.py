@@ -93,7 +93,7 @@ def take_frame(extremes, constants, columns):
 
 @inlined_kernel
 def rope_of(constants, columns, vehicle):
-    """Number of the rope on which a vehicle is; NO_ROPE where the frame does not say it."""
+    """Number of the rope on which a vehicle is; NO_ROPE if missing in the frame."""
     rope = constants.vehicle_rope[vehicle]
     if rope != NO_ROPE or isnan(columns.vehicle_rope[vehicle]):
         return rope

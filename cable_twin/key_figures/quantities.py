@@ -1,4 +1,4 @@
-"""Table of the quantities that key figures are values of, and the limits of these."""
+"""Table of the quantities of key figures, with their limits."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ BOTH = HIGHEST + LOWEST
 
 
 def bound_of(statistic: str) -> Bound:
-    """Side on which figures of a statistic have to be of their limit: "at least" for lowest values."""
+    """Bound of key figures by their limit: "at least" for the lowest of a run, "at most" for other statistics."""
     return "at least" if statistic == "lowest" else "at most"
 
 

@@ -1,4 +1,4 @@
-"""Stops from the command to standstill: of drives, of vehicles on a driven rope, and of the passengers of these."""
+"""Stops from the command to standstill: of drives, of vehicles on a driven rope, and of their passengers."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Row(NamedTuple):
 
 
 def groups_due(due: Collection[str]) -> tuple[str, ...]:
-    """Groups of columns in the message of a frame, from the groups of topics that are logged with it."""
+    """Groups of columns in the message of a frame, from the groups of topics logged with the frame."""
     if COMPLETE in due:
         return GROUPS
     groups = tuple(group for group in GROUPS if group in due)
@@ -109,7 +109,7 @@ def _unit(name: str) -> str:
 
 
 def _axes(name: str) -> list[str]:
-    """Names of the axes of a column: what it has a row of, and "component" for vectors and pairs."""
+    """Names of the axes of a column: kind of object for its rows, "component" for vectors and pairs."""
     shape = DECLARED[name].shape if name in DECLARED else (1,)
     axes = ["component" if isinstance(count, int) else count for count in shape]
     return axes[::-1] if name in BY_COMPONENT else axes
@@ -196,7 +196,7 @@ class RowDecoder:
         label = bytes(data[LABEL : LABEL + length])
         parts = self._known.get(label) or self._parts(label)
         if not data.startswith(parts.head) or len(data) != len(parts.head) + 8 * parts.size:
-            raise ValueError("it has other columns than the log describes")
+            raise ValueError("columns differ from those described in the log")
         numbers = np.frombuffer(data, "<f8", parts.size, len(parts.head))
         report = numbers.take(parts.report).tolist()
         solver = SolverReport(*map(int, report[:RESIDUAL]), *report[RESIDUAL:]) if report else NOTHING
@@ -207,7 +207,7 @@ class RowDecoder:
     def _parts(self, label: bytes) -> _Parts:
         groups = label.rstrip(b"\0").decode().split()
         if len(set(groups)) < len(groups):
-            raise ValueError("a group of columns is in it twice")
+            raise ValueError("a group of columns is given twice")
         size = _limited(sum(places.size for group in groups for places in self._groups[group]))
         every = np.concatenate([NO_PLACE, *(places for group in groups for places in self._groups[group])])
         taken = np.flatnonzero((every >= 0) & (every < self._layout.size))

@@ -288,7 +288,7 @@ def _travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, f
 
 
 def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
-    """Scenario changes for vehicles on haul ropes after a travel (m) of these."""
+    """Scenario changes for vehicles on haul ropes after a travel (m) of the haul ropes."""
     # the travel of a drive is counted from the start
     changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
     for name, one in scenario.carriages.items():

@@ -82,7 +82,7 @@ class Reading:
 
     @property
     def figures(self) -> list[KeyFigure]:
-        """Key figures recorded by the run over all its frames; without these, those of the frames in the log."""
+        """Key figures recorded by the run over all its frames; if not recorded, those of the logged frames."""
         return self._gathered.figures() if self._recorded is None else self._recorded
 
     def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:

@@ -59,7 +59,7 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
 
 
 def _topics(log: Log, names: TopicNames) -> list[Topic]:
-    """Topics of a bag with their QoS, from the first file with readable channels, as all files have equal ones."""
+    """Topics of a bag with their QoS, from the first file with readable channels; all files have equal topics."""
     faults = []
     for file in log.files:
         try:

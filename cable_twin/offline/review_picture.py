@@ -35,7 +35,7 @@ def existing_recordings(log: Log) -> list[Path]:
 
 
 def _made_name(logs: Sequence[Log]) -> str:
-    """Name of a recording made from bags, distinct from those of the twin."""
+    """Name of a recording made from bags, distinct from recordings of the twin."""
     if len(logs) == 1:
         return f"{logs[0].source.name}_review.rrd"
     more = f"_and_{len(logs) - 3}_more" if len(logs) > 3 else ""  # a name may have 255 characters

@@ -173,7 +173,9 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
         if not header:
             header = cells
             if "time" not in header:
-                raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; it needs time")
+                raise ScriptError(
+                    f"{file}:{reader.line_num}: header {','.join(header)!r} given; allowed: a header with a column time"
+                )
             if len(set(header)) < len(header):
                 raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; each key only once")
             continue

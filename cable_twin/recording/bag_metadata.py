@@ -29,7 +29,7 @@ class BagFile:
 
     @property
     def span(self) -> dict[str, Any]:
-        """Start time, duration and message count of the file, as rosbag2 writes these."""
+        """Start time, duration and message count of the file, in the form of rosbag2."""
         return _span([self])
 
 

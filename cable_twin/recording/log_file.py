@@ -339,7 +339,7 @@ def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
 
 
 def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
-    """Refuse an unknown log format, with advice where it is a newer one.
+    """Refuse an unknown log format, with advice for a newer format.
 
     Raises:
         LogError: with what the file is, and what is read.

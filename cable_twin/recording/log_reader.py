@@ -77,7 +77,7 @@ class Log:
         try:
             applied = applied_command_from_message(data, self.epoch_ns)
             if abs(applied.time - when) > STAMPS_APART:
-                raise ValueError(f"it says to be of {applied.time:.6f} s")
+                raise ValueError(f"its content is of {applied.time:.6f} s")
         except UNREADABLE as error:
             raise LogError(f"{self.path}: command at {when:.6f} s is unreadable: {one_line(error)}") from error
         return applied

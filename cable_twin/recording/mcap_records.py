@@ -100,7 +100,7 @@ def walk(stream: IO[bytes]) -> Iterator[Record | McapError]:
         try:
             record = record_at(stream, offset)
             if record.opcode == CHUNK and not _is_consistent(record.content):
-                raise McapError(f"a chunk of another length than it says at byte {offset}")
+                raise McapError(f"a chunk of another length than its header gives, at byte {offset}")
         except McapError as error:
             found = None
             for start in _signatures(stream, offset + 1):
@@ -168,14 +168,14 @@ def unpacked(content: bytes) -> bytes:
     start = CHUNK_HEAD.size + name + 8
     compression = content[CHUNK_HEAD.size : start - 8].decode()
     if not _is_consistent(content):
-        raise McapError("a chunk of another length than it says")
+        raise McapError("a chunk of another length than its header gives")
     if size > CHUNK_LIMIT:
         raise McapError(f"a chunk that unpacks to {size} bytes; allowed: {CHUNK_LIMIT}")
     data = content[start:]
     if compression == "zstd":
         # the frame says so too, and zstandard believes it rather than a limit
         if zstandard.frame_content_size(data) not in (size, -1):
-            raise McapError(f"a chunk that unpacks to another size than the {size} bytes that it says")
+            raise McapError(f"a chunk that unpacks to another size than the {size} bytes in its header")
         data = zstandard.decompress(data, size)
     elif compression:
         raise McapError(f"compression {compression!r}; allowed: 'zstd', or none")

@@ -42,7 +42,7 @@ Item = Snapshot | AppliedCommand | RefusedCommand | RecordedFigures
 
 
 def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None) -> Iterator[Item]:
-    """Stream the frames of a log and the items between these, with one frame in memory.
+    """Stream the frames of a log and the items between frames, with one frame in memory.
 
     Args:
         log: Finished, or cut short: its last frame then may be missing.

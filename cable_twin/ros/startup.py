@@ -182,7 +182,7 @@ def _remove(port: Path, identity: tuple[int, int]) -> bool:
 
 
 def is_installed(message_type: str) -> bool:
-    """Whether the package of a message type such as "tf2_msgs/msg/TFMessage", or a named package, is installed."""
+    """Whether a package is installed, given by name or by a message type such as "tf2_msgs/msg/TFMessage"."""
     found = find_spec(message_type.partition("/")[0])
     return found is not None and found.origin is not None  # None: the directory of its sources
 

@@ -98,7 +98,7 @@ class PaceWatch:
             )
 
     def check(self) -> dict[str, str]:
-        """Log new departures from the clock; returns figures by their names in the diagnostics."""
+        """Log new departures from the clock; returns clock figures by their names in the diagnostics."""
         moved = self._clock.take_setting()
         behind = self._clock.behind(self._loop.simulated_time)
         if moved is not None:

@@ -87,7 +87,7 @@ class Solver(Section):
 
 
 class Whole(NamedTuple):
-    """Relations of one rope to the others of its scenario, kept in the scenario of this rope alone."""
+    """Relations of a rope to other ropes of its scenario, kept in the scenario of the rope alone."""
 
     strand: Strand | None = None
     riding: Riding | None = None
@@ -218,7 +218,7 @@ class Scenario(Section):
 
     @property
     def riding(self) -> Riding | None:
-        """Strand and loop of the carriers on the cable, for the track rope of a loop; else None."""
+        """Strand that hauls the carriers riding on the cable, where the cable is a track rope; else None."""
         return self._whole.riding
 
     def _along(self, name: str, towers: dict[str, Tower]) -> dict[str, Tower]:

@@ -229,7 +229,7 @@ class Engine:
         return first.typical(self._works[0]) | whole | inner | numbers
 
     def advance(self, steps: int) -> tuple[Any, ...]:
-        """Take a number of solver steps, fewer after the rollback of a lift; returns the fields of `Outcome`."""
+        """Take a number of solver steps, fewer if a bullwheel rolls back; returns the fields of `Outcome`."""
         for row, part in enumerate(self.parts):
             self._ropes.put(row, part.system)
         outcome = self.integrator(*self.arguments(steps))
@@ -263,7 +263,7 @@ class Engine:
         self.loop.observe(columns)
 
     def drive(self, command: Command) -> None:
-        """Apply a speed (m/s) or force (N) command to the bullwheel drives that it names."""
+        """Apply a speed (m/s) or force (N) command to the bullwheel drives named in the command."""
         for name, value in command.values.items():
             if name in self.loop.drives:
                 self.loop.drive(name, command.kind, value)
@@ -342,7 +342,7 @@ def _ropeways(scenario: Scenario, systems: list[System]) -> list[Ropeway]:
 
 
 def leave_out_absent(systems: list[System]) -> list[System]:
-    """Systems of one common type, for kernels compiled without the features that none of these systems has.
+    """Systems of one common type, which leaves features absent from all systems out of compiled kernels.
 
     There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
     may be left out, and of a rope by itself its number, and its motion and contacts of vehicles if there are none.

@@ -56,7 +56,7 @@ class Loop:
         motion.drives.mode[driven] = SPEED
 
     def settle(self, relax: Any) -> None:
-        """Find the equilibrium of a loop of strands; `relax` finds that of all ropes between given ends.
+        """Find the equilibrium of a loop of strands; `relax` finds the equilibrium of all ropes between given ends.
 
         Raises:
             EquilibriumError: there is none, or a bullwheel cannot hold it by friction.

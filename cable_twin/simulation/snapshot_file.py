@@ -112,7 +112,9 @@ class FullState:
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
             raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
         if self.between.keys() != own.between.keys():
-            raise SnapshotError(f"{', '.join(self.between.keys() ^ own.between.keys())}: in one of them only")
+            raise SnapshotError(
+                f"{', '.join(self.between.keys() ^ own.between.keys())}: in either the snapshot or the simulation only"
+            )
         _check_shapes(self.between, own.between)
         for (part, number, state), (_, _, ours) in zip(self._numbered(), own._numbered(), strict=True):
             _check_shapes(
@@ -328,7 +330,7 @@ def _sizes(system: System, ropes: int) -> dict[str, float]:
 
 
 def _own_arrays(system: System, state: State) -> dict[str, Any]:
-    """Arrays of a state by name, those of vehicles and bodies with the rows that are on the rope alone."""
+    """Arrays of a state by name; arrays of vehicles and bodies have rows only for vehicles on the rope."""
     rows = {"vehicle": vehicles_of(system, state), "body": bodies_of(system, state)}
     arrays = arrays_of(state)
     for field in declared(State):

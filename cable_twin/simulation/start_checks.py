@@ -74,7 +74,7 @@ def worst_bend(
 
 
 def warn_of_bends(scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray, key: str) -> None:
-    """Warn of a bend beyond the validated range; `key` is that of the rope, other arguments as in `worst_bend`."""
+    """Warn of a bend beyond the validated range; `key` is the key of the rope, other arguments as in `worst_bend`."""
     bend, name, force = worst_bend(scenario, system, slopes, tensions)
     if bend > MEASURED:
         warnings.warn(
@@ -87,7 +87,7 @@ def warn_of_bends(scenario: Scenario, system: System, slopes: FloatArray, tensio
 
 
 def warn_of_frames(system: System, rope: CableSamples) -> None:
-    """Warn of elements that turn so far in their chord frame that the false strain is a share of the tension.
+    """Warn of elements turning so far in their chord frame that their false strain counts beside the tension.
 
     An element that turns by φ = w l / T over its length l, under its weight w, has slopes up to φ/2 aside of its chord,
     which shortens them there by φ²/24 on average: EA φ²/24 beside T.

@@ -34,7 +34,7 @@ class Home(NamedTuple):
 
 
 def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Sequence[System]) -> list[System]:
-    """Systems of ropes with the vehicles of all of them, from systems with those of one rope each.
+    """Systems of ropes, each with the vehicles of all ropes, from systems each with the vehicles of one rope.
 
     Args:
         scenario: of all ropes.
@@ -98,7 +98,7 @@ def _homes(scenario: Scenario, alone: Sequence[Scenario]) -> list[Home]:
 
 
 def _carrying(moving: MovingCable, scenario: Scenario, own: Scenario, alone: Sequence[Scenario]) -> MovingCable:
-    """Moving cable with the vehicles that may be clamped to it, and its place on the loop of these."""
+    """Moving cable with the vehicles that may be clamped to the cable, and its place on their loop."""
     carried = {name for name, vehicle in own.vehicles.items() if vehicle.joint == "clamped"}
     offset = 0.0
     if carried and own.strand is not None:
@@ -109,7 +109,7 @@ def _carrying(moving: MovingCable, scenario: Scenario, own: Scenario, alone: Seq
 
 
 def _all_buffers(homes: Sequence[Home], buffers: Sequence[VehicleBuffers]) -> VehicleBuffers:
-    """Possible contacts of all vehicles, from those on each rope."""
+    """Possible contacts of all vehicles, from the contacts on each rope."""
     rows = {home: row for row, home in enumerate(homes)}
     entries = [
         (home.rope, entry)
@@ -205,7 +205,7 @@ class Vehicles:
             self._put_in(loads)
 
     def exchange(self) -> None:
-        """Set the payload of carriers that have come to a station, or passed one, to that of carriers leaving it."""
+        """Set the payload of each carrier that has come to or passed a station to the payload on departure."""
         here, ropes = self._stations_now(), self._state.vehicle_rope
         came = (~np.isnan(here) & (here != self._stations)) | (ropes != self._ropes)
         loads = {}

@@ -144,7 +144,7 @@ class StatusBar:
             return  # the terminal is gone
 
     def _in_foreground(self) -> bool:
-        """Whether this process is in the terminal's foreground; after `sim &` the shell and its editors are."""
+        """Whether this process is in the terminal's foreground; after `sim &`, the shell is there instead."""
         try:
             return os.tcgetpgrp(self._terminal) == os.getpgrp()
         except OSError:

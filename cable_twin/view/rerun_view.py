@@ -286,7 +286,7 @@ class RerunView:
         self._commands: list[tuple[float, str, str]] = []  # time (s), text and level of commands not sent yet
 
     def lay_out(self, snapshot: Snapshot) -> None:
-        """Lay the picture out around a snapshot now instead of with the first batch, as it takes many frames' time.
+        """Lay the picture out around a snapshot now, not in the first batch: the layout takes the time of many frames.
 
         Raises:
             RuntimeError: the view is closed.
@@ -310,7 +310,7 @@ class RerunView:
             self._send()
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Log a command as a text line where it is a new one.
+        """Log a command as a text line, unless repeated or a small change of the wind.
 
         Raises:
             RuntimeError: the view is closed.

@@ -30,7 +30,7 @@ class WebView:
     """
 
     def __init__(self, *sources: str) -> None:
-        """Start the server and wait until it answers.
+        """Start the server and wait for its first answer.
 
         Args:
             sources: address of a live view, or recording files.
@@ -85,7 +85,7 @@ def free_port(wanted: int = 0) -> int:
 
 
 def _program() -> list[str]:
-    """Command of the rerun program itself, as its Python wrapper would not end it."""
+    """Command of the rerun program without its Python wrapper, which leaves the program running at its end."""
     import rerun_cli  # noqa: PLC0415 - comes with rerun-sdk
 
     program = Path(str(rerun_cli.__file__)).with_name("rerun")

@@ -120,7 +120,8 @@ def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, caps
     output = capsys.readouterr()
     assert code == 1
     assert output.err == (
-        "simulate: gravity 0: without gravity, a cable on one pin is at rest in any direction: it has to be given\n"
+        "simulate: gravity 0: without gravity, a cable on one pin is at rest in any direction; "
+        "allowed: gravity, or a clamped end\n"
     )
     assert any(line.strip().startswith("9.81 ") for line in output.out.splitlines())
 

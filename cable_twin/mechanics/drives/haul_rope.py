@@ -180,7 +180,7 @@ def recover_drum(carriage, moved, work):
 
 @kernel
 def hang_in_rope(system, state, carriage, force):
-    """Place the drum for a static `force` (N) of the haul rope on w; returns whether the rope can carry it."""
+    """Place the drum for a static `force` (N) of the haul rope on w; returns whether the rope can carry the force."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
     s = state.joints.position[carriage]

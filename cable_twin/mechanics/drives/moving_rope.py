@@ -23,7 +23,7 @@ from cable_twin.mechanics.rope.point import point_at, slope
 
 @kernel
 def moving_rope_force(system, state):
-    """Force (N) of the drive on this strand: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
+    """Force (N) of the drive on a moving rope: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
 
     λ and m, the force and moment of a hinge, are of what is clamped, F of the contacts of towers on the cable: their
     friction, since they press across r_x. The equation of motion of the cable that has gone by. Times v it is the power

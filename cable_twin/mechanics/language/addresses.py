@@ -36,7 +36,7 @@ class Addresses:
         """
         packed, before = pack(record), self._packed[row][column]
         if getattr(packed, "_numba_type_", None) != getattr(before, "_numba_type_", None):
-            raise TypeError(f"{type(record).__name__}: of another type than the one that was there")
+            raise TypeError(f"{type(record).__name__}: type differs from the replaced record")
         self._packed[row][column] = packed
         self.table[row, column] = _address(self._packed[row][column])
 

@@ -64,7 +64,7 @@ def range_faults(
     """
     for name, array in arrays.items():
         if array.dtype == np.bool_ and np.any(np.ascontiguousarray(array).view(np.uint8) > 1):
-            yield f"{name}: holds what is neither true nor false"
+            yield f"{name}: holds a byte that is neither true nor false"
         for column, one in enumerate(ranges[name]):
             least, most = (sizes[bound] if isinstance(bound, str) else bound for bound in one)
             numbers = array if len(ranges[name]) == 1 else array[..., column]
@@ -81,7 +81,7 @@ R = TypeVar("R")
 
 
 class Of:
-    """Declaration of an array, or of all arrays of a record, in `Annotated[type, Of(...)]`.
+    """Shape, unit and first value of an array, or of all arrays of a record: `Annotated[type, Of(...)]`.
 
     Args:
         shape: numbers, or names of sizes as "node", "vehicle"; none for that of the record which holds the array.
@@ -261,7 +261,7 @@ def arrays_of(record: Any, within: str = "") -> dict[str, NDArray[Any]]:
 
 
 def clone(record: R) -> R:
-    """Independent copy of a record, with those which share its block of memory."""
+    """Independent copy of a record, on a copy of its whole block of memory."""
     return Kept(record).records[0]  # type: ignore[no-any-return]
 
 
@@ -296,7 +296,7 @@ class Kept:
 
     @property
     def record(self) -> Any:
-        """First of these records."""
+        """First of the copied records."""
         return self.records[0]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class Sources:
-    """Python sources of folders, as they were when this process first asked.
+    """Python sources of folders, with their fingerprint as first read by this process.
 
     Attributes:
         fingerprint: text that another content of any of them changes.
@@ -23,7 +23,7 @@ class Sources:
         return [(found.st_mtime_ns, found.st_size) for found in (file.stat() for file in self._files)]
 
     def are_unchanged(self) -> bool:
-        """Return whether no file was edited since: code compiled after an edit is not that of the fingerprint."""
+        """Return whether all files are as first read; the fingerprint does not cover code compiled after an edit."""
         try:
             return self._read_stamps() == self._stamps
         except OSError:  # one is gone

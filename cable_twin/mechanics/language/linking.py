@@ -258,7 +258,7 @@ class KernelCache(FunctionCache):
     sources: Sources
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code, unless a source was edited since the start: a later process takes it for the old one."""
+        """Save compiled code, unless a source was edited since the start: the cache belongs to the old source."""
         if self.sources.are_unchanged():
             super().save_overload(sig, data)
 

@@ -51,7 +51,7 @@ def gather_numbers(numbers: Any, first: Any) -> Any:
 
 @formula
 def gather_vectors(rows: Any, first: Any, like: Vec) -> Vec:
-    """Vector (dim,) of lanes of `WIDTH` columns of `rows` (dim, n) from `first` on, all within `rows`."""
+    """Vector (dim,) of lanes: `WIDTH` adjacent columns of `rows` (dim, n) from column `first` on, all existing."""
     return Vec(read_lanes(rows, (axis, first), WIDTH) for axis in range(len(like)))
 
 

@@ -430,7 +430,7 @@ def as_lanes(numbers: Sequence[Any]) -> Any:
 
 
 def lane_of(lanes: Any, number: int) -> Any:
-    """Float of one lane."""
+    """Number in one lane, as a float."""
     if not isinstance(lanes, _Number):
         return lanes[number]
     value = None if lanes.place is None else lanes.place[1].extract_element(lanes.value, ir.Constant(_WORD, number))
@@ -438,7 +438,7 @@ def lane_of(lanes: Any, number: int) -> Any:
 
 
 def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
-    """Lanes of `count` numbers of an array of a formula, one after another in memory from the entry `index` on."""
+    """Read `count` numbers of an array as lanes, consecutive in memory from the entry `index` on; for formulas."""
     if not isinstance(array, _Array):
         first = np.ravel_multi_index(index, array.shape)
         return array.reshape(-1)[first : first + count]
@@ -451,7 +451,7 @@ def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
 
 
 def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
-    """Write lanes to an array of a formula, one after another in memory from the entry `index` on."""
+    """Write lanes to consecutive numbers of an array in memory, from the entry `index` on; for formulas."""
     if not isinstance(array, _Array):
         array[index[:-1]] = lanes
     elif array.place is not None:

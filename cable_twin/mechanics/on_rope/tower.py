@@ -303,7 +303,7 @@ def sideways(r_x, normal):
 
 @inlined_kernel
 def to_that_side(across, side):
-    """Vector `across` (3,), reversed if it points away from `side` (3,)."""
+    """Vector `across` (3,), reversed if pointing away from `side` (3,)."""
     return scale(-1.0 if dot(across, side) < 0.0 else 1.0, across)
 
 

@@ -76,7 +76,7 @@ def impedance_at_pivot(system, state, carriage, work):
 
 @kernel
 def with_haul_rope(carriage, force, impedance, residual, work):
-    """Contact force (dim,) in N, impedance D and b of a carriage, with the haul rope's impedance added.
+    """Force F (dim,) in N of the cable alone on a carriage, and D, b of ΔF = D Δp + b, less those of a haul rope.
 
     The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
     """

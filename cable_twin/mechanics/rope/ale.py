@@ -175,7 +175,7 @@ def flow_integrals(cable, state):
 
 @formula
 def nodal_vectors(coordinates, element, like):
-    """r_A, slope A, r_B, slope B (dim,) of an element, or their rates."""
+    """Positions and slopes (dim,) at both nodes of an element, or their rates: r_A, slope A, r_B, slope B."""
     return (
         load(coordinates[element, 0], like),
         load(coordinates[element, 1], like),

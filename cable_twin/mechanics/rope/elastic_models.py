@@ -35,7 +35,7 @@ from cable_twin.mechanics.rope.shape_functions import (
 
 @kernel
 def chord_and_slopes(coordinates, element, cable):
-    """Vectors d, A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
+    """Chord d and end slopes A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
     like = cable.gravity
     chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
     slope_a = scale(cable.element_length[element], load(coordinates[element, 1], like))

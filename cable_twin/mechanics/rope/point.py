@@ -69,19 +69,19 @@ def interpolate(coordinates, element, weights, like):
 
 @inlined_kernel
 def value(coordinates, point, like):
-    """S e (dim,): r in m of nodal coordinates, r_t of their rates."""
+    """Position r (dim,) in m at a point from nodal coordinates, or velocity r_t from nodal rates: S e."""
     return interpolate(coordinates, point.element, point.shape, like)
 
 
 @inlined_kernel
 def slope(coordinates, point, like):
-    """S_x e (dim,): r_x of nodal coordinates, r_tx in 1/s of their rates."""
+    """Slope r_x (dim,) at a point from nodal coordinates, or r_tx in 1/s from nodal rates: S_x e."""
     return interpolate(coordinates, point.element, point.shape_x, like)
 
 
 @inlined_kernel
 def bend(coordinates, point, like):
-    """S_xx e (dim,): r_xx in 1/m of nodal coordinates."""
+    """Second derivative r_xx (dim,) in 1/m at a point from nodal coordinates: S_xx e."""
     return interpolate(coordinates, point.element, point.shape_xx, like)
 
 

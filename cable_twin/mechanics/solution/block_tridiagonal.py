@@ -201,5 +201,5 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
 
 @formula
 def without(block, right, coupling, factor, known):
-    """Block and right side of a node after elimination of a neighbour, solved as `known` - `factor` x this node."""
+    """Block and right side of a node without its eliminated neighbour, which is `known` - `factor` x the node."""
     return minus_nodes(block, multiply_nodes(coupling, factor)), subtract_pair(right, apply_node(coupling, known))

@@ -102,7 +102,7 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
         strength = float(np.linalg.norm(down))
         if strength == 0.0:
             raise EquilibriumError(
-                "without gravity, a cable on one pin is at rest in any direction: it has to be given"
+                "without gravity, a cable on one pin is at rest in any direction; allowed: gravity, or a clamped end"
             )
         direction = down / strength * (1.0 if held == 0 else -1.0)
     from_held = arc_lengths - (cable.unstrained_length if held == 1 else 0.0)

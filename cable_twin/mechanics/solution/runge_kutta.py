@@ -35,7 +35,7 @@ NODE_TOLERANCE = 1e-12  # of an element's length
 
 
 def stable_step(system: System) -> float:
-    """Largest stable step (s) of the method for the bare cable.
+    """Largest step (s) at which the Runge-Kutta method is stable for a cable without vehicles.
 
     The highest frequency is that of the endless straight mesh of its shortest element over all phases between
     neighbours, axial or in bending; with Kelvin-Voigt damping of time τ it is the decay rate τω² that counts.

@@ -144,7 +144,7 @@ class Driver:
         return self._value * (1.0 if not options.ramp else min(elapsed / options.ramp, 1.0))
 
     def _is_refused(self) -> bool:
-        """Whether a refusal is that of our commands; while they are applied, it is that of another sender."""
+        """Whether refusals concern commands of this driver: none of its commands was applied lately."""
         return time.monotonic() - self._answered >= REFUSING
 
     def _check_applied(self) -> None:

@@ -273,7 +273,7 @@ class TwinClient:
         publisher.publish(message)
         if not spin_until(self._node, self._ending, lambda: applied or refusals, ANSWER):
             raise TwinError(
-                f"the twin has not applied it within {ANSWER:g} s: its terminal shows the reason of each refusal"
+                f"command not applied within {ANSWER:g} s: the terminal of the twin shows the reason of each refusal"
             )
         if not applied:
             raise TwinError(refusals[0])

@@ -19,7 +19,7 @@ def floats(values: list, columns: int = 0) -> FloatArray:
 
 
 def numbers(record: Any, section: BaseModel, pattern: str = "{}") -> dict[str, Any]:
-    """Numbers of a section by their names in a record of constants; null is infinite, as it is no limit.
+    """Numbers of a scenario section by field name of a record of constants; null, no limit, becomes infinity.
 
     Args:
         record: class of the record; keys of the section that it does not have are left out.
@@ -33,7 +33,7 @@ def numbers(record: Any, section: BaseModel, pattern: str = "{}") -> dict[str, A
 def columns(
     record: Any, model: type[BaseModel], sections: Sequence[BaseModel], pattern: str = "{}"
 ) -> dict[str, FloatArray]:
-    """Numbers of several sections of one model by their names in a record of constants, as arrays (sections,).
+    """Numbers of several scenario sections as arrays (sections,), by field name of a record of constants.
 
     Args and null are those of `numbers`.
     """

@@ -111,7 +111,7 @@ def _end_moments(cable: Cable) -> FloatArray:
 
 
 def _build_towers(scenario: Scenario) -> parameters.Towers:
-    """Build the towers with their contacts; numbers of a tower are those of each of its contacts, or `OF_TOWERS`."""
+    """Build the towers with their contacts; scenario numbers except `OF_TOWERS` repeat for each contact."""
     record, towers = parameters.Towers, list(scenario.towers.values())
     of_contacts = [tower for tower in towers for _ in range(tower.contacts)]
     shapes = [

@@ -72,7 +72,7 @@ def _single_rope(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of bullwheels: joined ends, tensioning devices and rollback; of the loops that they make."""
+    """Faults of bullwheels, of their joined ends, tensioning devices, rollback and loops."""
     joined: dict[str, str] = {}
     sound = True
     for name, sheave in scenario.sheaves.items():
@@ -107,7 +107,7 @@ def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, 
             known = listed([f"{name}.{side}" for name in scenario.ropes], "none")
             yield refuse(where, end, f"{known}, as rope runs from an end to the start of the next one")
         elif end in joined:
-            yield refuse(where, end, "each end once", f"{joined[end]!r} joins it already")
+            yield refuse(where, end, "each end once", f"{joined[end]!r} joins the end already")
         elif (support := scenario.ropes[rope].ends[side].support) != "pinned":
             yield refuse(("ropes", rope, side, "support"), support, "pinned", "at a bullwheel")
         joined.setdefault(end, str(path[1]))
@@ -134,7 +134,7 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
         here, there = getattr(before, key), getattr(after, key)
         if here != there:
             why = f"{path[1]!r} joins it to {first!r} with {here!r} {unit}"
-            yield refuse(("ropes", second, key), there, "equal values, as it is one rope", why)
+            yield refuse(("ropes", second, key), there, "equal values on all joined ropes", why)
 
 
 def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:

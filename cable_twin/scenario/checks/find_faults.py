@@ -168,7 +168,9 @@ def _sensors(scenario: Scenario) -> Iterator[Fault]:
             allowed_names = listed(known[sensor.kind], "nothing in this scenario")
             yield refuse((*path, "of"), sensor.of, f"{allowed_names}, for {sensor.kind}")
         if (first := taken.setdefault((sensor.kind, sensor.of), name)) != name:
-            yield refuse((*path, "of"), sensor.of, f"one {sensor.kind} for each", f"'{first}' measures it already")
+            yield refuse(
+                (*path, "of"), sensor.of, f"one {sensor.kind} for each object", f"measured by '{first}' already"
+            )
         if sensor.kind != "imu":
             for key in ("rate_noise", "rate_bias"):
                 if (given := getattr(sensor, key)) != 0.0:

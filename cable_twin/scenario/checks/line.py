@@ -117,7 +117,12 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
         elif end.support is not None:
             for key, unit in (("mass", "kg"), ("force", "N"), ("travel", "m"), ("buffer_stiffness", "N/m")):
                 if (given := getattr(end, key)) is not None:
-                    yield refuse(("cable", name, key), given, f"null; only of a counterweight, in {unit}", _where(end))
+                    yield refuse(
+                        ("cable", name, key),
+                        given,
+                        f"null, or a value in {unit} with support: counterweight",
+                        _where(end),
+                    )
 
 
 def _where(end: EndSupport) -> str:

@@ -233,7 +233,7 @@ class Carriers(Section):
 
     @property
     def kinds_by_path(self) -> dict[tuple[str, ...], CarrierKind]:
-        """Bodies and payload of all carriers, or of each kind, by the key path that has them in a file."""
+        """Bodies and payload of all carriers, or of each kind, by their key path in a file."""
         own = CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
         return {("carriers",): own} | {("carriers", "kinds", name): kind for name, kind in self.kinds.items()}
 

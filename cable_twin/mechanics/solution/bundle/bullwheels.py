@@ -208,7 +208,7 @@ def largest_of(last):
 
 @kernel
 def answered(motion, last, sheave, kind, force, stiffness, most):
-    """Stiffness (N/m) as the second iterations of the steps before have measured it, and this one, if it is one.
+    """Stiffness (N/m) corrected by the second iterations of earlier steps, and by a second iteration of this step.
 
     Args:
         motion: of the bullwheels.
