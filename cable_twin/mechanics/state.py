@@ -124,7 +124,7 @@ class State(NamedTuple):
     loop_start: Annotated[FloatArray, Of(1, unit="m")]  # place on the loop of the start of the mesh then
     rope_drive: Annotated[Drives, Of(1)]  # of a moving cable
     kink_length: Annotated[FloatArray, Of("element", unit="m")]  # rope of each that sharp kinks take in this step
-    # (`rope.joint_compliance`)
+    # (`on_rope.sliding_joint`)
     slackness: Annotated[FloatArray, Of(1, first=1.0)]  # mean tension of the rope at rest over that in this step, where
     # kinks are sharp
     contact_arc_length: Annotated[FloatArray, Of("contact", unit="m"), PLACE]  # of the rope nearest to each contact
