@@ -208,7 +208,7 @@ def test_of_several_ropes_it_has_the_tension_of_the_one_nearest_to_its_limit():
     simulation, figures = status._simulation, status._output.figures
     highest = {name: simulation.snapshot.ropes[name].tensions.max() for name in scenario.ropes}
     limits = {
-        name: rope.breaking_force / figures.limit(f"{name}: rope safety factor")
+        name: rope.breaking_force / figures.limit("rope_safety_factor", f"ropes.{name}")
         for name, rope in scenario.ropes.items()
     }
     assert highest["haul"] / limits["haul"] > highest["track"] / limits["track"]

@@ -97,9 +97,11 @@ def test_silence_stops_what_was_told_to_move_also_after_a_release_that_released_
     loop = frame_loop("single_span", on_applied=applied.append, command_timeout=0.3, clock=SteppedClock())
     loop.start()
     try:
-        loop.submit(Command("speed", {"cabin": 2.0}), "test").result(PATIENCE)
-        if before is not None:
-            loop.submit(Command(before, {}), "test").result(PATIENCE)
+        given = [loop.submit(Command("speed", {"cabin": 2.0}), "test")]
+        if before is not None:  # at once, as the clock does not wait for answers
+            given.append(loop.submit(Command(before, {}), "test"))
+        for one in given:
+            one.result(PATIENCE)
         wait_until(lambda: silenced(applied))
     finally:
         loop.stop()
