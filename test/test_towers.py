@@ -28,7 +28,7 @@ FAULTS = [
     ("cable.end.travel", [3, -3], "given [3.0, -3.0] m; allowed: the least travel, then a greater one, in m"),
     ("cable.end.travel", [2, 2], "allowed: the least travel, then a greater one"),
     ("cable.start.mass", 3.0, "where support is pinned; allowed: null, or a value in kg with support: counterweight"),
-    ("cable.start.travel", [-1, 1], "given [-1.0, 1.0] m: where support is pinned; allowed: null; only of a counterwe"),
+    ("cable.start.travel", [-1, 1], "given [-1.0, 1.0] m: where support is pinned; allowed: null, or a value in m"),
     ("cable.initial_shape", "straight", "given 'straight': with a counterweight; allowed: equilibrium"),
     ("towers.tower.kind", "roller", "allowed: one of sheaves, saddle"),
     ("towers.tower.stiffness", 0, "given 0 N/m; allowed: a finite number above 0, in N/m"),

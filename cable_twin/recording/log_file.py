@@ -324,9 +324,9 @@ def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
         raise LogError(f"{file}: format version {_shown(version)}; allowed: a number of {DIGITS} digits at most")
     _check_format(file, metadata)
     for key, (low, high, unit, optional) in NUMBERS.items():
-        given = metadata.get(key, "")
-        if not given and optional:
+        if optional and key not in metadata:
             continue
+        given = metadata.get(key, "")
         sound = len(given) <= DIGITS and given.isascii() and given.isdecimal()
         if not (sound and low <= int(given) <= high):
             raise LogError(f"{file}: {key} is {_shown(given)}, a whole number of {unit} is expected, {low} to {high}")

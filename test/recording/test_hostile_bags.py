@@ -131,6 +131,7 @@ MANY = "9" * 5000
         ("remapped", "[" * 100_000, "remapped is"),
         ("remapped", "{", "remapped is '{'"),
         ("commands_lost_from", "-1", "commands_lost_from is '-1'"),
+        ("commands_lost_from", "", "commands_lost_from is ''"),
     ],
 )
 def test_metadata_of_another_kind_are_said(tmp_path, key, value, said):
