@@ -1,12 +1,16 @@
 """ament_python package: installs alike with pip and with colcon."""
 
 import sys
+from configparser import ConfigParser
 from glob import glob
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
-COMMANDS = ("sim", "drive", "simulate", "line", "review", "replay")  # console scripts of setup.cfg
+DECLARED = ConfigParser()
+DECLARED.read(Path(__file__).with_name("setup.cfg"), encoding="utf-8")
+SCRIPTS = DECLARED["options.entry_points"]["console_scripts"].strip().splitlines()
+COMMANDS = [script.partition("=")[0].strip() for script in SCRIPTS]
 SHARED = "examples/control_experiment.py"  # what the controllers have in common
 CONTROLLERS = tuple(f"examples/{name}.py" for name in ("swing_damping", "tower_pass", "trapezoid_driver", "wind_speed"))
 RELAY = """\

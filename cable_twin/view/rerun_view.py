@@ -11,6 +11,7 @@ to a stream of its own, into which nothing is drawn, and the drawing reaches it 
 
 from __future__ import annotations
 
+import ctypes
 import os
 import socket
 from collections.abc import Collection, Mapping
@@ -191,6 +192,7 @@ def end_threads() -> None:
 def _abandon(stream: rr.RecordingStream) -> None:
     """Leave a stream open, as rerun would wait forever for a writer that is gone, also at exit."""
     _ABANDONED.append(stream)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))  # so that the interpreter does not delete it either at its end
     rr.unregister_shutdown()
 
 

@@ -105,7 +105,7 @@ def test_no_wind_and_no_motion_is_no_force():
         array[:] = 0.0
     set_wind(state, np.zeros(2))
     force, tangent = drag_on_rope(system, state, work)
-    drag_bodies(system.air, state, system.cable.gravity, 25.0, 1.0, work)
+    drag_bodies(system, state, 25.0, 1.0, work)
     assert not force.any()
     assert not tangent.any()
     assert not work.body_drag.any()

@@ -206,7 +206,7 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
     close_joints(carriages, state, 0, tuple(PLACE), above, work)
     np.testing.assert_allclose(work.joint_gap, start.gaps()[:forces].reshape(count, 3), atol=1e-14)
     set_wind(state, WIND)
-    drag_bodies(system.air, state, tuple(GRAVITY), RATE_FACTOR, 1.0, work)
+    drag_bodies(system, state, RATE_FACTOR, 1.0, work)
     condense_chain(carriages, tuple(GRAVITY), state, 0, above, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     matrix = np.block(
         [

@@ -193,25 +193,32 @@ def update_shedding(wind, state, body, h):
 
 
 @kernel
-def drag_bodies(air, state, like, rate_factor, stiffness_factor, work):
-    """Aerodynamic force on every body (N), and its negative derivatives by position and rotation."""
-    dim = len(like)
-    for body in range(air.body_drag.shape[0]):
-        q, even = air.body_drag[body, 0], True
-        for axis in range(1, dim):
-            even = even and air.body_drag[body, axis * (dim + 1)] == q
-        relative = subtract(load(state.wind_field.at_bodies[body], like), load(state.bodies.velocity[body], like))
-        speed = sqrt(dot(relative, relative))
-        if not even:
-            drag_by_axes(air, state, body, relative, (speed, rate_factor, stiffness_factor), work)
-        elif q > 0.0:
-            store(scale(q * speed, relative), work.body_drag[body])
-            steep = rate_factor * q / speed if speed > 0.0 else 0.0
-            store(full(1.0, symmetric(steep * speed * speed, steep, relative), 0.0), work.body_drag_tangent[body])
-        if air.wind.shedding.shape[0] > 0:
-            if even and q == 0.0:
-                store(scale(0.0, like), work.body_drag[body])
-            accumulate(load(state.wind_field.shedding_force[body], like), work.body_drag[body])
+def drag_bodies(system, state, rate_factor, stiffness_factor, work):
+    """Aerodynamic force (N) on all bodies of a rope, and its negative derivatives by position and rotation."""
+    for vehicle in range(state.vehicle_rope.size):
+        if belongs(system, state, vehicle):
+            for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
+                drag_body(system.air, state, body, system.cable.gravity, rate_factor, stiffness_factor, work)
+
+
+@kernel
+def drag_body(air, state, body, like, rate_factor, stiffness_factor, work):
+    """Aerodynamic force (N) on one body, and its negative derivatives by position and rotation."""
+    dim, q, even = len(like), air.body_drag[body, 0], True
+    for axis in range(1, dim):
+        even = even and air.body_drag[body, axis * (dim + 1)] == q
+    relative = subtract(load(state.wind_field.at_bodies[body], like), load(state.bodies.velocity[body], like))
+    speed = sqrt(dot(relative, relative))
+    if not even:
+        drag_by_axes(air, state, body, relative, (speed, rate_factor, stiffness_factor), work)
+    elif q > 0.0:
+        store(scale(q * speed, relative), work.body_drag[body])
+        steep = rate_factor * q / speed if speed > 0.0 else 0.0
+        store(full(1.0, symmetric(steep * speed * speed, steep, relative), 0.0), work.body_drag_tangent[body])
+    if air.wind.shedding.shape[0] > 0:
+        if even and q == 0.0:
+            store(scale(0.0, like), work.body_drag[body])
+        accumulate(load(state.wind_field.shedding_force[body], like), work.body_drag[body])
 
 
 @inlined_kernel

@@ -123,16 +123,9 @@ def solve_node(factors, block):
 @formula
 def invert_node(block):
     """Inverse of a node block by the Schur complement of its first matrix, and 0, or nan for a singular block."""
-    a, b, c, d = block
-    det = determinant(a)
-    inverse = adjugate(1.0 / det, a)
-    a_b, c_a = product(inverse, b), product(c, inverse)
-    schur = subtract(d, product(c, a_b))
-    det_of_schur = determinant(schur)
-    last = adjugate(1.0 / det_of_schur, schur)
+    (inverse, a_b, c_a, last), missing = factor_node(block)
     upper_right = product(a_b, last)
     lower_left = scale(-1.0, product(last, c_a))
-    missing = 0.0 * (det + 1.0 / det) + 0.0 * (det_of_schur + 1.0 / det_of_schur)
     return (subtract(inverse, product(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), missing
 
 

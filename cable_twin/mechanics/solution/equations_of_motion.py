@@ -140,7 +140,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
     add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
-        drag_bodies(system.air, state, cable.gravity, rate_factor, stiffness_factor, work)
+        drag_bodies(system, state, rate_factor, stiffness_factor, work)
     for carriage in range(carriages.fixed.size):
         if rides(system, state, carriage):
             above = direction_above(system, state, carriage)

@@ -62,15 +62,20 @@ def predict_massless(c, h, kind, row):
     kind.acceleration[row] = (a - c.alpha_f * kind.acceleration[row]) / (1.0 - c.alpha_f)
 
 
+@inlined_kernel
+def gains(c, h):
+    """Growth of velocity (1/s), algorithmic and true acceleration (1/s²) with an increment of a coordinate."""
+    by_algorithmic = 1.0 / (c.beta * h * h)
+    return c.gamma / (c.beta * h), by_algorithmic, by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+
+
 @kernel
 def correct(c, h, increments, kind):
     """Apply Newton increments (m, rad) to one kind of coordinates."""
     x, v = flat(kind.position), flat(kind.velocity)
     q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
     delta = flat(increments)
-    by_velocity = c.gamma / (c.beta * h)
-    by_algorithmic = 1.0 / (c.beta * h * h)
-    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+    by_velocity, by_algorithmic, by_acceleration = gains(c, h)
     for i in range(x.size):
         x[i] += delta[i]
         v[i] += by_velocity * delta[i]
@@ -121,21 +126,32 @@ def predict_body(c, h, kind, body, turned, like):
 
 
 @kernel
-def correct_bodies(c, h, system, state, work):
-    """Apply Newton increments (m, rad) to the bodies of one rope."""
+def correct_vehicles(c, h, system, state, work):
+    """Apply the Newton increments (m, rad) of the vehicles of one rope: bodies, joints, haul ropes and drums."""
     for vehicle in range(state.vehicle_rope.size):
         if belongs(system, state, vehicle):
             for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
                 correct_body(c, h, state.bodies, body, work.body_increment, work.turned, system.cable.gravity)
+            correct_one(c, h, state.joints, vehicle, work.sliding_increment[vehicle])
+            correct_one(c, h, state.hauled, vehicle, work.haul_increment[vehicle])
+            correct_one(c, h, state.drums, vehicle, work.drum_increment[vehicle])
+
+
+@inlined_kernel
+def correct_one(c, h, kind, row, delta):
+    """Apply the Newton increment (m) of one coordinate."""
+    by_velocity, by_algorithmic, by_acceleration = gains(c, h)
+    kind.position[row] += delta
+    kind.velocity[row] += by_velocity * delta
+    kind.algorithmic[row] += by_algorithmic * delta
+    kind.acceleration[row] += by_acceleration * delta
 
 
 @kernel
 def correct_body(c, h, kind, body, increments, turned, like):
     """Apply Newton increments to one body; in space its spin changes by the growth of the rotation vector."""
     x, v, q_ddot, a = kind.position, kind.velocity, kind.acceleration, kind.algorithmic
-    by_velocity = c.gamma / (c.beta * h)
-    by_algorithmic = 1.0 / (c.beta * h * h)
-    by_acceleration = by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
+    by_velocity, by_algorithmic, by_acceleration = gains(c, h)
     delta = like
     if len(like) == 3:
         delta = grow_turn(turned[body], increments[body, 3:])
@@ -166,7 +182,4 @@ def predict_rope(c, h, system, state, work):
 def correct_rope(c, h, system, state, work):
     """Apply the Newton increments of one rope and its vehicles."""
     correct(c, h, work.right_side, state.nodes)
-    correct_bodies(c, h, system, state, work)
-    correct(c, h, work.sliding_increment, state.joints)
-    correct(c, h, work.haul_increment, state.hauled)
-    correct(c, h, work.drum_increment, state.drums)
+    correct_vehicles(c, h, system, state, work)
