@@ -20,6 +20,7 @@ from benchmarks import (
     graded,
     learning,
     live,
+    loads,
     lockstep,
     ropes,
     scaling,
@@ -44,6 +45,7 @@ PARTS = {
     "frame": (frame.run, "a frame of the twin: solve, sample, serialise, publish, MCAP, rerun"),
     "graded": (graded.run, "graded meshes beside even ones: cost, key figures, shape of the rope"),
     "uniform": (uniform.run, "even meshes, whose model is as it was, beside the unit: cost of the solver alone"),
+    "loads": (loads.run, "cost of a step of each shipped ropeway, and its ratio to another checkout (--beside)"),
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
@@ -116,6 +118,7 @@ def main() -> int:
         metavar="NAME",
         help="of live, name or path; may be given often; default: aerial_tramway",
     )
+    parser.add_argument("--beside", type=Path, metavar="PATH", help="of loads: another checkout, which runs in turn")
     parser.add_argument("--output", type=Path, metavar="DIR", help="write benchmarks.md, .json and pictures there")
     options = parser.parse_args()
 
@@ -123,13 +126,22 @@ def main() -> int:
     for name in ("minutes", "scenario"):
         if getattr(options, name) is not None and "live" not in chosen:
             parser.error(f"--{name} is of the part live, which was not asked for")
+    if options.beside is not None and ("loads" not in chosen or not (options.beside / "cable_twin").is_dir()):
+        given = "the part loads was not asked for" if "loads" not in chosen else f"given {options.beside}"
+        parser.error(f"--beside: {given}; allowed: with loads, a directory that has cable_twin in it")
     try:
         earlier = read(options.output) if options.output else {}
     except (OSError, ValueError) as error:  # before minutes are spent
         print(f"{parser.prog}: --output {options.output}: {error}", file=sys.stderr)
         return FAILED
     repetitions = options.repetitions or (1 if options.quick else 5)
-    effort = Effort(options.quick, repetitions, options.minutes, tuple(options.scenario or ()))
+    effort = Effort(
+        options.quick,
+        repetitions,
+        options.minutes,
+        tuple(options.scenario or ()),
+        options.beside and options.beside.resolve(),
+    )
     console = Console(width=None if sys.stdout.isatty() else FILE_WIDTH)
     columns = (TextColumn("{task.description:<48}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     faults = []

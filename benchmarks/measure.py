@@ -32,6 +32,7 @@ class Effort:
     repetitions: int
     minutes: float | None = None  # of the live twin; None for its own choice
     scenarios: tuple[str, ...] = ()  # of the live twin; none for its own choice
+    beside: Path | None = None  # another checkout, of loads
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,9 +47,9 @@ CASES = {
 class Contestant:
     """A process that runs pieces of a case."""
 
-    def __init__(self, kind: str, case: Case, sources: Path) -> None:
+    def __init__(self, kind: str, case: Case, sources: Path, python: str = sys.executable) -> None:
         environment = {**environment_of_user(), "PYTHONPATH": str(sources)}
-        command = [sys.executable, str(ROOT / "benchmarks" / "frame_process.py"), kind, *case.arguments]
+        command = [python, str(ROOT / "benchmarks" / "frame_process.py"), kind, *case.arguments]
         self._process = subprocess.Popen(
             command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=sources
         )

@@ -111,6 +111,20 @@ def test_another_motion_is_a_fault(name, monkeypatch):
 
 
 @pytest.mark.long
+def test_loads_beside_another_checkout(tmp_path):
+    """Beside itself: the same elements, and nearly the same cost."""
+    result = run("loads", "--quick", "--beside", ROOT, "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["loads"]["tables"]
+    assert [(row["scenario"], row["mesh"]) for row in table["rows"]] == [
+        (name, mesh) for name in ("single_span", "chairlift") for mesh in ("shipped", "before")
+    ]
+    assert numbers(table["rows"], "elements, ratio") == [1.0] * 4
+    assert all(0.2 < ratio < 5.0 for ratio in numbers(table["rows"], "cost, ratio"))  # one turn, on a busy machine
+    assert numbers(table["rows"], "a step here [µs]")
+
+
+@pytest.mark.long
 def test_what_space_costs(tmp_path):
     result = run("space", "--quick", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
@@ -164,9 +178,14 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
         (
             ["speed"],
             "'speed' is no part; allowed are exudyn, exudyn_space, space, ropes, scaling, startup, frame, graded, "
-            "uniform, accuracy, convergence, learning, lockstep, emergency_stop, live",
+            "uniform, loads, accuracy, convergence, learning, lockstep, emergency_stop, live",
         ),
         (["--repetitions", "0"], "--repetitions"),
+        (["scaling", "--beside", "."], "--beside: the part loads was not asked for; allowed: with loads, a directory"),
+        (
+            ["loads", "--beside", "nowhere"],
+            "--beside: given nowhere; allowed: with loads, a directory that has cable_twin",
+        ),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
         (["live", "--minutes", "-1"], "'-1' given; allowed are numbers above 0"),
     ],
