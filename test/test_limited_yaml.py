@@ -10,8 +10,8 @@ from cable_twin.offline.simulate_options import parser
 from cable_twin.scenario import ScenarioError, load_scenario, parse_scenario
 from fuzzing.scenarios import bomb
 
-MANY = f"more than {MOST} keys and values, those of an alias counted wherever it stands; allowed: up to that"
-DEEP = f"nested more than {DEEPEST} deep; allowed: up to that"
+MANY = f"more than {MOST} keys and values, each use of an alias counted in full; allowed: at most {MOST}"
+DEEP = f"nested more than {DEEPEST} levels deep; allowed: at most {DEEPEST}"
 BOMBS = {kind: bomb(kind, levels=7, width=8) for kind in ("list", "map", "merge")}  # some 300,000 values
 NESTED = {"lists": "- " * 200, "flow": "[" * 200, "maps": "{a: " * 200, "keys": "? " * 200}
 NESTED |= {"aliases": "".join(f"- &a{number} [{f'*a{number - 1}' if number else 1}]\n" for number in range(100))}
@@ -53,10 +53,10 @@ def test_files_without_end_are_not_read_to_it(suffix, tmp_path):
     file = tmp_path / f"endless{suffix}"
     with file.open("wb") as stream:
         stream.truncate(2**40)  # bytes, of which the disk has none
-    with pytest.raises(ScriptError, match=r"larger than \d+ MB; allowed: up to that$"):
+    with pytest.raises(ScriptError, match=r"larger than (\d+) MB; allowed: at most \1 MB$"):
         read_script(file)
     if suffix == ".yaml":
-        with pytest.raises(ScenarioError, match=r"larger than 1 MB; allowed: up to that$"):
+        with pytest.raises(ScenarioError, match=r"larger than 1 MB; allowed: at most 1 MB$"):
             load_scenario(file)
 
 

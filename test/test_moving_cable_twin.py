@@ -70,7 +70,7 @@ FAULTS = [
     ("carriages", {"car": {**CLAMPED, "arc_length": 121.0}}, "given 121.0 m; allowed: 0 to 120 m, on the loop"),
     ("carriages", {"car": {**CLAMPED, "drive": {"mode": "speed"}}}, "given 'speed'; allowed: free, as a clamped"),
     ("carriages", {"car": {**CLAMPED, "friction": {"rolling": 0.1}}}, "given 0.1; allowed: 0, as a clamped vehicle"),
-    ("carriages", {"haul_rope": CLAMPED}, "that of a carriage; allowed: another one, as commands address"),
+    ("carriages", {"haul_rope": CLAMPED}, "a carriage has this name; allowed: another name, as commands address"),
 ]
 
 

@@ -458,7 +458,7 @@ def test_unknown_names_and_missing_files_name_the_known_ones(tmp_path):
         (b"just text", ": given 'just text'; allowed: a mapping"),
         (b"gravity: " + b"9" * 5000, ": holds a value that cannot be read"),
         (b"gravity: 2020-13-45", ": holds a value that cannot be read"),
-        (b"[" * 2000, ":1: nested more than 60 deep; allowed: up to that"),
+        (b"[" * 2000, ":1: nested more than 60 levels deep; allowed: at most 60"),
     ],
 )
 def test_what_is_no_scenario_is_said_with_its_line(content, text, tmp_path):

@@ -236,7 +236,7 @@ def test_a_failed_step_is_named_and_the_last_good_snapshot_kept():
     text = str(failure.value)
     assert text.startswith("step 11 (to 0.011 s) failed: after 0 halvings of 0.001 s the last Newton increment was ")
     assert ", largest on element " in text
-    assert ", an error of 1e-09 m may be left; the state is that at 0.01 s" in text
+    assert ", an error of 1e-09 m may be left; the simulation keeps its state at 0.01 s" in text
     assert "nan" not in text
     assert same(simulation.snapshot, good)
     assert simulation.time == 0.01

@@ -131,11 +131,9 @@ class _LimitedComposer(Composer):
 
     def _check(self, depth: int, line: int) -> None:
         if depth > DEEPEST:
-            raise UnreadableYamlError(f"nested more than {DEEPEST} deep; allowed: up to that", line)
+            raise UnreadableYamlError(f"nested more than {DEEPEST} levels deep; allowed: at most {DEEPEST}", line)
         if self._count > MOST:
-            text = (
-                f"more than {MOST} keys and values, those of an alias counted wherever it stands; allowed: up to that"
-            )
+            text = f"more than {MOST} keys and values, each use of an alias counted in full; allowed: at most {MOST}"
             raise UnreadableYamlError(text, line)
 
 
@@ -159,7 +157,7 @@ def _doubles(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> 
 
 def _check_size(size: int, largest: int) -> None:
     if size > largest:
-        raise UnreadableYamlError(f"larger than {largest / 2**20:g} MB; allowed: up to that")
+        raise UnreadableYamlError(f"larger than {largest / 2**20:g} MB; allowed: at most {largest / 2**20:g} MB")
 
 
 class _Representer(SafeRepresenter):

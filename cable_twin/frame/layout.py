@@ -131,7 +131,7 @@ class Layout:
         return [(first, last, shape) for (first, last), shape in zip(pairwise(ends), shapes, strict=True)], ends[-1]
 
     def _place_ropes(self) -> None:
-        """Initialise the places of ropes and of vehicles on ropes; `of` completes several ropes."""
+        """Initialise offsets and relations of one rope, its vehicles and supports; `of` sets those of several ropes."""
         self.several = False
         lengths = [self.arc_lengths[part.stop - 1] + 1.0 for part in self.ropes.values()]
         self.rope_offsets = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
@@ -239,7 +239,7 @@ class Layout:
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:
-    """Row number of each name."""
+    """Row number by name."""
     return {name: number for number, name in enumerate(names)}
 
 

@@ -255,7 +255,7 @@ SIGNALS: Mapping[str, Signal] = {
             "m",
             "sheaves",
             lambda _, c: c.sheave_travel,
-            "travel of what tensions",
+            "travel of the tensioning device",
             "sheaves",
             everywhere=False,
         ),

@@ -205,7 +205,7 @@ class Derailment:
     ratio: float | None  # -, highest of lateral over normal force until then; none where it never lay on the tower
 
     def __str__(self) -> str:
-        """Description in one line."""
+        """Text of a derailment in one line."""
         x, y, z = self.position
         return f"{self.tower}: rope derailed {self.how} at {self.time:.3f} s, at x {x:.1f}, y {y:.1f}, z {z:.1f} m"
 
@@ -221,7 +221,7 @@ class Touch:
     speed: float  # m/s, at which they came together
 
     def __str__(self) -> str:
-        """Description in one line."""
+        """Text of a contact of two vehicles in one line."""
         return (
             f"'{self.vehicle}' and '{self.other}' touch at {self.time:.3f} s, at {self.place:.2f} m of the cable, "
             f"with {self.speed:.3g} m/s"
@@ -239,7 +239,7 @@ class HaulRopeState:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Point of a rope or vehicle, with its height above the ground."""
+    """Point of a rope or vehicle with its height above the ground."""
 
     height: float  # m, negative below the ground
     x: float  # m

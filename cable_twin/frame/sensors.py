@@ -136,14 +136,14 @@ class _Running:
 
 
 def _in_axes(vector: FloatArray, turn: FloatArray) -> FloatArray:
-    """A vector (3,) in the axes of a body that is turned by a quaternion x, y, z, w."""
+    """Components of a vector (3,) in the axes of a body with the orientation of a quaternion x, y, z, w."""
     twice = 2.0 * np.cross(turn[:3], vector)
     turned: FloatArray = vector - turn[3] * twice + np.cross(turn[:3], twice)
     return turned
 
 
 def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:
-    """Row of the measured object, and whether that is a drive of the cable."""
+    """Row of a sensor's object in its column, and whether the object is a drive of the cable."""
     if sensor.kind == "load_cell":
         return layout.support_rows[sensor.of], False
     if sensor.kind == "encoder":

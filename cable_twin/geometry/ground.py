@@ -57,7 +57,7 @@ def _firsts(counts: Iterable[int]) -> IntArray:
 
 
 def clearance_seen(ground: Ground | Surroundings, rope: str, names: Iterable[str], attached: FloatArray) -> Clearance:
-    """Clearance of a rope and of the vehicles on it, from the last `look_at_ground` or `look_around`.
+    """Clearance of a rope and its vehicles as last measured by `look_at_ground` or `look_around`.
 
     `names` and `attached` (vehicles,) are those of the vehicles on the rope; vehicles off the rope are left out.
     """

@@ -54,7 +54,7 @@ MEANS = (
 ASSUMED_RATIO = "assumed: flanks of 45 degrees with a friction of 0.3 hold up to 0.54 (Nadal)"
 IN_PLACE = "assumed: the rope stays on its towers"
 SIDES = ("onto it", "off it")  # of the strands that come to a bullwheel and leave it
-BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` says how far"
+BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` gives the distance"
 STILL = 1e-3  # m, of slip, below which there was none
 
 

@@ -219,7 +219,7 @@ def take_touch(extremes, vehicle, time, columns):
 
 @kernel
 def begin_look(extremes, time, columns):
-    """Store the time of a frame with positions as the newest of `passed` once a look is due; returns whether it did."""
+    """Store the time of a frame for accelerations once a measuring period has passed; returns whether it did."""
     newest = extremes.passed_last[0]
     if time < extremes.passed_time[newest] + LOOK * (1.0 - 1e-6):
         return False

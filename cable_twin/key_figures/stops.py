@@ -26,7 +26,7 @@ RIM = "of the rim of its bullwheel"
 
 
 class Group(NamedTuple):
-    """Vehicles with common figures, of the worst vehicle: a single carriage, or all carriers."""
+    """Vehicles with common key figures, those of the worst of them: a single carriage, or all carriers."""
 
     subject: Subject
     rows: tuple[int, ...]  # of the vehicles
@@ -157,7 +157,7 @@ class Travel:
         return self.last is None or snapshot.time > self.last.time
 
     def attached(self, snapshot: Snapshot) -> BoolArray:
-        """Mask (n,) of vehicles on a rope."""
+        """Mask (n,) of the vehicles attached to a rope."""
         on: BoolArray = snapshot.columns.attached[self.vehicles] == 1.0
         return on
 
@@ -243,7 +243,9 @@ class CarriedStops:
                 whose = f"{self._names[self._travel.vehicles[member]]}, " if len(members) > 1 else ""
                 where = f"{whose}{kind} from {abs(self._start[member]):.2f} m/s, of its clamp along the rope"
                 values = float(self._way[member]), float(self._end[counted].max()) - time
-                self._stops += stop_figures(subject, values, time, (where, f"{kind}, until the last one stands"))
+                self._stops += stop_figures(
+                    subject, values, time, (where, f"{kind}, until the last vehicle stands still")
+                )
 
 
 class SeatStops:

@@ -49,7 +49,7 @@ def nanoseconds(time: float) -> int:
 
 
 def time_of(stamp_ns: int) -> Time:
-    """Stamp in ns as a message."""
+    """Time message (builtin_interfaces/Time) of a stamp in ns."""
     return Time(*divmod(stamp_ns, SECOND))
 
 
@@ -61,7 +61,7 @@ def stamp_in(data: bytes) -> int:
 
 
 def header(stamp_ns: int, frame_id: str = FRAME_ID) -> Header:
-    """Header with a stamp in ns."""
+    """Header message (std_msgs/Header) with a stamp in ns."""
     return Header(time_of(stamp_ns), frame_id)
 
 
@@ -115,7 +115,7 @@ class Template:
             self._find(message, singles, "<f4")
 
     def _find(self, message: Message, sources: Sequence[NDArray[Any]], kind: str) -> None:
-        """Find the positions of sources with numbers of one kind."""
+        """Find the byte positions of all placeholder numbers of one data type in the message."""
         word, first = _MARKS[kind]
         size = np.dtype(kind).itemsize
         numbers = self._body[: self._body.size // size * size].view(kind)

@@ -59,7 +59,7 @@ MOST_KINDS = 64  # sets of groups whose messages are kept in mind; a run has 31 
 
 
 class Row(NamedTuple):
-    """Numbers of a frame that one message has."""
+    """Numbers of a frame that one message `columns` holds."""
 
     numbers: FloatArray  # (size of a frame,) NaN where the message has none
     places: IntArray  # (n,) of those that it has
@@ -75,7 +75,7 @@ def groups_due(due: Collection[str]) -> tuple[str, ...]:
 
 
 def _columns(layout: Layout) -> dict[str, dict[str, IntArray]]:
-    """Places of all columns by group and name: in a frame, behind it the numbers of the solver's report."""
+    """Index of each number by group and name of its column: in the row of a frame, followed by the solver's report."""
     groups = {column: group for group, columns in COLUMNS_OF.items() for column in columns}
     found: dict[str, dict[str, IntArray]] = {group: {} for group in GROUPS}
     for name, places in layout.places._asdict().items():
@@ -103,7 +103,7 @@ def columns_metadata(layout: Layout) -> dict[str, str]:
 
 
 def _unit(name: str) -> str:
-    """Unit of a column; empty for numbers, ratios, yes or no."""
+    """Unit of a column; empty for counts, ratios and booleans."""
     unit = DECLARED[name].unit if name in DECLARED else REPORT_UNITS.get(name, "-")
     return "" if unit == "-" else unit
 
@@ -116,7 +116,7 @@ def _axes(name: str) -> list[str]:
 
 
 def _head(groups: Sequence[str], count: int) -> bytes:
-    """First bytes of a message, up to its numbers."""
+    """Encoded message up to its numbers."""
     dimension = MultiArrayDimension(" ".join(groups), count, count)
     return serialize(Float64MultiArray(MultiArrayLayout([dimension], 0), np.zeros(count)))[: -8 * count or None]
 
@@ -158,7 +158,7 @@ class RowDecoder:
     """Decoder of the messages of one log; columns that are not known here are left out."""
 
     def __init__(self, metadata: Mapping[str, str], layout: Layout) -> None:
-        """Understand the description of the columns in a log.
+        """Parse the description of the columns in the metadata of a log.
 
         Args:
             metadata: Of the log.
@@ -175,10 +175,10 @@ class RowDecoder:
             self._groups = {group: [self._places(column) for column in columns] for group, columns in described}
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
             fault = str(error) if isinstance(error, _ShapeError) else "a JSON object with groups of columns is expected"
-            raise ValueError(f"{COLUMNS} are not understood: {fault}") from error
+            raise ValueError(f"{COLUMNS} are unreadable: {fault}") from error
 
     def _places(self, column: Mapping[str, Any]) -> IntArray:
-        """Places of the numbers of a column in a frame; -1 for those of an unknown one."""
+        """Indices of a column's numbers in the row of a frame; -1 for those of an unknown column."""
         name, shape = str(column["name"]), tuple(column["shape"])
         if name not in self._shapes:
             return np.broadcast_to(np.intp(-1), _limited(math.prod(map(int, shape))))
@@ -187,7 +187,7 @@ class RowDecoder:
         return self._shapes[name].ravel()
 
     def decode(self, data: bytes) -> Row:
-        """Decode a message.
+        """Decode a message `columns` into the numbers of its frame.
 
         Raises:
             ValueError, KeyError, struct.error: It is none, or not of the columns that the log describes.
@@ -228,7 +228,7 @@ class RowDecoder:
 
 
 class _Parts(NamedTuple):
-    """Parts of a message with some groups."""
+    """Arrangement of the numbers in messages with the same groups of columns."""
 
     head: bytes  # up to its numbers
     size: int  # of its numbers
@@ -238,11 +238,11 @@ class _Parts(NamedTuple):
 
 
 class _ShapeError(ValueError):
-    """Column of another shape than is expected."""
+    """Column of an unexpected shape in a log."""
 
 
 def _limited(count: int) -> int:
-    """Count of numbers, within the limit of a message."""
+    """Check a count of numbers against the limit of a message; returns the count."""
     if not 0 <= count <= MOST:
         raise _ShapeError(f"{count} numbers; allowed: {MOST} at most")
     return count

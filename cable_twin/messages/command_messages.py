@@ -67,8 +67,8 @@ def _parts(message: Any) -> tuple[str, list[str], str]:
     kind = message.name[0].partition("/")[0] if message.name else ""
     parts = [name.split("/", 2 if kind in KINDS and KINDS[kind].field else 1) for name in message.name]
     if kind not in KINDS or any(part[0] != kind or len(part) != (3 if KINDS[kind].field else 2) for part in parts):
-        msg = f"applied command '{printable(', '.join(message.name))}'; KIND/NAME/SOURCE with one of {', '.join(KINDS)}"
-        raise ValueError(msg)
+        allowed = f"KIND/NAME/SOURCE with a KIND of {', '.join(KINDS)}"
+        raise ValueError(f"applied command '{printable(', '.join(message.name))}'; allowed: {allowed}")
     return kind, [part[1] for part in parts if len(part) > 2], parts[0][-1]
 
 
@@ -187,7 +187,7 @@ def _check_once(what: str, names: Sequence[str]) -> None:
 def _commanded(
     names: Sequence[str], fields: Mapping[str, Collection[float]]
 ) -> tuple[Sequence[str], Mapping[str, Collection[float]]]:
-    """Names with a number in some field, and the fields with any; all names where none has, or lengths disagree."""
+    """Names of a JointState with a number other than NaN, and the fields with any such number."""
     given = {field: list(map(float, numbers)) for field, numbers in fields.items() if len(numbers)}
     if not names or any(len(numbers) != len(names) for numbers in given.values()):
         return names, fields

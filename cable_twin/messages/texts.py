@@ -113,7 +113,7 @@ class DerailmentWatch:
         self._told: list[tuple[str, float]] = []
 
     def due(self, snapshot: Snapshot, *, everything: bool = False) -> tuple[str, ...]:
-        """Topic `derailments` after a change of the derailed towers, or where any are for a new file; else empty."""
+        """Topics due: `derailments` after a change, and at the start of a file with any derailed tower; else none."""
         found = [(one.tower, one.time) for one in snapshot.derailments]
         if found == self._told and not (everything and found):
             return ()

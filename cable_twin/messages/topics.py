@@ -1,4 +1,4 @@
-"""Table of the topics of the twin: names, types, QoS and rate groups; and names that a run calls otherwise.
+"""Table of the topics of the twin: names, types, QoS and rate groups; and remapped names of topics and frames.
 
 Carriages, which have names of their own, have topics of their own; carriers, many of one kind, come in columns, so
 that the number of topics does not grow with them. A few carriers may be asked for by name.

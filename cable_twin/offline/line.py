@@ -51,7 +51,7 @@ examples:
 
 @dataclass(slots=True)
 class Line:
-    """Static line calculation, with a row for each place.
+    """Static line calculation, with a row for each place of the vehicle.
 
     Attributes:
         scenario: scenario of the line.

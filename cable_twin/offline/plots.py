@@ -230,7 +230,7 @@ def _reach(values: np.ndarray, word: str) -> float:
 
 
 def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float, ...]]:
-    """Colour and dashes of a line of a run, by their numbers."""
+    """Colour and dash pattern of a plotted line, by number of its run and number in the run."""
     if runs > 2:  # a colour a run
         few = runs <= len(COLORS)
         color: Any = COLORS[run] if few else plt.get_cmap("viridis")(run / (runs - 1))

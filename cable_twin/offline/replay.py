@@ -114,12 +114,12 @@ class Comparison:
 
 
 def _counted(counts: Counter[Any]) -> str:
-    """Text of words with their counts."""
+    """Words with their counts as text, such as "3 wind, 1 reset"."""
     return ", ".join(f"{count} {word}" for word, count in counts.items()) or "none"
 
 
 class Joint(Enum):
-    """Kinds of transition of a replay to the next file."""
+    """Ways in which a replay goes from one file of a log to the next."""
 
     GOES_ON = auto()
     FROM_ITS_STATE = auto()
@@ -135,7 +135,7 @@ def join(
     *,
     exactly: bool,
 ) -> Joint:
-    """Go from one file of a log to the next, by comparing or taking over the attached state.
+    """Go on from one file of a log to the next: compare its attached state with the present one, or take it over.
 
     A state that is damaged is said; where it is needed, the file is left out.
 
@@ -355,7 +355,7 @@ def parser() -> OneLineParser:
 
 
 def _tolerance(text: str) -> float:
-    """Number of an option, zero or more."""
+    """Parse a number, zero or more, from an option."""
     try:
         value = float(text)
     except ValueError:

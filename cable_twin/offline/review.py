@@ -82,7 +82,7 @@ def parser() -> OneLineParser:
     result.add_argument(
         "--repair",
         action="store_true",
-        help="copy what can be read of a damaged or unfinished bag to BAG_repaired, and do nothing else",
+        help="copy the readable part of a damaged or unfinished bag to BAG_repaired, and do nothing else",
     )
     return result
 

@@ -264,7 +264,7 @@ def check_place(place: Place, scenario: Scenario) -> None:
         return
     if place.name not in scenario.vehicles:
         known = ", ".join([*scenario.drives, *scenario.vehicles]) or "none in this scenario"
-        raise CommandError(f"at '{place.name}'; known: {known}")
+        raise CommandError(f"at '{place.name}', which is no vehicle or drive; known: {known}")
     if not 0.0 <= place.position <= length:
         raise CommandError(f"at {place.position:g} m of '{place.name}'; allowed: 0 to {length:g} m, on the cable")
 

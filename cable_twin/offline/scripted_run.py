@@ -207,7 +207,7 @@ class PlaceWatch:
 
 
 def _half(simulation: Simulation) -> float:
-    """Half the rope length (m); a larger jump of a place means the change to the other strand."""
+    """Half the rope length (m): a vehicle whose place jumps by more has changed to the other strand."""
     return 0.5 * simulation.scenario.cable.unstrained_length
 
 

@@ -249,7 +249,7 @@ def rates_of(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, 
 
 
 def _limit(text: str) -> float:
-    """Number from an option; its range depends on other options."""
+    """Parse a number from an option whose range depends on other options."""
     try:
         return float(text)
     except ValueError:

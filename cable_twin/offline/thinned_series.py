@@ -68,7 +68,7 @@ class Series:
         self._filled += 1
 
     def _halve(self) -> None:
-        """Merge each two intervals."""
+        """Merge neighbouring intervals in pairs, which halves their number."""
         half = POINTS // 2
         self._times[:half] = self._times[::2]
         self._low[:half] = np.fmin(self._low[::2], self._low[1::2])
@@ -210,7 +210,7 @@ def compare(first: Frames, *others: Frames) -> list[Comparison]:
 
 
 def _noting(frames: Frames, names: set[str]) -> Frames:
-    """Pass frames on and collect the names of all signals, as a log may hold some at a few frames only."""
+    """Pass on frames and collect the names of their signals, as a log may hold some signals at a few frames only."""
     for frame in frames:
         names.update(frame[1])
         yield frame

@@ -211,7 +211,8 @@ class LogFile:
                     for channel, stamp_ns, data in chunk_messages(piece.data, names):
                         if not self._may_follow(stamp_ns, last):
                             self._lose(
-                                f"the stamp {stamp_ns} ns in it is none of this run; what follows is left out", last
+                                f"its stamp of {stamp_ns} ns does not belong to this run; later data is left out",
+                                last,
                             )
                             return
                         if whole and lost_from is not None and stamp_ns > lost_from:
@@ -335,7 +336,7 @@ def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
     except (ValueError, RecursionError):
         remapped = None
     if not isinstance(remapped, dict) or not all(isinstance(name, str) for name in remapped.values()):
-        raise LogError(f"{file}: remapped is {_shown(metadata['remapped'])}, names of topics by others are expected")
+        raise LogError(f"{file}: remapped is {_shown(metadata['remapped'])}; allowed: full topic names by topic")
 
 
 def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
@@ -364,7 +365,7 @@ def _shown(given: str) -> str:
 
 def _open(file: Path) -> IO[bytes]:
     if file.exists() and not file.is_file():  # one that never ends, or never begins
-        raise LogError(f"{file}: no regular file")
+        raise LogError(f"{file}: not a regular file")
     try:
         return file.open("rb")
     except OSError as error:

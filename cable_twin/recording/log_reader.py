@@ -77,7 +77,7 @@ class Log:
         try:
             applied = applied_command_from_message(data, self.epoch_ns)
             if abs(applied.time - when) > STAMPS_APART:
-                raise ValueError(f"its content is of {applied.time:.6f} s")
+                raise ValueError(f"it took effect at {applied.time:.6f} s")
         except UNREADABLE as error:
             raise LogError(f"{self.path}: command at {when:.6f} s is unreadable: {one_line(error)}") from error
         return applied
@@ -130,7 +130,7 @@ class Log:
             before += file.size
 
     def row_decoder(self, layout: Layout) -> RowDecoder:
-        """Decoder of the columns of frames in a layout; raises LogError where the log has other ones."""
+        """Decoder of the columns of frames in a layout; raises LogError where the log has other columns."""
         try:
             return RowDecoder(self.metadata, layout)
         except ValueError as error:
@@ -160,7 +160,7 @@ def read_log(path: Path | str) -> Log:
     faults: list[LogError] = []
     for before, file in zip([None, *found], found, strict=False):
         if before is not None and file_number(file) > file_number(before) + 1:
-            lost.append(f"nothing between {before.name} and {file.name}")
+            lost.append(f"files are missing between {before.name} and {file.name}")
         try:
             opened = open_file(file)
         except LogError as error:
@@ -168,7 +168,7 @@ def read_log(path: Path | str) -> Log:
             lost.append(str(error).removeprefix(f"{file.parent}/"))
             continue
         if files and opened.epoch_ns != files[0].epoch_ns:
-            raise LogError(f"{file}: of another run than {files[0].path.name} beside it")
+            raise LogError(f"{file}: belongs to another run than {files[0].path.name} beside it")
         files.append(opened)
     for opened in files:
         try:

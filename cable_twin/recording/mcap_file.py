@@ -56,12 +56,12 @@ class _Writer(Writer):
 
     @property
     def schemas(self) -> Collection[Schema]:
-        """All that are registered."""
+        """All registered schemas."""
         return self._Writer__schemas.values()  # type: ignore[attr-defined, no-any-return]
 
     @property
     def channels(self) -> Collection[Channel]:
-        """All that are registered."""
+        """All registered channels."""
         return self._Writer__channels.values()  # type: ignore[attr-defined, no-any-return]
 
 
@@ -192,7 +192,7 @@ class McapFile:
             os.fdatasync(self._stream.fileno())
             self.size = self._readable_size = self._stream.tell()
             if self.is_gone:
-                raise GoneError(f"{self.path.parent} is gone, and what was in it")
+                raise GoneError(f"{self.path.parent} is gone with all files in it")
         except OSError:
             self.abandon()
             raise
@@ -209,7 +209,7 @@ class McapFile:
             return
         if self.is_gone:
             self.abandon()
-            raise GoneError(f"{self.path.parent} is gone, and what was in it")
+            raise GoneError(f"{self.path.parent} is gone with all files in it")
         try:
             self._writer.flush()
             self._readable_size = self._stream.tell()

@@ -60,7 +60,7 @@ class View(Protocol):
 
 
 class _Beginning(NamedTuple):
-    """Start of the first or of a further file."""
+    """Queue item: start of the first or of a later file."""
 
     epoch_ns: int
     stamp_ns: int
@@ -332,7 +332,8 @@ class Recorder:
         if self.directory != before:
             since = (beginning.stamp_ns - beginning.epoch_ns) / SECOND
             self.faults.append(
-                f"recording: {before} is gone, and what was in it; goes on in {self.directory} from {since:.2f} s on"
+                f"recording: {before} is gone with all files in it; recording continues in {self.directory} "
+                f"from {since:.2f} s on"
             )
         if self._log is None or beginning.first or not any(isinstance(sink, _LogSink) for sink in self._sinks):
             return
@@ -354,7 +355,7 @@ class Recorder:
             text = " ".join(str(error).split()) or type(error).__name__
             if isinstance(error, GoneError) and isinstance(sink, _LogSink) and sink.may_move and not self._closing:
                 sink.gone = True
-                self.faults.append(f"recording: {text}; goes on in a new directory with the next frame")
+                self.faults.append(f"recording: {text}; it continues in a new directory with the next frame")
                 return
             self._sinks.remove(sink)
             if isinstance(sink, _LogSink):

@@ -53,7 +53,7 @@ def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None
         order of the log.
 
     Raises:
-        LogError: The scenario is not understood, or a message is unreadable; the line names topic and time.
+        LogError: The scenario or a message is unreadable; the line names topic and time.
     """
     try:
         layout = Layout.of(load_scenario(log.scenario), int(log.metadata["sample_count"]))

@@ -90,7 +90,7 @@ def changes_of(values: Mapping[str, Any]) -> dict[str, Any]:
         raise ParameterError(f"parameter 'set': {error}") from None
     if changes and values["snapshot"]:
         names = ", ".join(changes)
-        raise ParameterError(f"parameter 'set' changes {names}; allowed beside 'snapshot': nothing, it has its own")
+        raise ParameterError(f"parameter 'set' changes {names}; allowed beside 'snapshot': no changes")
     return changes
 
 

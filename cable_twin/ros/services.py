@@ -28,7 +28,7 @@ EMERGENCY_STOP = "emergency_stop"  # a service with a participant of its own, se
 TURN = 0.005  # s for which a waiting callback delays the others
 SERVICE_TIMEOUT = 5.0  # s that a request waits for a frame boundary
 WRITING_TIMEOUT = 2.0  # s that an answer waits for the disk
-NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; it is done at the next one"
+NO_ANSWER = f"no frame boundary within {SERVICE_TIMEOUT:g} s; the request is carried out at the next one"
 
 
 async def done(future: Future[Any], *, turn: float = TURN, within: float = math.inf) -> None:

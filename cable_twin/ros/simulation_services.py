@@ -77,7 +77,7 @@ ABOUT = (
 
 
 def answered(response: Any, result: int = OK, message: str = "") -> Any:
-    """Fill the result of a response; returns the response."""
+    """Response of a service with result code and message filled in."""
     response.result.result, response.result.error_message = result, message
     return response
 

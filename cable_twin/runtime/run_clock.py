@@ -19,7 +19,7 @@ SHORT = 0.05  # s before a deadline in which a wait is no longer interrupted
 
 
 class SteadyClock:
-    """Monotonic clock that nobody sets, and waits for deadlines on it."""
+    """Monotonic clock, unaffected by settings of the time of day, with waits for deadlines."""
 
     def now(self) -> float:
         """Time (s) on the clock."""
@@ -66,7 +66,7 @@ class RunClock:
         return (self._time_of_day() - self.stamp_ns(simulated_time)) / SECOND
 
     def take_setting(self) -> float | None:
-        """Step (s) of the time of day since the last call, forward positive; None without a step."""
+        """Jump (s) of the time of day since the last call, such as a setting of the clock; None without a jump."""
         apart = self._time_of_day() - self._steady()
         moved = (apart - self._apart) / SECOND
         if self.epoch_ns is None or abs(moved) < SET:

@@ -122,7 +122,7 @@ class ScenarioReader:
         places = ", ".join(map(str, dict.fromkeys([*self._quoted, *self._unquoted])))
         raise NoScenarioError(
             f"{printable(source, 400)}: not a scenario; allowed: the name of one, or a .yaml file below {places} "
-            "or what the parameter scenario_directories says"
+            "or the directories in the parameter scenario_directories"
         )
 
 

@@ -33,7 +33,7 @@ class SeparateProcessError(RuntimeError):
 
 
 def ask_process(module: str, request: Any, seconds: float) -> Any:
-    """Have a module of this package process a request by `answer`; request and answer are JSON values.
+    """Send a request to a module's function `answer` in the separate process; request and answer are JSON values.
 
     Args:
         module: name within the package, such as "runtime.scenario_reading".

@@ -153,8 +153,8 @@ class RecordingWatch:
         if not self._behind and waiting > BEHIND:
             self._behind = True
             self._logger.warning(
-                f"recording: the disk does not keep up: {waiting:.1f} s wait in memory, where there is room for "
-                f"{CAPACITY * self._frame_time:.0f} s; the twin goes on"
+                f"recording: the disk does not keep up: {waiting:.1f} s of frames wait in memory, which has room for "
+                f"{CAPACITY * self._frame_time:.0f} s; the twin runs on"
             )
         elif self._behind and waiting < BEHIND / 2:
             self._behind = False

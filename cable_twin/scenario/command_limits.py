@@ -65,7 +65,7 @@ def command_fault(scenario: Scenario, kind: str, unit: str, name: str, value: fl
 
 
 def _not_commanded(scenario: Scenario, name: str) -> str:
-    """Reason why something takes no commands of speed and force."""
+    """Reason why a named object takes no commands of speed and force."""
     if name not in scenario.vehicles:
         return unknown_name(scenario, name)
     carriage, drives = scenario.vehicles[name], ", ".join(scenario.drives) or "none in this scenario"
@@ -133,7 +133,7 @@ def travel_between_stops(scenario: Scenario, name: str) -> TravelRange:
 
 
 def sense_of(scenario: Scenario, name: str) -> float:
-    """Sense of the track rope of a carriage relative to its haul rope: 1 for equal directions, else -1."""
+    """Sense of a carriage's track rope relative to its haul rope: 1 where both run in one direction, else -1."""
     carriage = scenario.carriages[name]
     haul = scenario.ropes[next(iter(carriage.clamped_to))]
     track = scenario.ropes[scenario.rope_of(carriage)]

@@ -117,7 +117,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
 
 @contextmanager
 def _kept(faults: list[Fault]) -> Iterator[None]:
-    """Add the fault of an unknown key raised in this block to `faults`."""
+    """Context that adds the fault of an unknown key raised within it to `faults`."""
     try:
         yield
     except UnknownKeyError as error:

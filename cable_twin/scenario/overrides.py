@@ -45,7 +45,7 @@ def assignment(text: str) -> tuple[str, Any]:
 
 
 def full_key(key: str) -> str:
-    """Full key of a short or another one: `wind.y` is `air.wind.y`, `bullwheels` and below are `sheaves`."""
+    """Full key of an abbreviated or alternative one: `wind.y` is `air.wind.y`, `bullwheels` and below are `sheaves`."""
     first, dot, rest = key.partition(".")
     if first != OF_AIR:
         return f"{ALIASES.get(first, first)}{dot}{rest}"
@@ -177,7 +177,7 @@ OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, the key that exists
 
 
 class _Place(NamedTuple):
-    """Key path in the file of a drive, or of a tower of one rope."""
+    """Key path in the scenario file of a drive, or of a tower with one rope."""
 
     own: KeyPath
     keys: frozenset[str]  # that are there
@@ -249,7 +249,7 @@ class Written:
         self._given.add(".".join(map(str, path)))
 
     def depth(self, key: str) -> int:
-        """Depth in the file of a key of the scenario."""
+        """Number of parts that a scenario key has in the file."""
         return len(self.path(tuple(key.split("."))))
 
     def expanded(self, key: str) -> list[str]:

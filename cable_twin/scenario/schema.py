@@ -63,7 +63,7 @@ class Sensor(Section):
     delay: float = quantity(
         "s", "time from the measurement, which is the time stamp, to its publication", 0.0, ge=0, le=60
     )
-    seed: int = quantity("-", "seed of its noise", 0, ge=0, le=2**63 - 1)
+    seed: int = quantity("-", "seed of the noise", 0, ge=0, le=2**63 - 1)
 
 
 class Solver(Section):
@@ -87,7 +87,7 @@ class Solver(Section):
 
 
 class Whole(NamedTuple):
-    """Relations of a rope to other ropes of its scenario, kept in the scenario of the rope alone."""
+    """Relations of a rope to the other ropes of a scenario, kept in the scenario of that rope alone."""
 
     strand: Strand | None = None
     riding: Riding | None = None
@@ -209,7 +209,7 @@ class Scenario(Section):
         return alone
 
     def _riding(self, rope: str) -> Riding | None:
-        """Strand and loop of the carriers on a track rope; None for other ropes."""
+        """Hauling strand and its loop for the carriers on a track rope; None for other ropes."""
         for strand, track in (self.carriers.tracks if self.carriers else {}).items():
             if track == rope and strand in self.strands:
                 place = self.strands[strand]

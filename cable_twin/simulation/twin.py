@@ -301,14 +301,14 @@ class Simulation(Queries):
             raise
         self._show(report_of(outcome))
         if pressed := penetration(self._parts, self._contacts):
-            raise SolverError(f"{pressed}; the state is that at {self.time:g} s")
+            raise SolverError(f"{pressed}; the simulation keeps its state at {self.time:g} s")
         if not outcome.converged:
             raise SolverError(
                 f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
                 f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
                 f"{with_unit(outcome.increment, 'm', 3)}, largest on element {outcome.element}, "
                 f"an error of {self.system.solver.tolerance:g} m may be left; {undamped(self.system.solver)}"
-                f"the state is that at {self.time:g} s"
+                f"the simulation keeps its state at {self.time:g} s"
             )
         return self.snapshot
 

@@ -48,7 +48,7 @@ def planar(vector: FloatArray) -> FloatArray:
 
 
 def plane(points: FloatArray) -> FloatArray:
-    """Convert (…, 2) x and z into rerun's plane, or back."""
+    """Convert points (…, 2), x and z upwards, into rerun's plane with the second axis downwards, or back."""
     return points * DOWNWARDS
 
 

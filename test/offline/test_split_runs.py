@@ -275,7 +275,7 @@ def test_directory_with_a_file_of_another_run_is_refused(copy, unsplit):
     other = bags(copy)[-1]
     content = other.read_bytes()
     other.write_bytes(content.replace(str(EPOCH).encode(), str(EPOCH + 1).encode()))
-    with pytest.raises(LogError, match=f"{other.name}: of another run than {copy.name}_0.mcap beside it"):
+    with pytest.raises(LogError, match=f"{other.name}: belongs to another run than {copy.name}_0.mcap beside it"):
         read_log(copy)
 
 

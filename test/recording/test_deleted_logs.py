@@ -70,13 +70,13 @@ def test_a_run_goes_on_in_a_new_directory(tmp_path, capsys, how):
     since = time.monotonic()
     wait_until(go_on)
     assert time.monotonic() - since < SAID
-    assert run.recorder.faults[0].startswith(f"recording: {first} is gone, and what was in it")
+    assert run.recorder.faults[0].startswith(f"recording: {first} is gone with all files in it")
     wait_until(lambda: go_on() and run.directory != first)
     end = frame * 0.02 + 0.3
     wait_until(lambda: go_on() and frame * 0.02 > end)
     run.close()
     assert run.recorder.faults[1].startswith(
-        f"recording: {first} is gone, and what was in it; goes on in {run.directory} "
+        f"recording: {first} is gone with all files in it; recording continues in {run.directory} "
     )
     assert len(run.recorder.faults) == 2
     log = read_log(run.directory)

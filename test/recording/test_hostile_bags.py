@@ -181,7 +181,7 @@ def test_stamps_that_jump_by_years_end_what_is_read(sound, tmp_path, capsys):
         writer.finish()
     log = read_log(jumped)
     assert list(log.messages()) == list(read_log(short).messages())
-    assert "none of this run" in log.damage[0]
+    assert "does not belong to this run" in log.damage[0]
     assert log.end == read_log(short).end < 0.2
     assert review([str(jumped), "--repair"]) == 0
-    assert "none of this run" in capsys.readouterr().out
+    assert "does not belong to this run" in capsys.readouterr().out

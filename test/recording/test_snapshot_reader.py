@@ -170,7 +170,7 @@ def test_columns_of_another_version_are_left_out_and_nonsense_is_named(recorded,
     text = text.replace(old, new)
     other = read_log(alter(bag(recorded[0]), tmp_path / "other.mcap", unchanged, metadata={"columns": text}))
     if expected:
-        with pytest.raises(LogError, match=f"other.mcap: columns are not understood: .*{re.escape(expected)}"):
+        with pytest.raises(LogError, match=f"other.mcap: columns are unreadable: .*{re.escape(expected)}"):
             next(read_snapshots(other))
         return
     first = next(read_snapshots(other))

@@ -53,7 +53,7 @@ def rope_damping(system, carriage, length):
 
 @kernel
 def rope_force(system, state, carriage):
-    """Force T (N) of the haul rope on w, towards larger w, without inertia.
+    """Force T (N) of the haul rope on the carriage along the track, towards larger arc length, without inertia.
 
     Returns:
         T; its derivatives by w, by w_dot and by u (N/m, N s/m); zero but T where the rope is slack. That by u_dot is
@@ -76,7 +76,7 @@ def rope_force(system, state, carriage):
 
 @kernel
 def drum_force(system, state, carriage):
-    """Force (N) of the drive on its drum, towards larger u: rope force and inertia."""
+    """Force (N) of the drive on its drum, towards larger drum travel: rope force and inertia."""
     ropes = system.haul_ropes
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.drums.position[carriage])
@@ -87,7 +87,7 @@ def drum_force(system, state, carriage):
 
 @kernel
 def pull_on_carriage(system, state, carriage):
-    """Force (N) of the haul rope on w, less the inertia of the rope."""
+    """Force (N) of the haul rope on the carriage along the track, less the inertia of the rope."""
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.drums.position[carriage])
     mass = system.haul_ropes.mass_per_length[carriage] * length / 6.0
@@ -96,7 +96,7 @@ def pull_on_carriage(system, state, carriage):
 
 @kernel
 def haul_direction(system, state, carriage):
-    """Haul direction d (dim,): derivative of w by the position of the carriage."""
+    """Haul direction d (dim,): derivative of the carriage's travel along the track by its position."""
     r_x = joint_tangent(system.cable, state, carriage)
     return scale(1.0 / dot(r_x, r_x), r_x)
 
@@ -116,7 +116,7 @@ def leave_place(system, state, work):
 
 @kernel
 def direct_haul(system, state, work):
-    """Set direction and origin of w of each haul rope for a step, from the predicted configuration."""
+    """Set direction and origin of the travel of each haul rope for a step, from the predicted configuration."""
     for carriage in range(state.axis.size):
         if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             d = haul_direction(system, state, carriage)
@@ -126,7 +126,7 @@ def direct_haul(system, state, work):
 
 @kernel
 def take_up(system, state):
-    """Reset w of each haul rope to the arc length of its carriage, and shift drum and reference alike."""
+    """Reset the travel of each haul rope to the arc length of its carriage, and shift drum and reference alike."""
     for carriage in range(state.axis.size):
         if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             slid = state.hauled.position[carriage] - state.joints.position[carriage]
@@ -137,7 +137,7 @@ def take_up(system, state):
 
 @kernel
 def condense_drum(system, state, carriage, mass_factor, rate_factor, work):
-    """Eliminate the drum; leaves the force on w, its derivative, its change at a fixed carriage, and the gap.
+    """Eliminate the drum; leaves force, its derivative and its change at a fixed carriage, and the drum's gap.
 
     A drum that follows its reference is there already; the row of any other is
     (drive inertia + l ρ / 3) u_ddot + l ρ / 6 w_ddot + T = drive force.
@@ -171,7 +171,7 @@ def condense_drum(system, state, carriage, mass_factor, rate_factor, work):
 
 @kernel
 def recover_drum(carriage, moved, work):
-    """Increments of w and u, from the displacement (dim,) of the joint."""
+    """Increments of carriage travel and drum travel, from the displacement (dim,) of the joint."""
     row = work.drum_row[carriage]
     way = work.haul_gap[carriage] + dot(load(work.haul_direction[carriage], moved), moved)
     work.haul_increment[carriage] = way
@@ -180,7 +180,7 @@ def recover_drum(carriage, moved, work):
 
 @kernel
 def hang_in_rope(system, state, carriage, force):
-    """Place the drum for a static `force` (N) of the haul rope on w; returns whether the rope can carry the force."""
+    """Place the drum for a static `force` (N) of the haul rope; returns whether the rope can carry the force."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
     s = state.joints.position[carriage]

@@ -93,14 +93,14 @@ def approach_target(limits, drives, axis, course, ahead, behind, duration):
 
 @kernel
 def follow(course, number, position, velocity, acceleration):
-    """Set one entry of a reference motion: m, m/s, m/s²."""
+    """Set one component of a reference motion: position, speed and acceleration."""
     course.position[number], course.velocity[number] = position, velocity
     course.acceleration[number] = acceleration
 
 
 @kernel
 def ramp(course, number, target, limit, jerk, duration):
-    """Advance one entry of a reference motion by `duration` (s) towards the speed `target` (m/s).
+    """Advance one component of a reference motion by `duration` (s) towards the speed `target` (m/s).
 
     The speed changes as fast as the acceleration `limit` (m/s²) allows, within the limit of the jerk (m/s³) where that
     is not inf; without one the position is the exact integral of the trapezoid.

@@ -24,14 +24,14 @@ def dot(a: Vec, b: Vec) -> Any:
 
 @formula
 def store(a: Vec | Mat, row: Any) -> None:
-    """Write the entries of a vector, or of a matrix row by row, into the array `row`."""
+    """Write the entries of a vector, or of a matrix row by row, into an array."""
     for i, entry in enumerate(a.entries):
         row[i] = entry
 
 
 @formula
 def accumulate(a: Vec | Mat, row: Any) -> None:
-    """Add the entries of a vector, or of a matrix row by row, to the array `row`."""
+    """Add the entries of a vector, or of a matrix row by row, to an array."""
     for i, entry in enumerate(a.entries):
         row[i] += entry
 
@@ -47,7 +47,7 @@ def load(row: Any, like: Vec | Mat) -> Vec | Mat:
 
 @formula
 def scale(c: float, a: Vec | Mat) -> Vec | Mat:
-    """Product c a."""
+    """Product c a of a number and a vector."""
     return c * a
 
 
@@ -71,7 +71,7 @@ def product(a: Vec | Mat, b: Vec | Mat) -> Vec | Mat:
 
 @formula
 def linear(a: Mat, x: Vec, b: Mat, y: Vec, c: Vec) -> Vec:
-    """Vector c + a x + b y."""
+    """Linear combination c + a x + b y of vectors."""
     return c + (a @ x + b @ y)
 
 

@@ -86,7 +86,7 @@ def update_wind(system, state, h):
 
 @kernel
 def write_wind_at(wind, state, body, even):
-    """Write the wind at a body, from the `even` one (3,) in m/s."""
+    """Write the wind at a body, from the mean wind `even` (3,) in m/s."""
     field, bodies, dim = state.wind_field, state.bodies.position, state.wind.size
     place = bodies[body, 0], bodies[body, 1] if dim == 3 else 0.0, bodies[body, dim - 1]
     here = wind_at(wind, field, place, even)
@@ -109,7 +109,7 @@ def share_of_gust(gust, time):
 
 @kernel
 def wind_at(wind, field, place, even):
-    """Wind x, y, z in m/s at a position (3,) in m: `even` (3,) scaled to its height, plus turbulence."""
+    """Wind x, y, z in m/s at a position (3,) in m: mean wind `even` (3,) scaled to the height, plus turbulence."""
     factor = 1.0
     if wind.exponent > 0.0:
         height = place[2] - ground_at(wind, place[0])

@@ -234,7 +234,7 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
 
 
 def _number(text: str) -> float:
-    """Finite number."""
+    """Parse a finite number from an option."""
     try:
         value = float(text)
     except ValueError:
@@ -245,7 +245,7 @@ def _number(text: str) -> float:
 
 
 def _not_negative(text: str) -> float:
-    """Finite number of seconds, zero or more."""
+    """Parse a finite duration in s, zero or more, from an option."""
     value = _number(text)
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"{text} s given, zero or more is needed")
@@ -253,7 +253,7 @@ def _not_negative(text: str) -> float:
 
 
 def _node(text: str) -> str:
-    """Full name of a node."""
+    """Parse the full name of a node from an option."""
     name = f"/{text.strip('/')}"
     if not re.fullmatch(r"(/[A-Za-z_]\w*)+", name, re.ASCII):
         raise argparse.ArgumentTypeError(f"{text!r} given, the full name of a node is needed, such as /b/cable_twin")
@@ -261,7 +261,7 @@ def _node(text: str) -> str:
 
 
 def _count(text: str) -> int:
-    """Positive integer."""
+    """Parse a positive integer from an option."""
     if not text.isdecimal() or not int(text):
         raise argparse.ArgumentTypeError(f"{text!r} given, a whole number of frames above zero is needed")
     return int(text)

@@ -1,4 +1,4 @@
-"""Constants of the mechanics, built from a scenario; numbers of one name in a section and in a record are copied."""
+"""Constants of the mechanics, built from a scenario; a number is copied to the field with the name of its key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.mechanics.parameters import FloatArray
 
 
 def floats(values: list, columns: int = 0) -> FloatArray:
-    """Floats of shape (n,), or (n, columns) even where n is 0."""
+    """Array of floats, shape (n,), or (n, columns) even for n = 0."""
     return np.array(values, dtype=np.float64).reshape((-1, columns) if columns else -1)
 
 
@@ -43,7 +43,7 @@ def columns(
 
 @cache
 def _names(record: Any, model: type[BaseModel], pattern: str, kinds: tuple[Any, ...]) -> dict[str, str]:
-    """Names in a record, by key, of the numbers of a model whose fields in the record are of some kinds."""
+    """Field name of a record of constants by key of a scenario section, for numbers that both have."""
     found, known = {}, get_type_hints(record)
     for key, field in model.model_fields.items():
         name = key if key in known else pattern.format(key)

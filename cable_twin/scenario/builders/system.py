@@ -49,7 +49,7 @@ def build_system(scenario: Scenario, marks: FloatArray | None = None) -> paramet
 
 
 def _build_cable(scenario: Scenario) -> parameters.Cable:
-    """Build the rope by itself, with one element."""
+    """Build the constants of the bare rope, with a single element."""
     cable, dim = scenario.cable, scenario.dim
     ends = list(cable.ends.values())
     own = {
@@ -103,7 +103,7 @@ def _direction(scenario: Scenario, end: EndSupport | None) -> FloatArray:
 
 
 def _end_moments(cable: Cable) -> FloatArray:
-    """Moments (2,) in N m on start and end."""
+    """External moments (2,) in N m on start and end of the cable."""
     moments = np.zeros(2)
     for load in cable.loads:
         moments[0 if load.arc_length < 0.5 * cable.unstrained_length else 1] += load.moment
@@ -111,7 +111,7 @@ def _end_moments(cable: Cable) -> FloatArray:
 
 
 def _build_towers(scenario: Scenario) -> parameters.Towers:
-    """Build the towers with their contacts; scenario numbers except `OF_TOWERS` repeat for each contact."""
+    """Build the towers with their contacts with the rope; a number of a tower is repeated for each contact."""
     record, towers = parameters.Towers, list(scenario.towers.values())
     of_contacts = [tower for tower in towers for _ in range(tower.contacts)]
     shapes = [
@@ -258,7 +258,7 @@ def even_nodes(length: float, elements: int) -> FloatArray:
 
 
 def nodes_of(scenario: Scenario, system: System) -> FloatArray:
-    """Arc lengths (nodes,) in m of the mesh of a scenario.
+    """Arc lengths (nodes,) in m of the mesh nodes of a scenario's cable.
 
     Args:
         scenario: whose `cable.elements` counts.

@@ -164,7 +164,7 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
     for name, sheave in scenario.sheaves.items():
         for end, rope in zip(sheave.joins, sheave.ropes, strict=True):
             if rope not in strands:
-                allowed = "sheaves that join strand to strand until the first one comes again"
+                allowed = "sheaves that join all strands to a closed loop"
                 yield refuse(("sheaves", name, "joins"), end, allowed, f"{rope!r} is not on a closed loop")
                 return
     used = {rope for rod in scenario.connectors.values() for rope, _ in rod.ends}
@@ -316,7 +316,9 @@ def _pantographs(scenario: Scenario) -> Iterator[Fault]:
             yield refuse((*path, "position"), pantograph.position, allowed)
         if len({len(one.stages) for one in scenario.pantographs.values()}) > 1:
             given = Phrase(f"{len(pantograph.stages)} stages")
-            yield refuse((*path, "stages"), given, "equal numbers", "another pantograph has another number")
+            yield refuse(
+                (*path, "stages"), given, "as many stages for each pantograph", "other pantographs have more or fewer"
+            )
 
 
 def _travel(scenario: Scenario) -> Iterator[Fault]:

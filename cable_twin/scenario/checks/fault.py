@@ -95,7 +95,7 @@ def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
 
 
 def unit_of(path: KeyPath) -> str:
-    """Unit of the value at a key path; empty for a plain number, and for a key that does not exist."""
+    """Unit of the value at a key path; empty for a dimensionless number, and for a key that does not exist."""
     try:
         field, _, _ = locate(path)
     except KeyError:
@@ -120,7 +120,7 @@ def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
 
 
 def alternative(annotation: Any) -> type[BaseModel] | None:
-    """Model allowed in place of a number; None without one."""
+    """Section model that a key accepts in place of a number; None without one."""
     if get_origin(annotation) not in (Union, UnionType):
         return None
     members = [get_args(member)[0] if get_origin(member) is Annotated else member for member in get_args(annotation)]

@@ -59,7 +59,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
 
 
 def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
-    """Faults of numbers too large or too small for their squares and products."""
+    """Faults of numbers whose squares or products would overflow or vanish in floating point."""
     if isinstance(data, dict | list):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             yield from _beyond_reason(value, (*path, key))

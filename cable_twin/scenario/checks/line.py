@@ -126,7 +126,7 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _where(end: EndSupport) -> str:
-    """Reason of a fault of a key that another support has."""
+    """Reason in words for refusing a key: another kind of end support."""
     return f"where support is {end.support}"
 
 
@@ -211,7 +211,7 @@ def _towers(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _contacts(path: KeyPath, tower: Tower) -> Iterator[Fault]:
-    """Faults of the length of a tower beside its contacts and its radius."""
+    """Faults of a tower's length: too short for its number of contacts, or too long for its radius."""
     if tower.contacts > 1 and tower.length == 0.0:
         yield refuse(path, tower.length, "a number above 0, in m", f"for {tower.contacts} contacts")
     if tower.contacts == 1 and tower.length > 0.0:

@@ -41,7 +41,7 @@ def name_conflicts(scenario: Scenario) -> Iterator[Fault]:
     for name, carriage in scenario.carriages.items():
         if name in ("start", "end", *scenario.towers):
             path: KeyPath = ("carriages", name)
-            yield refuse(path, Phrase(f"the name {name!r}"), "another name", "that of a support of the cable")
+            yield refuse(path, Phrase(f"the name {name!r}"), "another name", "a support of the cable has this name")
         for body in carriage.bodies:
             if (joint := f"{name}_{body}") in taken:
                 path = ("carriages", name, "bodies", body)
@@ -50,8 +50,8 @@ def name_conflicts(scenario: Scenario) -> Iterator[Fault]:
             taken.add(joint)
     for name in scenario.drives:
         if name in scenario.carriages:
-            allowed = "another one, as commands address both by name"
-            yield refuse(("drives", name), Phrase(f"the name {name!r}"), allowed, "that of a carriage")
+            allowed = "another name, as commands address both by name"
+            yield refuse(("drives", name), Phrase(f"the name {name!r}"), allowed, "a carriage has this name")
     carriers = scenario.carriers
     if carriers is not None and carriers.name is not None:
         path = ("carriers", "name")

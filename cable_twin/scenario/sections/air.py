@@ -25,7 +25,7 @@ class Profile(Section):
 class Gust(Section):
     """Gust of a standard, uniform over the line and added to the mean wind."""
 
-    time: float = quantity("s", "start of the gust, from the start or the last reset on", ge=0)
+    time: float = quantity("s", "time of the gust after the start or the last reset", ge=0)
     amplitude: Place = quantity("m/s", "amplitude as x, z, in space x, y, z")
     duration: float = quantity("s", "duration; 10.5 in IEC 61400-1", 10.5, gt=0)
     shape: GustShape = Field(
@@ -48,7 +48,7 @@ class Turbulence(Section):
         "-", "decay of the coherence with the distance across the wind; 12 in IEC 61400-1", 12.0, ge=0
     )
     points: int = quantity("-", "number of points along the line with turbulence of their own", 32, ge=1, le=200)
-    seed: int = quantity("-", "seed of its phases", 0, ge=0, le=2**63 - 1)
+    seed: int = quantity("-", "seed of the random phases", 0, ge=0, le=2**63 - 1)
 
 
 class Air(Section):

@@ -24,7 +24,10 @@ class SheaveCounterweight(Section):
     carriage_mass: float = quantity("kg", "mass of the bullwheel and its carriage", 0.0, ge=0)
     travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
     buffer_damping: float = quantity(
-        "s/m", "damping of the buffers at both limits: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
+        "s/m",
+        "damping of the buffers at both limits: force = stiffness d (1 + damping d_dot), d compression",
+        1.0,
+        ge=0,
     )
 
 
@@ -95,7 +98,7 @@ class Strand(NamedTuple):
 
 
 class Riding(NamedTuple):
-    """Track rope of carriers: strand of the carriers' clamps, and position of the strand on its loop."""
+    """Track rope of carriers: the strand that they are clamped to, and position of the strand on its loop."""
 
     strand: str  # of their clamps
     length: float  # m, of the strand, unstrained

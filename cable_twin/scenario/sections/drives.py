@@ -40,8 +40,8 @@ class HaulRope(Section):
 class Brake(Section):
     """Brake: holds up to its force and slips beyond."""
 
-    force: float = quantity("N", "force along the rope, fully applied", gt=0)
-    rise_time: float = quantity("s", "time from release to full force", 0.0, ge=0)
+    force: float = quantity("N", "highest force along the rope", gt=0)
+    rise_time: float = quantity("s", "time from the stop command to the highest force", 0.0, ge=0)
 
 
 StopMeans = Literal["drive", "service_brake", "emergency_brake", "track_rope_brake"]

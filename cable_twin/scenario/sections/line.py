@@ -35,7 +35,7 @@ class EndSupport(Section):
         gt=0,
     )
     buffer_damping: float = quantity(
-        "s/m", "damping of the buffers: force = stiffness d (1 + damping d_dot)", 1.0, ge=0
+        "s/m", "damping of the buffers: force = stiffness d (1 + damping d_dot), d compression", 1.0, ge=0
     )
 
 
@@ -104,7 +104,7 @@ class Cable(Section):
         default="equilibrium", description="initial shape: static equilibrium, or unstrained from start towards end"
     )
     start: EndSupport = Field(description="support at arc length 0")
-    end: EndSupport = Field(description="support at the other end")
+    end: EndSupport = Field(description="support at the end of the cable, its whole length from the start")
     loads: Annotated[tuple[Load, ...], FromList] = Field(default=(), description="constant loads on the cable")
     lateral: float = quantity(
         "m",
@@ -139,7 +139,9 @@ class Tower(Section):
     radius: float | None = quantity("m", "radius of the circle of the contacts; null: a straight line", None, gt=0)
     hold_down: bool = Field(default=False, description="true: it holds the rope down from above")
     stiffness: float = quantity("N/m", "stiffness of each contact, normal to the rope", 2e6, gt=0)
-    damping: float = quantity("s/m", "damping of each contact: force = stiffness d (1 + damping d_dot)", 2.0, ge=0)
+    damping: float = quantity(
+        "s/m", "damping of each contact: force = stiffness d (1 + damping d_dot), d compression", 2.0, ge=0
+    )
     groove: float = quantity(
         "1/m",
         "in space, lateral force over normal force, per offset of the rope from the middle of its groove",

@@ -43,7 +43,10 @@ class EndStop(Section):
         gt=0,
     )
     damping: float | None = quantity(
-        "s/m", "damping: force = stiffness d (1 + damping d_dot); null: 0.5 over the speed limit", None, ge=0
+        "s/m",
+        "damping: force = stiffness d (1 + damping d_dot), d compression; null: 0.5 over the speed limit",
+        None,
+        ge=0,
     )
 
 
@@ -58,7 +61,10 @@ class VehicleBuffer(Section):
         gt=0,
     )
     damping: float | None = quantity(
-        "s/m", "damping: force = stiffness d (1 + damping d_dot); null: 0.5 over the speed limit", None, ge=0
+        "s/m",
+        "damping: force = stiffness d (1 + damping d_dot), d compression; null: 0.5 over the speed limit",
+        None,
+        ge=0,
     )
 
 
@@ -194,7 +200,7 @@ class CarrierKind(Section):
 class Carriers(Section):
     """Carriages of one kind or a few, clamped to a moving cable at equal distances round its loop: NAME_1, NAME_2."""
 
-    name: str = Field(default="carrier", description="name of each, before its number")
+    name: str = Field(default="carrier", description="name of the carriers, followed by a number for each")
     count: int = quantity("-", "number of carriers on the loop", ge=1, le=10_000)
     spacing: float | None = quantity(
         "m",
@@ -203,20 +209,21 @@ class Carriers(Section):
         None,
         gt=0,
     )
-    first: float | None = quantity("m", "position of the first one on the loop; null: half the spacing", None, ge=0)
+    first: float | None = quantity("m", "position of the first carrier on the loop; null: half the spacing", None, ge=0)
     tracks: dict[str, str] = Field(
         default_factory=dict,
         description="track rope on which carriers slide, by the name of the strand to which they are clamped",
         json_schema_extra={"allowed": "a mapping of names of strands to names of ropes"},
     )
-    friction: Friction = Field(default_factory=Friction, description="friction of each on its track")
+    friction: Friction = Field(default_factory=Friction, description="friction of each carrier on its track rope")
     clamp_offset: Place = quantity(
         "m", "vector from the joint on a track to the clamp as x, z, in space x, y, z", (0.0, 0.0)
     )
     bodies: dict[str, Body] = Field(
-        default_factory=dict, description="bodies of each by name, from the cable downwards, if all are of one kind"
+        default_factory=dict,
+        description="bodies of each carrier by name, from the cable downwards, if all are of one kind",
     )
-    payload: CarrierPayload | None = Field(default=None, description="payload of each, if all are of one kind")
+    payload: CarrierPayload | None = Field(default=None, description="payload of each carrier, if all are of one kind")
     kinds: dict[str, CarrierKind] = Field(
         default_factory=dict, description="several kinds by name, instead of bodies and payload"
     )
