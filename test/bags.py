@@ -1,4 +1,4 @@
-"""Bags for tests: changed ones, and what is none."""
+"""Bags for tests: altered, damaged and cut copies of recorded runs."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mcap.writer import Writer
 
 
 def bag(run: Path) -> Path:
-    """The file of a run."""
+    """Path of the MCAP file of a run."""
     (file,) = run.glob("*.mcap")
     return file
 
 
 def alter(source: Path, target: Path, change, *, metadata=None, chunk_size=1 << 20) -> Path:
-    """Copy a bag by mcap's own writer.
+    """Rewrite a bag by mcap's own writer, with messages altered or left out.
 
     `change` gives what stands for topic, stamp and data, None for nothing; `metadata` replaces values of the run's,
     `chunk_size` is in bytes.
@@ -41,7 +41,7 @@ def alter(source: Path, target: Path, change, *, metadata=None, chunk_size=1 << 
 
 
 def cut_short(source: Path, target: Path, part: float) -> Path:
-    """A part of a bag, as a kill leaves it, in chunks as small as those of a run that is not faster than real time."""
+    """First part of a bag, as left by a kill, in chunks as small as those of a run in real time."""
     content = alter(source, target, unchanged, chunk_size=20_000).read_bytes()
     target.write_bytes(content[: round(part * len(content))])
     return target
@@ -57,13 +57,13 @@ def damage_middle(file: Path) -> None:
 
 
 def chunks_of(file: Path) -> list[ChunkIndex]:
-    """What the index of a finished bag says of its chunks, in their order."""
+    """Chunk entries in the index of a finished bag, in their order."""
     with file.open("rb") as stream:
         return sorted(make_reader(stream).get_summary().chunk_indexes, key=lambda index: index.chunk_start_offset)
 
 
 def chunk_with(file: Path, topic: str) -> ChunkIndex:
-    """The first chunk that holds a topic of the usual name."""
+    """First chunk with messages of a topic, by the usual name of the topic."""
     with file.open("rb") as stream:
         channels = make_reader(stream).get_summary().channels
     named = {number for number, channel in channels.items() if channel.topic == f"/cable_twin/{topic}"}
@@ -71,14 +71,14 @@ def chunk_with(file: Path, topic: str) -> ChunkIndex:
 
 
 def flip_bit(file: Path, place: int) -> None:
-    """Change one bit of the byte at a place."""
+    """Invert one bit of the byte at an offset."""
     content = bytearray(file.read_bytes())
     content[place] ^= 0x10
     file.write_bytes(content)
 
 
 def flip_chunk(file: Path, chunk: ChunkIndex) -> None:
-    """Change one bit in the middle of what a chunk holds."""
+    """Invert one bit in the middle of the data of a chunk."""
     flip_bit(file, chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size // 2)
 
 

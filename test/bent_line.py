@@ -1,4 +1,4 @@
-"""Lines in space over one tower, one that bends in plan and one that does not, small enough for tests."""
+"""Small scenarios in space with one tower, one line bent in plan and one straight."""
 
 BENT = {
     "name": "bent",

@@ -20,7 +20,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under `nohup` all commands that 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """With `-n`: the tests of a file share twins and runs, so one process has all of them; in the order given."""
+    """Keep the tests of a file in one process under `-n`, in the given order, as they share twins and runs."""
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - only there with `-n`
 
     config.option.loadscopereorder = False
@@ -29,7 +29,7 @@ def pytest_xdist_make_scheduler(config, log):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """With `-n`: files that wait for twins stand among those that compute, so that no core is idle."""
+    """Alternate files that wait for twins with files that compute under `-n`, so that no core is idle."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
     files = list(dict.fromkeys(item.path for item in items))
@@ -41,7 +41,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_finish():
-    """The tests themselves stay: no need to look for garbage among them each time a compiler has made a few objects."""
+    """Exempt the collected tests from garbage collection, which compilation triggers often."""
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     if isinstance(relax, Kernel) and relax._from_python.signatures:
@@ -55,7 +55,7 @@ def _ros_log_directory(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def _kernels(tmp_path_factory):
-    """With `-n`: what all need is compiled by one process a group, on one core, and found by the others."""
+    """Kernels needed by all tests, compiled once under `-n` by one process a group on one core."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
     cores, groups = os.sched_getaffinity(0), [*enumerate(SHARED)]
@@ -77,7 +77,7 @@ def _kernels(tmp_path_factory):
 
 @pytest.fixture
 def processes(tmp_path):
-    """Start commands of the package that are gone after the test, however it ends."""
+    """Start commands of the package that are ended after the test in every case."""
     started = []
 
     def start(*arguments, **options):
@@ -91,7 +91,7 @@ def processes(tmp_path):
 
 @pytest.fixture
 def domain():
-    """A ROS domain for this test alone."""
+    """ROS domain reserved for one test."""
     taken = allocate_domain()
     yield taken
     release_domain(taken)
@@ -99,7 +99,7 @@ def domain():
 
 @pytest.fixture
 def participants():
-    """Make nodes in the domains of twins."""
+    """Make nodes in the ROS domains of twins."""
     from ros_participant import Participant  # noqa: PLC0415 - not where rclpy is missing
 
     made = []
@@ -115,7 +115,7 @@ def participants():
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
-    """One twin without logs for a whole module, and a participant."""
+    """Running twin without logs for a whole module, with a participant that talks to it."""
     from ros_participant import Participant  # noqa: PLC0415 - not where rclpy is missing
 
     directory = tmp_path_factory.mktemp("running")

@@ -1,4 +1,4 @@
-"""A fuzzer as those of `fuzzing/`, of a program that fails in every way, as its case says."""
+"""Fuzzer of a program that fails in every way, as ordered by each case."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Commands of the package in processes forked from one that has imported it, and loaded the kernels of a plane.
+"""Commands of the package in processes forked from one with everything imported and planar kernels loaded.
 
 That takes a second or two of most starts.
 
@@ -29,7 +29,7 @@ LATER = "cable_twin.ros.node", "cable_twin.view.rerun_view", "scipy.optimize"  #
 
 
 class ForkedProcess:
-    """A command, or a script by its path, as `subprocess.Popen` would start it, its output and errors in files."""
+    """Command, or script by its path, with the interface of `subprocess.Popen` and its output in files."""
 
     def __init__(
         self,
@@ -52,14 +52,14 @@ class ForkedProcess:
         self.pid = int(line)
 
     def poll(self) -> int | None:
-        """Exit code, or None while it runs."""
+        """Exit code; None while the process runs."""
         if self.returncode is None and self._exit.exists():
             self.returncode = int(self._exit.read_text())
             shutil.rmtree(self._exit.parent)
         return self.returncode
 
     def wait(self, timeout: float = float("inf")) -> int:
-        """Exit code, once it has ended."""
+        """Wait for the end of the process; returns its exit code."""
         deadline = time.monotonic() + timeout
         while (code := self.poll()) is None:
             if time.monotonic() > deadline:
@@ -68,19 +68,19 @@ class ForkedProcess:
         return code
 
     def send_signal(self, number: int) -> None:
-        """Send a signal to it, if it still runs."""
+        """Send a signal to the process, if running."""
         if self.poll() is None:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it at once."""
+        """Kill the process."""
         self.send_signal(signal.SIGKILL)
 
 
 @cache
 def _server() -> subprocess.Popen[str]:
-    """The process that has imported all, one for this one."""
+    """Fork server of this test process, with everything imported."""
     root = Path(__file__).resolve().parents[1]
     paths = [str(root), *filter(None, [os.environ.get("PYTHONPATH")])]
     server = subprocess.Popen(
@@ -95,7 +95,7 @@ def _server() -> subprocess.Popen[str]:
 
 
 def serve() -> None:
-    """Fork a command for each line of the input; its parent waits for it, and leaves its exit code in a file."""
+    """Fork a command for each line of the input and write its exit code to a file after its end."""
     for module in (*(f"cable_twin.{command}" for command in COMMANDS), *LATER):
         import_module(module)
     _load_kernels()
@@ -132,7 +132,7 @@ def serve() -> None:
 
 
 def _load_kernels() -> None:
-    """As a twin in a plane does at its start."""
+    """Load the kernels that a planar twin needs at its start."""
     from cable_twin.key_figures import KeyFigures  # noqa: PLC0415 - not where processes are only asked for
     from cable_twin.scenario import load_scenario  # noqa: PLC0415
     from cable_twin.simulation import Simulation  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""Frame loops of small simulations, and a steady clock that a test moves."""
+"""Frame loops of small simulations, and a steady clock moved by the test."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cable_twin.simulation import Simulation
 
 
 class SteppedClock(SteadyClock):
-    """Stands still but where it is waited for, and where a test moves it: a loop on it runs as fast as it computes."""
+    """Clock that advances only by waits and by the test, so that a loop on it runs as fast as it computes."""
 
     def __init__(self) -> None:
         self.time = 1000.0  # s
@@ -24,7 +24,7 @@ class SteppedClock(SteadyClock):
 
 
 def frame_loop(scenario="aerial_tramway", *, overrides=None, **options):
-    """A loop of a small simulation whose callbacks do nothing where they are not given."""
+    """Frame loop of a small simulation; callbacks that are not given do nothing."""
     if isinstance(scenario, str):
         scenario = load_scenario(scenario, {"cable.elements": 10, **(overrides or {})})
     defaults = {

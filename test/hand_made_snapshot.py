@@ -1,4 +1,4 @@
-"""Snapshots that no simulation made, out of records."""
+"""Snapshots made from records, without a simulation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def snapshot_of(
     solver: SolverReport = REPORT,
     carriers: int = 0,
 ) -> Snapshot:
-    """A snapshot that shows these records.
+    """Snapshot with the numbers of given records.
 
     Args:
         time: s.
@@ -88,7 +88,7 @@ def snapshot_of(
 def body_in_plane(
     x: float, z: float, pitch: float, speed_x: float = 0.0, speed_z: float = 0.0, spin: float = 0.0
 ) -> BodyState:
-    """A body of a planar system: place (m), pitch (rad), and their rates."""
+    """State of a body in a planar system: place (m), pitch (rad), and their rates."""
     return BodyState(
         position=np.array([x, 0.0, z]),
         orientation=np.array([0.0, np.sin(0.5 * pitch), 0.0, np.cos(0.5 * pitch)]),

@@ -1,4 +1,4 @@
-"""Key figures made by hand, whose identity is their name."""
+"""Hand-made key figures identified by their names."""
 
 from __future__ import annotations
 

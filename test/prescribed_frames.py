@@ -1,4 +1,4 @@
-"""Frames with motion and tension that are prescribed, for key figures that are known."""
+"""Frames with prescribed motion and tension, so that their key figures are known."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def layout(vehicles, towers, drives) -> Layout:
 
 
 def frame(moment: float, vehicles=("cabin",), towers=(), drives=(), *, tension=1e6) -> Snapshot:
-    """The rope and nothing else: what is not filled in is NaN, which is no value."""
+    """Frame of a rope alone; numbers that are not filled in are NaN, no value."""
     shape = layout(vehicles, towers, drives)
     one = Snapshot(shape, np.full(shape.size, math.nan), SolverReport(1, 1, 0, 0.0))
     columns, x = writable(one), shape.arc_lengths
@@ -66,7 +66,7 @@ def frame(moment: float, vehicles=("cabin",), towers=(), drives=(), *, tension=1
 
 
 def writable(one: Snapshot):
-    """Columns of the array that it shows, which is its maker's."""
+    """Writable columns of a snapshot's array."""
     return one.layout.columns(one.numbers.base)
 
 
@@ -77,7 +77,7 @@ def height(x):
 def put(
     one: Snapshot, row=0, *, place=500.0, speed=0.0, drive_force=0.0, pitch=0.0, body=None, weight=1e5, attached=1.0
 ) -> None:
-    """Hang a vehicle into a frame."""
+    """Fill in the numbers of a vehicle in a frame."""
     c = writable(one)
     c.arc_length[row], c.speed[row], c.drive_force[row] = place, speed, drive_force
     c.contact_force[row] = 0.0, 0.0, weight
@@ -106,7 +106,7 @@ def supported(moment: float, *, loads=(2e5, 2e5), lowest=(2e5, 2e5), travel=math
 
 
 def chairs(moment: float, *, speed: float, force: float, swings: tuple[float, ...], gone=None) -> Snapshot:
-    """Chairs at 100, 300 and, off the cable, at its end."""
+    """Frame of three chairs: at 100 m, at 300 m, and off the cable at its end."""
     one = frame(moment, ("chair_1", "chair_2", "chair_3"), drives=("haul_rope",))
     for row, place, swing in zip(range(3), (100.0, 300.0, 1003.0), swings, strict=True):
         put(one, row, place=place, speed=speed, pitch=swing, attached=float(row < 2))

@@ -1,4 +1,4 @@
-"""A node of the test's own process that talks to a twin in another one."""
+"""Node in the process of a test that talks to a twin in another process."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cable_twin.ros.startup import remove_unfinished_ports
 
 
 class Participant:
-    """A node of the test's own process in the domain of a twin."""
+    """Node in the process of a test, in the ROS domain of a twin."""
 
     def __init__(self, domain: int, node: str = "/cable_twin") -> None:
         self.twin, self.domain = node, domain
@@ -42,7 +42,7 @@ class Participant:
         self.context.try_shutdown()
 
     def subscribe(self, topic: str, kind: type, qos: Any = 100) -> None:
-        """Collect a topic of the twin; raw, as decoding by rosbags costs a test less than rclpy's."""
+        """Collect a topic of the twin; raw, as rosbags decodes faster than rclpy."""
         name = topic if topic.startswith("/") else f"{self.twin}/{topic}"
         type_name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
         self.node.create_subscription(
@@ -50,7 +50,7 @@ class Participant:
         )
 
     def subscribe_standard(self, *, paused: bool = False) -> None:
-        """Collect what most tests look at, and wait for the first frame where time runs."""
+        """Collect the topics that most tests need, and wait for the first frame where time runs."""
         self.subscribe("joint_states", JointState)
         self.subscribe("applied_commands", JointState)
         self.subscribe("/diagnostics", DiagnosticArray)
@@ -60,7 +60,7 @@ class Participant:
             self.until(lambda: self.received["joint_states"], COMPILING, "joint_states")
 
     def spin(self, seconds: float) -> None:
-        """Take messages for a while."""
+        """Take messages for a time (s)."""
         deadline = time.monotonic() + seconds
         while (remaining := deadline - time.monotonic()) > 0.0:
             self.executor.spin_once(timeout_sec=min(remaining, 0.05))
@@ -101,7 +101,7 @@ class Participant:
 
     @contextmanager
     def stream(self, **fields: Any) -> Iterator[None]:
-        """Repeat a command at 20 Hz while messages are taken."""
+        """Repeat a command at 20 Hz while taking messages."""
         self.publish(**fields)
         timer = self.node.create_timer(0.05, lambda: self.publish(**fields))
         try:
@@ -131,7 +131,7 @@ class Participant:
 
     @property
     def applied(self) -> list[AppliedCommand]:
-        """Commands as they took effect; their times count from 1970."""
+        """Applied commands; their times are those since 1970."""
         return [applied_command_from_message(serialize(message)) for message in self.received["applied_commands"]]
 
     def task(self, name: str) -> tuple[int, str]:
@@ -141,14 +141,14 @@ class Participant:
 
     @property
     def diagnostics(self) -> tuple[int, str, dict[str, str]]:
-        """Level and message of the worst task in the newest diagnostics, limits left out, and the values of all."""
+        """Level and message of the worst task in the newest diagnostics except limits, and the values of all tasks."""
         tasks = [status for status in self.received["/diagnostics"][-1].status if not status.name.endswith("limits")]
         worst = max(tasks, key=lambda status: int(status.level))  # the first of them: pace
         values = {pair.key: pair.value for status in tasks for pair in status.values}
         return int(worst.level), worst.message, values
 
     def next_diagnostics(self) -> tuple[int, str, dict[str, str]]:
-        """Wait for the second report from now on: the first one may be of before."""
+        """Wait for the second report from now on, as the first may describe an earlier time."""
         count = len(self.received["/diagnostics"])
         self.until(lambda: len(self.received["/diagnostics"]) >= count + 2, what="/diagnostics")
         return self.diagnostics

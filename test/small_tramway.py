@@ -1,4 +1,4 @@
-"""A tramway that tests can afford: 120 m over one tower, with counterweight, haul rope, brakes, payload and terrain."""
+"""Tramway of 120 m for tests: one tower, counterweight, haul rope, brakes, payload and terrain."""
 
 from __future__ import annotations
 

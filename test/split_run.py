@@ -1,4 +1,4 @@
-"""Runs of a small tramway whose logs are split, with commands of all kinds, one of them where a file begins."""
+"""Runs of a small tramway with split logs and commands of all kinds, one at the start of a file."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def record_split(
     rerun: str = "none",
     rates: Mapping[str, float] = LOGGED,
 ) -> Path:
-    """Simulate and record; returns the directory of the run."""
+    """Simulate and record a run; returns its directory."""
     simulation = Simulation(load_scenario(TRAMWAY))
     run = start_run(
         simulation,
@@ -59,5 +59,5 @@ def record_split(
 
 
 def bags(run: Path) -> list[Path]:
-    """The files of a run in the order of their numbers."""
+    """Files of a run in the order of their numbers."""
     return sorted(run.glob("*.mcap"), key=lambda file: int(file.stem.rpartition("_")[2]))

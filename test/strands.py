@@ -1,4 +1,4 @@
-"""The shipped ropeways as they were with one strand of a rope that is driven by itself, and comes back unseen."""
+"""Shipped ropeways reduced to one strand of a rope driven by itself, without the returning strand."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from pathlib import Path
 
 
 def one_strand(name: str) -> Path:
-    """File of the chairlift or the gondola with its uphill strand alone."""
+    """Path of the chairlift or the gondola with its uphill strand alone."""
     return Path(__file__).resolve().parent / "one_strand" / f"{name}.yaml"

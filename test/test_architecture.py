@@ -1,4 +1,4 @@
-"""The house of docs/development.md: rooms above each other, few ways between them, files and functions of a size."""
+"""House of docs/development.md: layers of folders, allowed imports between them, sizes of files and functions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_LINES = {"file": 600, "function": 100}  # what a reader keeps in mind at on
 
 @cache
 def modules() -> dict[str, Path]:
-    """All modules by name within the package."""
+    """All modules of the package by name."""
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         parts = path.relative_to(PACKAGE).with_suffix("").parts
@@ -38,13 +38,13 @@ def modules() -> dict[str, Path]:
 
 @cache
 def tree(path: Path) -> ast.Module:
-    """A file, parsed."""
+    """Syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
 @cache
 def imports(name: str, at_once: bool = False) -> set[str]:
-    """Modules of the package that a module imports: anywhere, or `at_once`, by its own lines."""
+    """Imported modules of the package: all, or only those `at_once` on import."""
     known, found = modules(), set()
     for node in tree(known[name]).body if at_once else ast.walk(tree(known[name])):
         if isinstance(node, ast.Import):
@@ -63,7 +63,7 @@ def is_within(module: str, part: str) -> bool:
 
 
 def arrows(within: str = "") -> set[tuple[str, str]]:
-    """Imports between the rooms of the package, or between those of a part of it."""
+    """Imports between the folders of the package, or between those of a part of it."""
 
     def room(module: str) -> str:
         return module.removeprefix(within).split(".")[0]
@@ -106,7 +106,7 @@ def test_mechanics_and_the_loop_of_a_running_twin_know_nothing_of_what_is_outsid
 
 
 def test_kernels_call_what_their_cache_knows():
-    """A kernel is compiled anew when a source of the mechanics or of its own folder has changed, and not otherwise."""
+    """Sources that invalidate cached kernels: the mechanics and the kernel's own folder."""
     kernels = {"kernel", "brief_kernel", "inlined_kernel"}
     for name, path in modules().items():
         functions = [node for node in ast.walk(tree(path)) if isinstance(node, ast.FunctionDef)]
@@ -134,7 +134,7 @@ def test_files_and_functions_are_short():
 
 @pytest.mark.parametrize("package", ["scenario"])
 def test_parts_of_a_package_do_not_lean_on_its_front(package):
-    """What `__init__` gathers stands below it."""
+    """Modules re-exported by an `__init__` do not import it."""
     for name in modules():
         if name.startswith(f"{package}."):
             assert package not in imports(name), name

@@ -1,4 +1,4 @@
-"""The benchmark command measures for real, says what it measured, and compares equal motions only."""
+"""Benchmark command: real measurements of equal motions, with notes on their conditions."""
 
 import json
 import re
@@ -25,7 +25,7 @@ def run(*arguments):
 
 
 def numbers(rows, key):
-    """Values of one column; all of them are finite and above zero."""
+    """Values of one column, checked to be finite and positive."""
     values = [row[key] for row in rows]
     assert all(isinstance(value, (int, float)) and isfinite(value) and value > 0.0 for value in values)
     return values
@@ -67,7 +67,7 @@ def test_moves_as_exudyn_does(tmp_path):
 
 
 def test_moves_as_exudyn_does_in_space(tmp_path):
-    """A rope of a kilometre, pushed sideways: bare to a hundredth of a millimetre, far below 1 mm per metre of span."""
+    """Rope of 1 km pushed sideways: bare to 0.01 mm, far below 1 mm per metre of span."""
     pytest.importorskip("exudyn")
     result = run("exudyn_space", "--quick", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
@@ -84,7 +84,7 @@ def test_moves_as_exudyn_does_in_space(tmp_path):
 
 @pytest.mark.parametrize("name", ["exudyn_comparison", "exudyn_space"])
 def test_another_motion_is_a_fault(name, monkeypatch):
-    """What the comparison refuses: a tenth less gravity in Exudyn, in space half a metre in the second of a run."""
+    """Refused comparisons: a tenth less gravity in Exudyn, and in space a rope half a metre off."""
     pytest.importorskip("exudyn")
     from rich.progress import Progress  # noqa: PLC0415
 
@@ -206,7 +206,7 @@ def test_refuses_results_that_are_not_its_own_before_it_measures(tmp_path, monke
 
 
 def test_steps_for_learning(tmp_path, monkeypatch, capsys):
-    """The environment is no slower than the same trip by commands and snapshots."""
+    """Environment not slower than the same trip by commands and snapshots."""
     monkeypatch.setattr(sys, "argv", ["benchmarks", "learning", "--quick", "--output", str(tmp_path)])
     assert main() == 0
     (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["learning"]["tables"]
@@ -217,7 +217,7 @@ def test_steps_for_learning(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.long
 def test_lockstep(tmp_path, monkeypatch, domain):
-    """A twin that is stepped by one call does not wait for its clock, of 100 frames a second."""
+    """Twin stepped by one call, without waiting for its clock of 100 frames a second."""
     pytest.importorskip("rclpy")
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     result = run("lockstep", "--quick", "--output", tmp_path)
@@ -229,7 +229,7 @@ def test_lockstep(tmp_path, monkeypatch, domain):
 
 @pytest.mark.parametrize("width", [80, 200])
 def test_tables_have_every_number_on_a_narrow_terminal(width):
-    """Of the widest part, and as many columns of text."""
+    """Widest part of the results, with as many columns of text."""
     columns = range(14)
     rows = [{"process": f"twin {row}", **{f"{key} ms": 1000 * row + key for key in columns}} for row in range(9)]
     console = Console(width=width, file=StringIO())
@@ -241,12 +241,12 @@ def test_tables_have_every_number_on_a_narrow_terminal(width):
 
 
 def live(*arguments, directory):
-    """The part live, in a domain that nobody uses."""
+    """Module of the live benchmark, in a ROS domain of its own."""
     return run_python("-m", "benchmarks", "live", *arguments, directory=directory, variables=environment(directory))
 
 
 def seconds(*rows):
-    """Seconds from (missed, bare timer in ms, watchers in ms)."""
+    """Reports of seconds from (missed, bare timer in ms, watchers in ms)."""
     return [Second(float(index), missed, 0.0, bare, stall) for index, (missed, bare, stall) in enumerate(rows)]
 
 

@@ -1,4 +1,4 @@
-"""Carriers that ride a loop clamped to its strands and slide on track ropes: stations, loads, files, faults."""
+"""Bicable lifts, whose carriers slide on track ropes, clamped to a loop: stations, loads, files, faults."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def running(speed=SPEED, **changes):
 @pytest.mark.long
 @pytest.mark.parametrize("speed", [SPEED, -SPEED])
 def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
-    """A lap in either direction: no step is halved, nothing jerks, and loads change in the stations alone."""
+    """Lap in either direction without halved steps or jerks; loads change in stations only."""
     simulation = running(speed)
     scenario, came, left, highest = simulation.scenario, set(), set(), 0.0
     places, before = [], simulation.snapshot.columns
@@ -58,7 +58,7 @@ def test_riders_come_on_and_off_at_both_ends_smoothly(speed):
 
 
 def test_rails_carry_what_comes_on():
-    """The clamp of what is put on pulls with nothing at first, and all of m g sin once it is off the rails."""
+    """Pull of the clamp of an entering carrier: from zero to m g sin off the station rails."""
     simulation = running()
     before = simulation.snapshot.columns.attached
     for frame in range(1, 2000):
@@ -181,7 +181,7 @@ def test_what_only_a_track_needs_is_a_fault_without_one():
 
 
 def test_riders_are_read_from_a_log_on_the_track_on_which_they_are(tmp_path, capsys):
-    """Whichever ropes come first in the file; and the view of it is written to the end."""
+    """Any order of the ropes in the file, and a complete view of the log."""
     data = lift(count=5)
     data["ropes"] = dict(reversed(data["ropes"].items()))
     path = tmp_path / "lift.yaml"

@@ -1,4 +1,4 @@
-"""Carriers that are full up and empty down, and of several kinds."""
+"""Carriers full up and empty down, and of several kinds."""
 
 import numpy as np
 import pytest
@@ -23,20 +23,20 @@ MIXED = {
 
 
 def lift_of(carriers):
-    """A quick chairlift whose carriers are as given, as data and changes."""
+    """Data of a small chairlift with given carriers, with changes."""
     data = load_scenario(one_strand("chairlift")).resolved()
     data["carriers"] = {"name": "chair", "count": 28, "spacing": 60.0, **carriers}
     return data, {"drives.haul_rope.speed": 2.5}
 
 
 def lift(carriers):
-    """The same, as a scenario."""
+    """Scenario of a small chairlift with given carriers, with changes."""
     return load_scenario(*lift_of(carriers))
 
 
 @pytest.mark.long
 def test_carriers_are_loaded_in_one_station_and_unloaded_in_the_other():
-    """The masses take part in the motion, whatever the frames are."""
+    """Payloads in the motion, independent of the frame rate."""
     ends = []
     for period in (1.0, 0.37):
         simulation = Simulation(lift(LOADED), samples=10)
@@ -64,7 +64,7 @@ def test_carriers_are_loaded_in_one_station_and_unloaded_in_the_other():
 
 
 def test_chairs_of_a_whole_lift_are_unloaded_at_one_bullwheel_and_loaded_at_the_other():
-    """Each changes what it carries where it goes round, whichever way the rope goes."""
+    """Payload changed at each bullwheel, in either running direction."""
     coarse = {"ropes.up.elements": 150, "ropes.down.elements": 150, "drives.haul_rope.speed": 2.5}
     simulation = Simulation(load_scenario("chairlift", coarse), samples=10)
     for speed, end in ((2.5, 40.0), (-2.5, 110.0)):

@@ -1,4 +1,4 @@
-"""Carriages that slide on one rope and are clamped to another: forces, faults, files, and what lets go."""
+"""Carriages sliding on one rope and clamped to another: forces, faults, files, and opening clamps."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from verification.ropes import MASS, clamp_place, clamped, slope_of
 
 
 def pulled(speed=4.0, **changes):
-    """A carriage clamped to a haul rope that moves along itself, up to `speed` (m/s)."""
+    """Carriage clamped to a moving haul rope, accelerated to `speed` (m/s)."""
     simulation = Simulation(load_scenario(clamped(places=(100.0,), elements=16, **changes)))
     let_haul(simulation, speed)
     return simulation
@@ -53,7 +53,7 @@ def test_clamp_takes_its_carriage_along_and_says_how_hard():
 
 
 def test_clamp_that_leaves_its_rope_lets_go_and_another_rope_takes_it():
-    """On the second rope its place is behind the start until as much of that has gone by."""
+    """Place on the second rope beyond its start until enough rope has passed."""
     data = clamped(places=(100.0,), elements=16)
     lengths = {name: rope["unstrained_length"] for name, rope in data["ropes"].items()}
     data["ropes"]["second"] = data["ropes"]["haul"]
@@ -78,7 +78,7 @@ def test_clamp_that_leaves_its_rope_lets_go_and_another_rope_takes_it():
 
 
 def test_supports_of_both_ropes_hold_all_weight_wherever_the_clamp_is():
-    """Also on the end element of the haul rope, where a part of its pull goes to the support."""
+    """Also on the end element of the haul rope, with a part of the pull on its support."""
     for place in (8.0, 100.0):
         simulation = Simulation(load_scenario(clamped(places=(place,), elements=16)))
         weight = MASS + sum(
@@ -89,7 +89,7 @@ def test_supports_of_both_ropes_hold_all_weight_wherever_the_clamp_is():
 
 
 def test_tangent_of_a_clamp_is_whole():
-    """What a Newton step leaves goes with the square of what it has to do: ropes, bodies, arc length and forces."""
+    """Quadratic convergence of Newton steps of ropes, bodies, arc length and forces."""
     data = clamped(places=(100.0, 200.0), elements=8)
     for carriage in data["carriages"].values():
         carriage["clamp_offset"] = [0.1, -0.4]
@@ -134,7 +134,7 @@ def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
 
 
 def changed(**changes):
-    """Two carriages, the first one with other keys."""
+    """Scenario of two carriages with changed keys of the first."""
     data = clamped(places=(100.0, 200.0))
     data["carriages"]["cabin_1"] |= changes
     return data

@@ -1,4 +1,4 @@
-"""Limits of commands: one source for refusals, the URDF, the list of twins and learning."""
+"""Limits of commands: one source for refusals, URDF, list of twins and learning environment."""
 
 from math import inf, isfinite
 from xml.etree import ElementTree
@@ -68,7 +68,7 @@ def test_the_urdf_has_the_limits_beyond_which_commands_are_refused(name, changes
 
 
 def test_numbers_of_shipped_lifts():
-    """The force is that of EN 12927's safety over Eytelwein: 0.96e6 / 4.5 (1 - exp(-0.22 π)) = 106.5 kN."""
+    """Force from EN 12927's safety factor and Eytelwein: 0.96e6 / 4.5 (1 - exp(-0.22 π)) = 106.5 kN."""
     chairlift = limits_of_joints(load_scenario("chairlift"))
     assert chairlift["haul_rope"]["effort"] == pytest.approx(106.45e3, rel=1e-4)
     assert chairlift["haul_rope"]["upper"] == UNLIMITED == -chairlift["haul_rope"]["lower"]  # rope goes by for ever

@@ -1,4 +1,4 @@
-"""What the commands of the package share."""
+"""Shared command line parts of all commands."""
 
 from __future__ import annotations
 

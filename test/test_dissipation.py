@@ -1,4 +1,4 @@
-"""What the integrator loses by itself, beside the energy that is missing in the end."""
+"""Numerical dissipation of the integrator against the missing energy of a run."""
 
 import json
 import re
@@ -22,7 +22,7 @@ ENDS = {"start": {"position": [0.0, 0.0]}, "end": {"position": [100.0, 0.0]}}
 
 
 def thrown(speed=10.0, space=2, **solver):
-    """A slack cable of 300 m between ends 100 m apart, without any damping, thrown aside at a speed (m/s)."""
+    """Slack cable of 300 m between ends 100 m apart, undamped, thrown sideways at a speed (m/s)."""
     content = {"space": space, "cable": {**ROPE, **ENDS, "elements": 60}, "solver": solver}
     simulation = Simulation(load_scenario(content))
     full = simulation.capture()
@@ -32,7 +32,7 @@ def thrown(speed=10.0, space=2, **solver):
 
 
 def whole_account(simulation, steps):
-    """What all steps have lost and moved, J: each is looked at."""
+    """Energy lost and moved (J) in all steps, without sampling."""
     account, system = np.zeros(2), simulation.system
     c = coefficients(system.solver.spectral_radius)
     for step in range(steps):
@@ -46,7 +46,7 @@ def whole_account(simulation, steps):
 
 @pytest.mark.parametrize("step", [0.005, pytest.param(0.0025, marks=pytest.mark.long)])
 def test_it_is_the_energy_that_is_missing(step):
-    """To 2 %: the whole account. That of a run, for which one step of 13 stands for all in part, to 5 %."""
+    """To 2 % over all steps; to 5 % for a run, in which one step of 13 is sampled."""
     simulation = thrown(step=step)
     start = simulation.energy().total
     lost, _ = whole_account(simulation, round(5.0 / step))
@@ -57,13 +57,13 @@ def test_it_is_the_energy_that_is_missing(step):
 
 
 def test_the_trapezoidal_rule_loses_nothing():
-    """With a spectral radius of 1 the method is that: the account is 0 to rounding of what has moved."""
+    """Spectral radius of 1, the trapezoidal rule: no loss beyond rounding."""
     lost, moved = whole_account(thrown(2.0, step=0.0025, spectral_radius=1.0), 200)
     assert abs(lost) < 1e-6 * moved
 
 
 def figures_of(simulation, duration, command=(), every=0.1):
-    """Key figures after a run, and the verdicts on the energy that a running twin gave on its way."""
+    """Key figures after a run, and energy verdicts of a running twin on the way."""
     figures, verdicts = KeyFigures(simulation.scenario), set()
     figures.update(simulation.snapshot)
     for name, speed in command:
@@ -83,7 +83,7 @@ def test_a_slack_cable_on_long_steps_is_told_with_its_cause():
 
 
 def test_the_advice_mends_it():
-    """Also where waves pass less than an element in a step: a finer mesh would lose more."""
+    """Also where waves pass less than an element in a step, so that a finer mesh would lose more."""
     worst, _ = figures_of(thrown(40.0, step=0.00125), 10.0)
     assert worst[ENERGY_LOST].verdict == "exceeded"
     assert "tension waves pass 0.79 elements in a step: lower solver.step" in worst[ENERGY_LOST].place
@@ -112,7 +112,7 @@ def test_the_shipped_scenarios_keep_their_energy(name, command):
 
 @pytest.mark.parametrize("space", [2, 3])
 def test_a_motion_that_has_just_begun_is_no_alarm(space):
-    """Of one rope: waves of the first instant lose a share that the motion after them makes small."""
+    """One rope: large relative loss in the waves of the first instant, small in the motion after them."""
     simulation = thrown(3.0, space, step=0.002)
     figures, verdicts = figures_of(simulation, 11.0, every=0.02)
     assert verdicts == {"", "kept"}
@@ -122,7 +122,7 @@ def test_a_motion_that_has_just_begun_is_no_alarm(space):
 
 @pytest.mark.parametrize("space", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_a_jerk_of_a_lift_is_no_alarm(space):
-    """Of several ropes, in frames of 0.02 s, as the key figures of a running twin are: from its start to its end."""
+    """Several ropes in frames of 0.02 s, as in a running twin, from start to end."""
     simulation = Simulation(load_scenario("chairlift", {"space": space}))
     simulation.advance_to(0.5)
     simulation.command("haul_rope", force=100e3)
@@ -135,7 +135,7 @@ def test_a_jerk_of_a_lift_is_no_alarm(space):
 
 
 def test_simulate_warns_of_it(tmp_path, capsys):
-    """A carriage that races down a slack cable."""
+    """Carriage racing down a slack cable."""
     car = {"arc_length": 20.0, "bodies": {"car": {"mass": 300.0, "inertia": 50.0, "upper_pivot": [0.0, 0.5]}}}
     path = tmp_path / "slack.yaml"
     content = {"cable": {**ROPE, **ENDS, "elements": 60}, "carriages": {"car": car}, "solver": {"step": 0.005}}

@@ -1,4 +1,4 @@
-"""The warning of a step with which a vehicle passes nodes too fast."""
+"""Warning of a step with which a vehicle crosses nodes too fast."""
 
 import warnings
 

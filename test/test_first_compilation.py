@@ -1,4 +1,4 @@
-"""A first start: what its second process compiles ahead is what is asked for, and how far it says that it is."""
+"""First start: kernels compiled ahead by the second process are those needed, and progress is right."""
 
 import inspect
 import os
@@ -103,7 +103,7 @@ ONE, SEVERAL = "solve_block_tridiagonal", "solve_bundle"  # one rope, several
 @needs_kernels
 @pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "config").glob("*.yaml")))
 def test_kernels_with_a_workspace_are_compiled_ahead(name):
-    """Their arguments go by name; one that `typical` does not know would be compiled late, and in one process alone."""
+    """Arguments by name; an unknown one of `typical` would be compiled late, in one process alone."""
     engine = Engine(load_scenario(name))
     known = engine.typical().keys()
     missing = [
@@ -120,7 +120,7 @@ def test_kernels_with_a_workspace_are_compiled_ahead(name):
     ("name", "last_of_rest"), [("seed_example", ONE), pytest.param("jig_back", SEVERAL, marks=pytest.mark.long)]
 )
 def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
-    """Each is asked for with the types that it is compiled for; a few are asked for by callers of other arguments."""
+    """Argument types of kernels compiled ahead equal those of the calls, but for a few."""
     result = run_python("-c", CODE, name)
     assert result.returncode == 0, result.stderr
     lines = [line.split() for line in result.stdout.splitlines()]
@@ -134,7 +134,7 @@ def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
 
 @pytest.mark.parametrize("name", ["seed_example", pytest.param("jig_back", marks=pytest.mark.long)])
 def test_the_second_process_ends_well(name, tmp_path):
-    """It would fail in silence, and a first start take longer. What another one has begun with is left to that."""
+    """Clean exit code, and kernels begun by the other process left to that."""
     given, board = tmp_path / "scenario.yaml", tmp_path / "board"
     given.write_text(load_scenario(name).to_yaml())
     board.mkdir()
@@ -159,7 +159,7 @@ def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_a_start_that_is_ended_leaves_nothing_behind(how, tmp_path):
-    """Neither the second process nor the files by which both share their work."""
+    """Neither the second process nor the shared files remain."""
     code = (
         "import sys; from cable_twin.offline.entry_points import simulate; sys.argv[1:] = ['single_span']; simulate()"
     )
@@ -190,7 +190,7 @@ def test_a_rope_without_rest_is_told_before_its_kernels_are_compiled(tmp_path):
 
 
 def new_kernels():
-    """A kernel that is in no cache, of another type with every call, with one that it calls."""
+    """Kernel outside every cache, with a new type at each call and a callee."""
 
     @kernel
     def doubled(x):
@@ -206,7 +206,7 @@ def new_kernels():
 @needs_kernels
 @pytest.mark.parametrize(("name", "kernels"), [("aerial_tramway", 150), ("chairlift", 240)])
 def test_all_that_a_first_start_compiles_is_counted(name, kernels):
-    """Once the scenario has started, what was ahead is done: the bar ends where the start ends."""
+    """Progress complete at the start of the scenario, as announced before."""
     scenario = load_scenario(name)
     Simulation(scenario).advance_to(0.02)
     ahead, kept = work_ahead(Engine(scenario)), kept_kernels(0.0)

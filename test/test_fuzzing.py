@@ -1,4 +1,4 @@
-"""The fuzzers, some seconds each, and that all that they are there for is found."""
+"""Fuzzers for some seconds each, and detection of every kind of failure."""
 
 import faulty_fuzzer
 import pytest

@@ -1,4 +1,4 @@
-"""Towers in space: what is refused, what their grooves bear, and a rope that comes out of them in all that shows it."""
+"""Towers in space: refused ones, lateral groove forces, and a derailment in all outputs."""
 
 import csv
 import json
@@ -75,7 +75,7 @@ def test_towers_that_the_rope_does_not_reach_in_plan_are_refused():
 
 
 def test_a_groove_that_leans_bears_what_an_upright_one_does_not():
-    """The force is along the groove where that leans as much as the force does."""
+    """Inclined groove along the direction of the force."""
     far = {"towers.tower.position": [100.0, 8.0, 2.0], "cable.unstrained_length": 200.8}
     leans = Simulation(load_scenario(BENT, far | {"towers.tower.groove_direction": [0.0, 0.8, 1.0]}))
     tower = leans.snapshot.supports["tower"]
@@ -127,7 +127,7 @@ def test_a_rope_that_the_wind_lifts_is_out():
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A run of `simulate` in which the rope comes out, and lies on its tower again after a reset."""
+    """Run of `simulate` with a derailment, and the rope back on its tower after a reset."""
     directory = tmp_path_factory.mktemp("bent")
     (directory / "bent.yaml").write_text(json.dumps(BENT), encoding="utf-8")
     (directory / "script.yaml").write_text(SCRIPT, encoding="utf-8")

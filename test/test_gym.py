@@ -1,4 +1,4 @@
-"""The environment for learning: gymnasium's own checker, names, the user's reward, processes."""
+"""Environment for learning: gymnasium's own checker, names, user rewards, processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TARGET = 160.0  # m
 
 
 def nearer(before, action, after):
-    """Reward: metres by which the cabin has come nearer, less what the speed is that was asked for."""
+    """Reward: approach of the cabin (m) less the commanded speed."""
     return abs(before["cabin/arc_length"] - TARGET) - abs(after["cabin/arc_length"] - TARGET) - 1e-3 * abs(action[0])
 
 
@@ -60,7 +60,7 @@ def test_spaces_have_names_units_and_limits(env):
 
 
 def test_a_step_is_what_the_api_does(env):
-    """The same bits, whatever is asked for beyond the limits."""
+    """Equal bits, also for actions beyond the limits."""
     observation, info = env.reset(seed=1)
     assert info["time"] == 0.0
     plain = Simulation(load_scenario("single_span"))
@@ -78,7 +78,7 @@ def test_a_step_is_what_the_api_does(env):
 
 
 def test_the_wind_of_an_episode_is_felt(env):
-    """As the example of experiments.md has it: a cabin that hangs is blown aside."""
+    """Example of experiments.md: cabin displaced by side wind."""
     blown = RopewayEnv("single_span", prepare=lambda simulation, _: simulation.wind(10.0), period=0.1)
     pitches = []
     for one in (env, blown):

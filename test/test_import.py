@@ -1,4 +1,4 @@
-"""What imports bring with them, one after the other in a fresh interpreter; and that they compile nothing."""
+"""Packages imported with each stage in a fresh interpreter, without any compilation."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ print(json.dumps([loaded, len(recorder.buffer)]))
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory):
-    """Top-level packages that are there after each stage, how much was compiled, and a cache for it alone."""
+    """Top-level packages after each import stage, number of compilations, and an own kernel cache."""
     cache = tmp_path_factory.mktemp("cache")
     result = subprocess.run(
         [sys.executable, "-c", CODE, json.dumps(STAGES)],
@@ -60,14 +60,14 @@ def imported(tmp_path_factory):
 
 
 def test_the_package_loads_nothing_heavy(imported):
-    """Next to nothing, so that a command answers before the solver is loaded."""
+    """Few modules, so that a command answers before the solver is loaded."""
     loaded = imported[0]["package"]
     assert "cable_twin" in loaded
     assert not HEAVY & loaded
 
 
 def public_names():
-    """Public names and their path, from the table of docs/scenarios.md."""
+    """Public names with their paths, from the table of docs/scenarios.md."""
     (table,) = re.findall(
         r"^\| import from \| names \|\n.*\n((?:\|.*\n)+)", (ROOT / "docs/scenarios.md").read_text(), re.M
     )
@@ -115,7 +115,7 @@ def test_recording_and_offline_import_without_ros(imported):
 
 
 def test_importing_the_simulation_compiles_nothing(imported):
-    """With a cache of its own, which stays empty: kernels are compiled when they are called, not when imported."""
+    """Empty kernel cache after the import, as kernels are compiled when called."""
     _, compiled, cache = imported
     assert compiled == 0
     assert not list(cache.rglob("*.nb*"))

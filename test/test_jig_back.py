@@ -1,4 +1,4 @@
-"""The shipped jig-back: it stops in its stations, its cabins pass each other, all that shows a run shows both ropes."""
+"""Shipped jig-back: stops in stations, passing cabins, both ropes in all outputs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def distance(centres, turns, halves) -> float:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_boxes_are_as_far_apart_as_least_squares_has_it(seed):
-    """Bars, plates and boxes; some touch, some overlap."""
+    """Bars, plates and boxes, some touching, some overlapping."""
     random = np.random.default_rng(seed)
     centres = random.normal(0.0, 2.0 if seed % 2 else 0.8, (2, 3))
     turns, halves = Rotation.random(2, random_state=seed), random.uniform(0.1, 1.5, (2, 3))
@@ -45,7 +45,7 @@ def test_boxes_are_as_far_apart_as_least_squares_has_it(seed):
 
 @pytest.mark.parametrize("roll", [0.0, 0.1, 0.3])
 def test_cabins_that_swing_across_come_as_near_as_their_corners(roll):
-    """Hung `low` m below ropes 9 m apart: both to one side, and towards each other."""
+    """Cabins `low` m below ropes 9 m apart: swung to one side, and towards each other."""
     low, apart = 6.5, 9.0
     for other in (roll, -roll):
         turns = Rotation.from_euler("x", [[roll], [other]])  # swings to the left for roll > 0: the box is below
@@ -61,7 +61,7 @@ def test_cabins_that_swing_across_come_as_near_as_their_corners(roll):
 
 @pytest.fixture(scope="module")
 def trip():
-    """A whole trip in a side wind on few elements: what was seen, its key figures, and the twin where it has ended."""
+    """Whole trip in side wind on few elements: frames, key figures, and the twin at the end."""
     scenario = load_scenario("jig_back", QUICK | {"air.wind": [0.0, SIDE_WIND, 0.0]})
     simulation, figures, frames = Simulation(scenario), KeyFigures(scenario), []
     figures.command(simulation.command("haul_rope", speed=10.0))
@@ -139,7 +139,7 @@ def test_the_next_passengers_get_in_and_out_where_it_stands(trip):
 
 @needs_kernels
 def test_cabins_pass_each_other_half_way_as_near_as_the_wind_brings_them(trip):
-    """Blown to one side they stay parallel: 9 m between the ropes less what both roll, and two half widths."""
+    """Parallel cabins in side wind: 9 m between the ropes less roll of both and two half widths."""
     _, frames, figures = trip
     figure = figures["clearance between cabin_1 and cabin_2, least"]
     assert (figure.limit, figure.bound, figure.verdict) == (1.0, "at least", "kept")
@@ -191,7 +191,7 @@ def test_a_way_of_the_drive_ends_before_the_end_stops(travel, cabin):
 @pytest.mark.long
 @needs_kernels
 def test_a_rollback_brakes_cabins_too_at_the_same_step_always():
-    """The full cabin goes up, its drive is lost, and it pulls the empty one back up."""
+    """Full cabin up, drive lost, pulled back by the empty one's rope."""
     means = {f"carriages.cabin_{number}.drive.emergency_stop": ["track_rope_brake"] for number in (1, 2)}
     seen = []
     for period in (0.04, 0.5):

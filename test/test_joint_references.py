@@ -1,4 +1,4 @@
-"""Commands and references of a run: the ramp that is followed, the share of its force that a drive gives."""
+"""Topic joint_references: commands, followed ramps, and used share of drive forces."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Frames as key figures take them in: gaps, other scenarios, cost; and figures as they are told and read back."""
+"""Input of key figures: gaps in frames, other scenarios, cost; and figures as messages and back."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from cable_twin.simulation import Simulation
 
 
 def test_what_a_log_does_not_hold_is_no_value():
-    """Nothing of NaN passes into figures, or takes the place of one."""
+    """NaN enters no figure and replaces no value."""
     figures = KeyFigures(scenario(terrain=[[0.0, -60.0], [1000.0, -60.0]]))
     figures.update(frame(0.0, tension=math.nan))
     names = set(gathered(figures))
@@ -45,7 +45,7 @@ def test_what_a_log_does_not_hold_is_no_value():
 
 
 def test_frames_without_places_leave_accelerations_to_those_that_have_some():
-    """Places at every fifth frame, as in a log: the figures are those of these frames alone."""
+    """Places at every fifth frame, as in a log: figures of these frames alone."""
     sparse, alone = KeyFigures(scenario()), KeyFigures(scenario())
     for number in range(101):
         moment = number * PERIOD
@@ -66,7 +66,7 @@ def test_frames_of_another_scenario_are_refused():
 
 
 def test_a_span_without_a_point_takes_the_next_one():
-    """Two towers between two points of the rope, and one beyond a point to the digit."""
+    """Two towers between two points of the rope, and one just beyond a point."""
     places = {"a": 251.0, "b": 253.0, "c": 600.0}
     towers = {name: {"position": [x, height(x)]} for name, x in places.items()}
     figures = KeyFigures(scenario(towers=towers))
@@ -77,7 +77,7 @@ def test_a_span_without_a_point_takes_the_next_one():
 
 
 def test_an_update_costs_little_and_keeps_nothing():
-    """Live use: well under a hundredth of a frame of 10 ms, on a machine that others use too."""
+    """Live use: well below a hundredth of a 10 ms frame, on a shared machine."""
     figures = KeyFigures(scenario())
     frames = [snapshot(number * PERIOD, place=100.0 + number) for number in range(200)]
     costs = []
@@ -89,7 +89,7 @@ def test_an_update_costs_little_and_keeps_nothing():
 
 
 def test_the_clearance_of_the_figures_is_that_of_the_simulation():
-    """On a turned outline over a ground with corners; the figures see the rope at fewer points."""
+    """Rotated outline over ground with corners; figures sample fewer points of the rope."""
     ground = [[-10.0, -70.0], [55.0, -10.0], [60.0, -11.0], [300.0, -60.0], [1000.0, -60.0]]
     tilted = scenario(terrain=ground, carriages__cabin__arc_length=57.0)
     simulation, figures = Simulation(tilted), KeyFigures(tilted)

@@ -1,4 +1,4 @@
-"""Key figures against closed forms: motion and tension that are prescribed, so that every figure is known."""
+"""Key figures against closed forms, from prescribed motion and tension."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from cable_twin.simulation import Simulation
 
 
 def drive(figures: KeyFigures, speed_at, duration: float, *, start=100.0, begin=0.0) -> float:
-    """Move the carriage with a speed over time, place by the trapezoidal rule, which is exact for ramps."""
+    """Move the carriage at a speed over time; place by the trapezoidal rule, exact for ramps."""
     place = start
     for frame in range(round(duration / PERIOD) + 1):
         moment = begin + frame * PERIOD
@@ -90,7 +90,7 @@ def test_acceleration_of_the_last_body_on_a_circle():
 
 @pytest.mark.parametrize("period", [0.01, 0.02, 0.05, 0.1])
 def test_an_acceleration_does_not_depend_on_how_often_one_looks(period):
-    """A step of 1 m/s² reads as that after 0.4 s; a shock of 1 m/s² for 10 ms adds a twentieth to it."""
+    """Step of 1 m/s² in full after 0.4 s; shock of 1 m/s² for 10 ms as a twentieth."""
     figures = KeyFigures(scenario())
     for frame in range(round(3.0 / period)):
         moment = frame * period
@@ -133,7 +133,7 @@ def test_stopping_distance_is_half_the_square_of_speed_over_deceleration():
 
 
 def test_a_passenger_swings_on_and_back_and_counts_until_told_to_move():
-    """6 m/s, a standstill after 15 m, then a swing of 0.8 m; later frames of a new trip belong to no stop."""
+    """6 m/s, standstill after 15 m, swing of 0.8 m; frames of the next trip belong to no stop."""
     figures = KeyFigures(scenario())
 
     def sit(moment, way, speed):
@@ -158,7 +158,7 @@ def test_a_passenger_swings_on_and_back_and_counts_until_told_to_move():
 
 @pytest.mark.parametrize("creep", [True, False], ids=["creeps", "swings"])
 def test_a_command_to_stop_what_only_creeps_or_swings_is_no_stop(creep):
-    """A vehicle told to creep at 0.05 m/s, or swinging so on its haul rope; what counts stays the stop before."""
+    """Vehicle creeping at 0.05 m/s, or swinging so on its haul rope: the earlier stop counts."""
     figures = KeyFigures(scenario())
     drive(figures, lambda _: 6.0, 5.0)
     figures.command(AppliedCommand(5.0, Command("speed", {"cabin": 0.0}), "test"))
@@ -211,7 +211,7 @@ def test_drive_and_swing_against_the_limits_of_the_scenario():
 
 
 def test_a_limit_is_kept_to_a_thousandth_of_it():
-    """As a drive keeps its speed."""
+    """Tolerance as for drive speeds."""
     figures = KeyFigures(scenario())
     figures.update(snapshot(0.0, speed=10.001))
     assert gathered(figures)["cabin: speed"].kept is True
@@ -228,7 +228,7 @@ def test_amplification_is_over_the_tension_of_the_first_snapshot():
 
 
 def test_sag_of_each_span_is_below_its_own_chord():
-    """The parabola runs 10 m below both towers' line at most where the chord of its span is parallel to it."""
+    """Parabola at most 10 m below the line of both towers, where parallel to the chord of its span."""
     heights = {x: -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH) for x in (0.0, 250.0, 600.0, LENGTH)}
     towers = {name: {"position": [x, heights[x]]} for name, x in (("lower", 250.0), ("upper", 600.0))}
     figures = KeyFigures(scenario(towers=towers))
@@ -284,7 +284,7 @@ def test_shipped_scenarios_start_within_their_limits(name):
 
 
 def test_clearance_of_rope_and_vehicle_with_place():
-    """A hill under the cabin, whose lowest corner is 1.5 m below its centre; and level ground elsewhere."""
+    """Hill under a cabin with its lowest corner 1.5 m below its centre; level ground elsewhere."""
     terrain = [[0.0, -60.0], [490.0, -60.0], [500.0, -52.0], [510.0, -60.0], [1000.0, -60.0]]
     figures = KeyFigures(scenario(terrain=terrain, limits__vehicle_clearance=6.0))
     figures.update(snapshot(0.0, place=300.0))
@@ -340,7 +340,7 @@ def test_a_payload_does_not_end_a_stop():
 )
 @pytest.mark.parametrize("lift", ["one strand", "both strands", "in space"])
 def test_limits_that_a_lift_gives_hold_also_where_they_equal_those_of_track_ropes(lift, changes, ratio, factor):
-    """Clamped chairs have no usual ratio and a moving rope has another usual factor; what is written is judged."""
+    """Given limits of clamped chairs and moving ropes, which have other usual limits."""
     given = {"limits.rope_safety_factor": None, **changes} | ({"space": 3} if lift == "in space" else {})
     found = load_scenario(one_strand("chairlift") if lift == "one strand" else "chairlift", given)
     held = {key: limit_of(found, key, clamped=True) for key in ("tension_per_transverse_load", "rope_safety_factor")}
@@ -360,7 +360,7 @@ def test_chairs_are_judged_by_a_ratio_that_their_scenario_gives():
 
 
 def test_the_table_of_quantities_and_that_of_limits_agree():
-    """A quantity has its limit on the side of the statistic that it limits, and each limit has its quantity."""
+    """Limit of each quantity on the side of its statistic, and a quantity for each limit."""
     limited = {row.limit: row for row in QUANTITIES.values() if row.limit}
     assert {key for key, row in limited.items() if row.limit_row.bound != bound_of(row.statistics[0])} == set()
     assert {*KeyFigureLimits.model_fields} == {*limited, "haul_rope_safety_factor"}  # also of rope_safety_factor

@@ -1,4 +1,4 @@
-"""The example of key figures from Python: what it prints is what the commands print."""
+"""Example of key figures from Python against the output of the commands."""
 
 from __future__ import annotations
 

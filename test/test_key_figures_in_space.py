@@ -1,4 +1,4 @@
-"""Key figures of a scenario in space against closed forms, on prescribed frames; and none of them in a plane."""
+"""Key figures in space against closed forms on prescribed frames, absent in a plane."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def spatial(**more):
 
 
 def frame(one, moment, *, place=500.0, roll=0.0, pitch=0.0, y=0.0, wind=(0.0, 0.0, 0.0), lateral=0.0, ratio=0.0):
-    """A frame of a cabin on a parabola, 5 m below it, rolled about the track or pitched; the wind in m/s."""
+    """Frame of a cabin 5 m below a parabola, rolled or pitched, in wind (m/s)."""
     layout = Layout.of(one, 201)
     snapshot = Snapshot(layout, np.full(layout.size, math.nan), SolverReport(1, 1, 0, 0.0))
     c = layout.columns(snapshot.numbers.base)
@@ -86,7 +86,7 @@ def test_lateral_force_of_a_tower_and_how_much_of_its_ratio_is_used():
 
 @pytest.mark.parametrize("roll", [0.0, 0.3, -0.3])
 def test_clearance_to_a_mast_is_that_of_the_nearest_edge_in_plan(roll):
-    """A mast of 1.2 m, 5 m to the left; the cabin passes it, and its lower or upper edge is nearest."""
+    """Mast of 1.2 m, 5 m to the left of a passing cabin, with either edge nearest."""
     one = spatial()
     # rolled to the left, its upper edge is nearest, else the lower one
     edge = WIDTH / 2.0 * math.cos(roll) + 1.5 * abs(math.sin(roll))
@@ -107,7 +107,7 @@ def test_a_cabin_blown_towards_the_mast_passes_the_limit():
 
 @pytest.mark.parametrize("roll", [0.0, 0.2])
 def test_clearance_over_ground_that_leans(roll):
-    """Ground from -80 m on the right by -60 m under the track up to -50 m on the left: 1 in 1, then 2 in 1."""
+    """Ground rising from -80 m on the right over -60 m below the track to -50 m on the left: 1 in 1, then 2 in 1."""
     one = spatial(terrain=[[0.0, -60.0], [1000.0, -60.0]], terrain_sides=LEANING)
     found = figures_of(one, {"roll": roll})
     assert found["rope clearance over the terrain"].value == pytest.approx(20.0)

@@ -1,4 +1,4 @@
-"""YAML from elsewhere: a few lines that stand for a great many values, or nested without end, are refused in a line."""
+"""Malicious YAML refused in a line: few lines standing for many values, or nested without end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loading and unloading in a station, which take their time."""
+"""Loading and unloading in a station over their time."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def highest_acceleration(loading_time: float) -> float:
 
 
 def test_a_cabin_that_is_unloaded_is_not_thrown_up():
-    """At once, 600 kg on the rope are 200 kg, which go up with about g times 400 / 200."""
+    """Unloaded at once, 600 kg on the rope would become 200 kg and accelerate by g times 400 / 200."""
     assert highest_acceleration(0.0) > 10.0
     assert highest_acceleration(TIME) < 1.5
 

@@ -1,4 +1,4 @@
-"""Payload, wind, brakes and clearance of a simulation: what is taken, what is refused, what a log has to repeat."""
+"""Payload, wind, brakes and clearance of a simulation: accepted and refused commands, and replay."""
 
 from math import inf, nan
 
@@ -25,7 +25,7 @@ DRIVE = {
 
 
 def scenario(*, alone=False, **changes):
-    """A cabin of 200 kg on 60 m of rope that rises 10 m, in the lower station; and a trolley, if it is not alone."""
+    """Cabin of 200 kg in the lower station of a 60 m rope rising by 10 m; with a trolley unless alone."""
     trolley = {"arc_length": 30.0, "drive": {"mode": "speed"}, "bodies": {"trolley": CABIN}}
     return load_scenario(
         {
@@ -55,7 +55,7 @@ def scenario(*, alone=False, **changes):
 
 
 def ride(pauses=()):
-    """Loaded, driven, blown on, braked; the pacing is that of `pauses` (s)."""
+    """Loaded, driven and braked run in wind, paused by `pauses` (s)."""
     simulation = Simulation(scenario(), samples=5)
     script = [
         (0.1, Command("payload", {"cabin": 120.0})),

@@ -1,4 +1,4 @@
-"""No call into the kernels is longer than some tenths of a second: Ctrl-C is heard, and a start says how far it is."""
+"""Kernel calls of some tenths of a second at most, so that Ctrl-C and progress work."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NAMES = "seed_example", "windy_tramway", "chairlift", "jig_back"  # one rope and
 
 
 class EndedError(Exception):
-    """The test ends a run."""
+    """End of a run ordered by the test."""
 
 
 @pytest.mark.parametrize("name", NAMES)

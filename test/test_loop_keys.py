@@ -1,4 +1,4 @@
-"""Keys of whole lifts as a file has them, and what commands and sensors of them may name."""
+"""Keys of whole lifts in a file, and names for commands and sensors of them."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_what_is_in_one_place_has_one_name():
 
 
 def test_what_stands_closer_than_letters_has_one_name():
-    """Masts of two tracks beside each other, a bullwheel behind the ends of track ropes, towers of several strands."""
+    """Masts of two tracks, bullwheels behind ends of track ropes, towers of several strands."""
     places = {
         "track_1/start": (0.0, 4.5, 0.0),
         "track_2/end": (0.0, -4.5, 0.0),

@@ -1,4 +1,4 @@
-"""Closed loops of rope over bullwheels, as scenarios: what a run of one does, to the last bit."""
+"""Closed loops of rope over bullwheels as scenarios, reproducible to the last bit."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ FULL_UP = {
 
 
 def lift(**sheave):
-    """A small lift, full up and empty down; `sheave` is of the one that is driven."""
+    """Small lift, full up and empty down; `sheave` changes the driven bullwheel."""
     return loop(
         length=209.5,
         rope={"elements": 30, "bending_stiffness": 3e3, "damping_time": 0.01},
@@ -35,14 +35,14 @@ def lift(**sheave):
 
 
 def bits(simulation):
-    """All that moves, as bytes."""
+    """All state arrays as bytes."""
     full = simulation.capture()
     motion = b"".join(array.tobytes() for array in full.between.values())
     return motion + b"".join(state.nodes.position.tobytes() for state in full.states)
 
 
 def drive(simulation, until, *, period):
-    """Start, an emergency stop, back; frames of `period` (s)."""
+    """Start, stop in emergency, and drive back, in frames of `period` (s)."""
     events = [
         (2.0, lambda: simulation.command("haul_rope", speed=1.5)),
         (6.0, simulation.emergency_stop),
@@ -56,7 +56,7 @@ def drive(simulation, until, *, period):
 
 
 def go(simulation, until, period):
-    """Run until a time (s) in frames of `period` (s)."""
+    """Simulate until a time (s) in frames of `period` (s)."""
     while simulation.time < until - 1e-9:
         simulation.advance_to(min(simulation.time + period, until))
 
@@ -82,7 +82,7 @@ def test_frames_snapshots_and_resets_change_no_bit(tmp_path):
 
 
 def test_halved_steps_go_where_whole_ones_go():
-    """A step that is too long for the tolerance is halved: of second order, so hardly anything changes."""
+    """Step too long for the tolerance, halved: second order, so hardly any difference."""
     ends = []
     for iterations in (12, 2):
         data = lift().scenario.resolved()
@@ -116,7 +116,7 @@ def test_a_brake_on_a_bullwheel_stops_the_lift_and_holds_it():
 
 
 def test_a_lost_drive_lets_the_full_strand_turn_the_lift_back():
-    """With the acceleration that unbalanced weight and inertia give; nothing watches it."""
+    """Acceleration by unbalanced weight and inertia, without rollback monitoring."""
     simulation = lift()
     holds = simulation.snapshot.drives["haul_rope"].force
     assert holds > 2000.0
@@ -132,7 +132,7 @@ def test_a_lost_drive_lets_the_full_strand_turn_the_lift_back():
 
 @pytest.mark.parametrize("brake", [{"force": 25e3}, pytest.param(None, marks=pytest.mark.long)])
 def test_going_back_is_noticed_and_stopped(brake):
-    """From a run at 1.5 m/s: half a metre behind where it turned, then the way to stop. At the same step always."""
+    """From 1.5 m/s: stop half a metre after the reversal plus the stopping distance, always at one step."""
     places = []
     for period in (0.05, 0.7):
         simulation = lift(rollback=0.5, brake=brake)
@@ -167,7 +167,7 @@ def test_commands_to_go_back_are_no_rollback():
 
 @pytest.mark.parametrize("inertia", [1.0, 100.0])
 def test_a_light_bullwheel_rings_no_more_than_a_heavy_one(inertia):
-    """Lighter by far than the rope that a wave passes in a step: stable, no halved step."""
+    """Wheel far lighter than the rope passed by a wave in a step: stable, no halved step."""
     simulation = loop(back={"inertia": inertia}, limits={"acceleration": 0.3, "jerk": 0.3})
     simulation.command("haul_rope", speed=1.5)
     halved = 0
@@ -178,7 +178,7 @@ def test_a_light_bullwheel_rings_no_more_than_a_heavy_one(inertia):
 
 
 def test_the_first_minute_of_the_shipped_gondola():
-    """Rope and spacing are kept, carriers go round full up and empty down, and no step is halved."""
+    """Rope and spacing conserved, carriers full up and empty down, no halved step."""
     simulation = Simulation(load_scenario("gondola"), samples=2, on_demand=True)
     rope, halved = rope_of(simulation), 0
     simulation.command("haul_rope", speed=6.0)
@@ -198,7 +198,7 @@ def test_the_first_minute_of_the_shipped_gondola():
 
 @pytest.mark.parametrize("space", [2, 3])
 def test_a_rope_that_slips_in_a_storm_goes_on(space):
-    """Its strand answers three times as stiffly as the estimate: increments went to and fro, and grew, at any step."""
+    """Strand three times as stiff as estimated, which made increments oscillate and grow at any step."""
     limits = {"drives.haul_rope.limits.acceleration": 0.3627, "drives.haul_rope.limits.speed": 8.0}
     simulation = Simulation(load_scenario("gondola", {"space": space, "carriers.count": 21, **limits}), on_demand=True)
     simulation.command("haul_rope", speed=4.43)
@@ -215,7 +215,7 @@ def test_a_rope_that_slips_in_a_storm_goes_on(space):
 
 @pytest.mark.parametrize("count", [1, 120, 200])
 def test_a_lift_of_any_number_of_carriers_starts_at_rest(count):
-    """Far more or less weight than the ropes were cut for, so that the tensioned bullwheel has a way to go first."""
+    """Far more or less weight than the ropes were cut for, so that the tensioned bullwheel travels first."""
     travel = {"sheaves.return.counterweight.travel": [-8.0, 8.0]}
     simulation = Simulation(load_scenario("chairlift", {"carriers.count": count, **travel}), on_demand=True)
     at_rest = simulation.snapshot.columns.sheave_tension.copy()
@@ -235,7 +235,7 @@ def test_a_state_of_another_number_of_bullwheels_is_refused():
 
 @pytest.mark.long
 def test_an_hour_of_the_shipped_chairlift():
-    """Starts, stops, reversals and emergency stops: no step fails or is halved, and no rope is lost."""
+    """Starts, stops, reversals and emergency stops: no failed or halved step, no lost rope."""
     cells = [cell.strip() for cell in chairlift_hour(1.0, lambda completed: None).split("|")]
     assert cells[3:6] == ["360000", "0", "0"]
     assert max(float(cell.split()[0]) for cell in cells[7:9]) < 1e-6  # m

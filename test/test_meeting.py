@@ -1,4 +1,4 @@
-"""Vehicles that meet on one rope: their buffers push, and what of it a user sees. Closed forms: `verification`."""
+"""Vehicles meeting on one rope: buffer forces in all outputs. Closed forms: `verification`."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from verification.vehicle_buffers import level, vehicle
 
 
 def two_cabins(size=(2.0, 3.0), force=None, **places):
-    """Cabins 2 m long at 10 and 40 m, driven without haul ropes, with a limit of their force (N) or none."""
+    """Cabins 2 m long at 10 and 40 m, driven without haul ropes, with or without a force limit (N)."""
     data = test_loads.scenario().resolved()
     cabins = {
         name: {
@@ -93,7 +93,7 @@ def test_cabins_that_start_within_each_other_are_refused():
 
 
 def test_who_can_meet_whom():
-    """Neighbours; of points, which pass each other, all that are between two blocks meet both."""
+    """Neighbours; points pass each other, so all points between two blocks can meet both."""
     data = two_cabins().resolved()
     block = data["carriages"]["up"]
     point = {**block, "bodies": {"cabin": {**test_loads.CABIN, "size": [0.0, 0.0]}}}
@@ -146,7 +146,7 @@ def test_on_one_of_several_ropes_as_on_one_alone():
 
 
 def test_a_haul_rope_takes_the_push_and_the_track_rope_none():
-    """A cabin is pulled by its haul rope against a trolley that its drive holds."""
+    """Cabin pulled by its haul rope against a trolley held by its drive."""
     hold = {"acceleration": 2.0, "force": 3e4}
     scenario = test_loads.scenario(
         **{"carriages.cabin.arc_length": 24.0, "carriages.trolley.drive.limits": hold, "solver.spectral_radius": 0.3}

@@ -1,4 +1,4 @@
-"""Where the nodes of a graded mesh are, how elements are found on it, and what is refused."""
+"""Nodes of graded meshes, element search on them, and refused gradings."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ROPEWAYS = ("chairlift", "gondola", "aerial_tramway")
 
 
 def ropeway(name, **grading):
-    """With the grading given; of a whole lift its uphill strand."""
+    """Scenario with a given grading; of a whole lift its uphill strand."""
     if name == "aerial_tramway":
         return load_scenario(name, {"cable.elements": {**GRADING, **grading}})
     return load_scenario(name, {"ropes.up.elements": {**GRADING, **grading}}).of_rope("up")
@@ -40,7 +40,7 @@ def test_elements_are_short_at_towers_and_ends_and_grow_between_them(name, growt
 
 
 def test_towers_are_found_where_the_rope_lies_on_them():
-    """The zones hold the places of all contacts of the rope at rest."""
+    """Zones of short elements contain all contacts of the rope at rest."""
     from cable_twin.simulation import Simulation  # noqa: PLC0415 - the only test here that needs the solver
 
     scenario = load_scenario("gondola")

@@ -1,4 +1,4 @@
-"""A ski lift as a twin: its scenario, commands to its drive, carriers that go round, and a long day of it."""
+"""Ski lift of one moving cable as a twin: scenario, drive commands, circulating carriers, a long day."""
 
 from contextlib import suppress
 from math import inf, nan
@@ -24,7 +24,7 @@ needs_jit = pytest.mark.skipif(not JIT, reason="minutes without compilation")
 
 
 def short_scenario(**changes):
-    """60 m of rope with six chairs 20 m apart: three on it, three round the back."""
+    """Rope of 60 m with six chairs at 20 m: three on the cable, three on the returning side."""
     lift = {
         "unstrained_length": 60.0,
         "end": (58.0, 14.0),
@@ -102,7 +102,7 @@ def test_carriers_are_numbered_and_spaced_round_the_loop():
 
 
 def test_a_carriage_of_its_own_may_be_clamped_beside_the_carriers():
-    """Without carriers the loop is there and back."""
+    """Loop without carriers of twice the cable's length."""
     car = {**CLAMPED, "arc_length": 70.0}
     simulation = short_lift(carriages={"car": car})
     assert next(iter(simulation.carriages)) == "car"
@@ -130,7 +130,7 @@ def test_a_drive_takes_speeds_and_its_carriers_nothing():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_start_emergency_stop_and_release(sign):
-    """0.5 m/s² to 1 m/s, then 1.25 m/s² to rest within 0.4 m, and not on before the release."""
+    """0.5 m/s² to 1 m/s, then 1.25 m/s² to rest within 0.4 m, held until the release."""
     simulation = short_lift()
     simulation.command("haul_rope", speed=sign)
     drive = simulation.advance_to(3.0).drives["haul_rope"]
@@ -150,7 +150,7 @@ def test_start_emergency_stop_and_release(sign):
 
 @pytest.mark.parametrize(("space", "speed"), [(2, 1.0), (2, -1.0), pytest.param(3, 1.0, marks=pytest.mark.long)])
 def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
-    """Its way is that of its clamp, up to where that stands for the first time; a passenger swings on."""
+    """Stopping distance of its clamp to the first standstill, and of a passenger with swing."""
     scenario = load_scenario(short_scenario().resolved(), {"space": space})
     simulation, figures = Simulation(scenario), KeyFigures(scenario)
     simulation.command("haul_rope", speed=speed)
@@ -211,7 +211,7 @@ def test_vertical_support_forces_are_all_weight_at_rest():
 @needs_jit
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
-    """800 m, 2.5 m/s: accelerations of the others over a step with a swap change as over the one before."""
+    """800 m at 2.5 m/s: accelerations of others in steps with and without a change."""
     simulation = chairlift()
     state = simulation.state
     simulation.command("haul_rope", speed=2.5 * sign)
@@ -232,7 +232,7 @@ def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
 
 @needs_jit
 def test_a_carrier_enters_at_the_speed_of_the_rope_and_hangs_on():
-    """No jump of its own either: its place moves on by v h |r_x| from the first step."""
+    """No jump of its own place, which advances by v h |r_x| from the first step."""
     simulation = short_lift()
     simulation.command("haul_rope", speed=2.0)
     before = simulation.snapshot
@@ -257,7 +257,7 @@ def test_a_carrier_enters_at_the_speed_of_the_rope_and_hangs_on():
 @pytest.mark.long
 @needs_jit
 def test_a_day_in_eleven_minutes():
-    """800 m with chairs: starts, stops, emergency stops, back and forth. No failed or halved step, spacing kept."""
+    """800 m with chairs: starts, stops, emergency stops, reversals; no failed or halved step, spacing kept."""
     simulation = chairlift()
     scenario = simulation.scenario
     random = np.random.default_rng(4)

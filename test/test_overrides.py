@@ -1,4 +1,4 @@
-"""Values of a scenario by dotted key: the same keys for `--set`, `--sweep`, `sim --set` and Python."""
+"""Scenario values by dotted key: equal keys for `--set`, `--sweep`, `sim --set` and Python."""
 
 import pytest
 from test_scenario_faults import faults_of
@@ -84,7 +84,7 @@ def test_what_leads_nowhere_is_one_line(key, value, said):
 
 @pytest.mark.parametrize("module", [simulate, line])
 def test_options_take_them(module, capsys):
-    """Refused by its value, not by its key, before anything runs."""
+    """Refusal by value instead of key, before anything runs."""
     assert module.main(["aerial_tramway", "--set", "wind.x=120", "--set", "sensors.place={kind: encoder, of: up}"]) == 2
     faults = capsys.readouterr().err.splitlines()
     assert len(faults) == 2

@@ -1,4 +1,4 @@
-"""The package as ROS 2 and pip see it: keys that exist, one version, addresses of the project."""
+"""Package as seen by ROS 2 and pip: existing keys, one version, addresses of the project."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DEPENDENCIES = [element.text for element in PACKAGE if element.tag.endswith("dep
 
 
 def test_every_dependency_has_a_key_that_apt_can_serve():
-    """A key that rosdep does not know, or installs by pip, ends `rosdep install` with nothing installed."""
+    """Unknown keys of rosdep, and those it installs by pip, end `rosdep install` with nothing installed."""
     assert len(set(DEPENDENCIES)) == len(DEPENDENCIES)
     assert not set(DEPENDENCIES) - {*KEYS["released"], *KEYS["apt"]}
     assert not set(DEPENDENCIES) & {*KEYS["pip"], *KEYS["absent"]}
@@ -71,7 +71,7 @@ def test_addresses_are_those_of_the_project():
 
 
 def test_catkin_reads_the_package_without_a_warning():
-    """The parser of colcon and rosdep, with its checks of form and content."""
+    """Parser of colcon and rosdep, with its checks of form and content."""
     package = pytest.importorskip("catkin_pkg.package")
     warnings: list[str] = []
     read = package.parse_package_string((ROOT / "package.xml").read_text(encoding="utf-8"), warnings=warnings)

@@ -1,4 +1,4 @@
-"""README.md and docs/: short enough, their links lead somewhere, and their commands have the options they are given."""
+"""README.md and docs/: length, working links, and commands with existing options."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_readme_is_short():
 
 
 def test_quick_start_has_two_blocks():
-    """`.ci/run` runs them."""
+    """Blocks that `.ci/run` runs."""
     (section,) = re.findall(r"^## Quick start\n(.*?)^## ", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     first, second = re.findall(r"^```sh\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
     assert first.splitlines()[-1] == ".venv/bin/sim"
@@ -39,7 +39,7 @@ def test_quick_start_has_two_blocks():
 
 
 def test_the_quick_start_keeps_to_this_machine():
-    """By default ROS 2 announces a twin to the whole network, where anyone may then command it."""
+    """ROS 2 announces a twin to the whole network by default, and anyone there may command it."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     first = re.findall(r"^```sh\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)[0]
     assert "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST" in first.splitlines()[-2]
@@ -69,7 +69,7 @@ def test_commands_have_the_options_they_are_given(page):
 
 
 def is_there(name):
-    """Whether a file or a folder is called so, be it by the end of its path; NAME stands for any."""
+    """Whether a file or folder of a name or end of a path exists; NAME stands for any."""
     any_name = re.escape(name.strip("/")).replace("NAME", r"\w+").replace(r"\*", r"\w+")
     return (ROOT / name).exists() or any(re.search(rf"/{any_name}$", path) for path in FILES)
 
@@ -81,7 +81,7 @@ def test_modules_that_are_named_exist(page):
 
 
 def test_what_development_names_exists():
-    """Files and folders as such, modules without their ending, and functions of modules."""
+    """Files and folders by path, modules without suffix, functions of modules."""
     text = DEVELOPMENT.read_text(encoding="utf-8")
     named = {name for name in re.findall(r"`([\w./*]+)`", text) if "/" in name}
     ways = {name: (name, f"{name}.py", f"{name.rpartition('.')[0]}.py") for name in named}
@@ -107,7 +107,7 @@ def test_keys_of_scenarios_are_in_the_files_that_are_named():
 
 
 def test_the_table_of_theory_names_what_the_mechanics_have():
-    """Each word of the column `code` is a name in the code: of a function, an argument, a variable or a field."""
+    """Words of the column `code`: functions, arguments, variables or fields in the code."""
     (table,) = re.findall(r"^\| symbol .*\n.*\n((?:\|.*\n)+)", (ROOT / "docs" / "theory.md").read_text(), re.MULTILINE)
     words = {word for row in table.splitlines() for word in re.findall(r"`([\w.]+)`", row)}
     there = names_in(ROOT / "cable_twin" / "mechanics")

@@ -1,4 +1,4 @@
-"""The study of the paper's example runs as one command and says what it is."""
+"""Study of the paper's example as one command, with its results in words."""
 
 import struct
 import sys
@@ -17,7 +17,7 @@ pytest.importorskip("matplotlib")
 
 
 def rows(text):
-    """The lines of the printed table as (model, elements, time, x, z, distance)."""
+    """Lines of the printed table as (model, elements, time, x, z, distance)."""
     return [line.split() for line in text.splitlines() if line.startswith(("continuum ", "element_frame "))]
 
 

@@ -1,4 +1,4 @@
-"""The pictures of README.md and docs/: each made by the commands beside it, and showing what its caption says."""
+"""Pictures of README.md and docs/: made by the commands beside them, and in agreement with their captions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def numbers(text: str) -> list[float]:
 
 
 def unsaid(caption: str, commands: str, output: str) -> list[str]:
-    """What a caption says that its commands do not, nor what they print: angles are printed, the rest may be either."""
+    """Numbers of a caption that neither commands nor output contain; angles must be in the output."""
     missing = []
     for number, unit in re.findall(rf"({NUMBER})(?: (degrees))?", caption):
         lines = [line for line in output.splitlines() if "swing" in line and " deg " in line]
@@ -62,7 +62,7 @@ def test_a_wrong_caption_is_found():
 @pytest.mark.long
 @pytest.mark.parametrize("name", OFFLINE)
 def test_commands_show_today_what_the_caption_says(name, tmp_path):
-    """The same run again, without drawing recordings, which needs Vulkan."""
+    """Same run again, without drawing recordings, which needs Vulkan."""
     picture = KNOWN[name]
     (tmp_path / "docs" / "pictures").mkdir(parents=True)
     (tmp_path / "work").mkdir()

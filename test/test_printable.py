@@ -1,4 +1,4 @@
-"""No name of others is obeyed by a terminal."""
+"""Control characters in foreign names kept from the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fault of the program is a line, a file of details and exit code 70; nothing of others is obeyed by a terminal."""
+"""Faults of the program: a line, a file of details and exit code 70; no control characters of others."""
 
 import re
 from pathlib import Path
@@ -34,7 +34,7 @@ sys.exit(entry_points.line())
 
 
 def reported(text):
-    """The file that a line names."""
+    """File of details named in a line."""
     (name,) = re.findall(r"please report it with (\S+)$", text.strip())
     return Path(name)
 

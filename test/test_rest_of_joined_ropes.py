@@ -1,4 +1,4 @@
-"""Where ropes rest: lifts are checked with their strands joined, and counterweights with what hangs on their ropes."""
+"""Equilibrium of joined ropes: lifts with coupled strands, and counterweights with vehicles on their ropes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def of_length(up: float, down: float | None = None) -> dict[str, Any]:
 
 
 def refusal(scenario: Any, changes: dict[str, Any]) -> str:
-    """What is said of a start that is refused."""
+    """Text of a refused start."""
     with pytest.raises(EquilibriumError) as caught:
         Simulation(load_scenario(scenario, changes))
     return str(caught.value)
@@ -57,7 +57,7 @@ def refusal(scenario: Any, changes: dict[str, Any]) -> str:
 @pytest.mark.parametrize("space", [2, 3])
 @pytest.mark.parametrize(("lengths", "travel"), [((815.0,), -3.67), ((822.0,), 3.35), ((813.0, 824.0), -0.16)])
 def test_a_lift_with_a_hold_down_runs_with_all_lengths_that_its_counterweight_takes_up(lengths, travel, space):
-    """By themselves its strands are too slack, or too tight, for one of their towers."""
+    """Single strands too slack or too tight for one of their towers."""
     simulation = Simulation(load_scenario("chairlift", HELD_DOWN | of_length(*lengths) | {"space": space}))
     assert simulation.snapshot.columns.sheave_travel[1] == pytest.approx(travel, abs=0.02)
     assert simulation.snapshot.supports["tower_2_up"].tower.normal_load > 2e3
@@ -126,7 +126,7 @@ def test_the_bare_loop_in_closed_form_rests_where_its_elements_do():
 
 @pytest.mark.parametrize("scenario", [TRAMWAY, IN_SPACE])
 def test_the_weight_of_one_rope_may_be_lifted_by_its_vehicle_to_where_it_has_travel(scenario):
-    """The bare rope would let it down to 0.38 m; at mid-span the cabin of 200 kg lifts it by some centimetres."""
+    """Counterweight at 0.38 m for the bare rope, lifted by some centimetres by a 200 kg cabin at mid-span."""
     place = {"carriages.cabin.arc_length": 30.0}
     loaded = Simulation(load_scenario(scenario, place)).snapshot.supports["end"].travel
     limited = {**place, "cable.end.travel": [-1.5, loaded + 0.01]}

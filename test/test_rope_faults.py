@@ -1,4 +1,4 @@
-"""Ropes that cannot rest: connectors, bullwheels, weights and grooves, each told in a line with key and values."""
+"""Ropes without an equilibrium: connectors, bullwheels, counterweights and grooves, in a line with key and values."""
 
 import re
 
@@ -40,7 +40,7 @@ def test_a_connector_that_cannot_reach_is_named_before_it_bends_the_ropes(change
 
 @pytest.mark.parametrize("changes", [{}, {"space": 3}])
 def test_a_weight_that_no_tension_holds_is_told(changes):
-    """Of strands over towers, in a plane and in space; the search for their tension had ended in a traceback."""
+    """Strands over towers, in a plane and in space, without a traceback of the search."""
     with pytest.raises(EquilibriumError, match=r"^no tension up to 620000 kN, .* its weight is 4.993e\+10 kN$"):
         Simulation(load_scenario("chairlift", {"gravity": 1e10, **changes}))
 
@@ -84,7 +84,7 @@ def test_a_drive_without_a_name_is_called_as_its_bullwheel(given):
 
 @pytest.mark.parametrize(("part", "length"), [("state", 0.0), ("start", 0.5)])
 def test_an_orientation_that_is_none_is_found_in_a_snapshot(tmp_path, part, length):
-    """The only place where a user can give one: a scenario hangs its bodies upright, and commands turn nothing."""
+    """Snapshot files, the only input with orientations of bodies."""
     path = tmp_path / "state.npz"
     Simulation(load_scenario(SPAN)).save(path)
     with np.load(path) as archive:
@@ -100,7 +100,7 @@ def test_an_orientation_that_is_none_is_found_in_a_snapshot(tmp_path, part, leng
 
 
 def test_a_groove_that_pushes_its_rope_out_at_rest_is_refused_for_several_ropes_too():
-    """One rope by itself and the first of two say the same."""
+    """Equal message for a single rope and for the first of two."""
     tower = {**BENT["towers"]["tower"], "derailment_ratio": 0.05}
     (one,) = faults_of({**BENT, "towers": {"tower": tower}})
     other = {**BENT["cable"], **{end: {"position": [x, 60.0, 0.0]} for end, x in (("start", 0.0), ("end", 200.0))}}

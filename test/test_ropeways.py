@@ -1,4 +1,4 @@
-"""The shipped ropeways: each starts, runs and keeps the limits of its key figures; drives are balanced by forces."""
+"""Shipped ropeways: start, run, limits of their key figures, and force balance of drives."""
 
 import re
 from itertools import pairwise
@@ -76,7 +76,7 @@ def test_it_runs_and_keeps_its_limits(name):
 
 
 def test_the_drive_of_a_bare_line_takes_the_friction_of_all_towers():
-    """Force of the drive: sum of μ N over the towers of both strands, whose weights hold each other."""
+    """Drive force of Σ μ N over the towers of both strands, whose weights balance."""
     bare = {"carriers": None, "ropes.up.damping_time": 0.05, "ropes.down.damping_time": 0.05}
     simulation = Simulation(load_scenario("chairlift", bare))
     simulation.command("haul_rope", speed=2.5)
@@ -172,7 +172,7 @@ def test_the_tramway_in_the_wind_is_the_default_but_for_what_goes_across():
 
 
 def test_the_page_says_how_a_cabin_hangs_in_the_wind(capsys):
-    """Its Python as it stands; across the track it hangs along the resultant of weight and drag."""
+    """Python code of the page; across the track along the resultant of weight and drag."""
     text = PAGE.read_text(encoding="utf-8")
     (block,) = [one for one in re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S) if "windy_tramway" in one]
     exec(block, {})  # of this repository

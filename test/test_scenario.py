@@ -1,4 +1,4 @@
-"""Scenario files: what they give."""
+"""Contents of loaded scenario files."""
 
 import json
 import re
@@ -183,7 +183,7 @@ def test_the_tramway_is_as_heavy_as_its_file_says_and_its_counterweight_tight_en
 
 
 class Motor(BaseModel):
-    """A section as a new key would make it."""
+    """Section as a new key would make it."""
 
     ratio: float = 1.5
     speed: float | None = None

@@ -1,4 +1,4 @@
-"""Naming a scenario on the command line: with and without the option, alike in `sim` and `simulate`; and the list."""
+"""Scenario on the command line, as argument and as option, alike in `sim` and `simulate`; and the list."""
 
 from __future__ import annotations
 

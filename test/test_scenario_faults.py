@@ -1,4 +1,4 @@
-"""Scenario files: everything wrong with one is said, in one line each and at once."""
+"""Faults of scenario files: all at once, a line each."""
 
 import pickle
 from contextlib import suppress
@@ -344,7 +344,7 @@ def test_names_are_names_in_ros(name):
 
 
 def test_names_of_joints_and_frames_are_there_once():
-    """The joint of `rb1` is `carriage_rb1`; a carriage has the frame of its name, and so has a support."""
+    """Joint carriage_rb1 of `rb1`; coordinate frames of carriages and supports by name."""
     data = SEED.resolved()
     carriage = data["carriages"]["carriage"]
     data["carriages"] |= {"carriage_rb1": carriage, "end": carriage}
@@ -409,7 +409,7 @@ def test_no_junk_anywhere_gives_anything_but_faults(key):
 @pytest.mark.parametrize("count", ["many", 3.5, None, True])
 @pytest.mark.parametrize("name", ["chairlift", "gondola"])
 def test_a_count_of_carriers_that_is_none_is_one_fault(name, count):
-    """Of a loop in `ropes`, and of one strand: what goes by the number of vehicles is left out of the checks."""
+    """Loop in `ropes` and single strand; later checks skip the invalid count."""
     source = load_scenario(name).resolved()
     source["carriers"]["count"] = count
     assert paths_of(source) == ["carriers.count"]

@@ -1,4 +1,4 @@
-"""The reference of scenario files: current, complete, and printed by `simulate --explain`."""
+"""Reference of scenario files: current, complete, and printed by `simulate --explain`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_scenarios_name_the_json_schema():
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_the_json_schema_takes_what_is_shipped_as_it_stands_in_the_file(name):
-    """Keys, too, that only a file has: drives of bullwheels, towers of several ropes."""
+    """Also keys of files only: drives of bullwheels, towers of several ropes."""
     written = YAML(typ="safe", pure=True).load(config_directory() / f"{name}.yaml")
     faults = Draft202012Validator(reference.json_schema()).iter_errors(written)
     assert [f"{fault.json_path}: {fault.message}" for fault in faults] == []
@@ -81,7 +81,7 @@ def test_explain_prints_an_entry(capsys):
 
 
 def test_explain_is_readable_on_a_narrow_terminal(capsys, monkeypatch):
-    """No word is cut and no line longer than the terminal: a key with its unit, below it what it means."""
+    """No cut word, no line longer than the terminal: key with unit, meaning below."""
     monkeypatch.setattr("cable_twin.offline.explain.table_console", lambda: Console(width=80))
     assert main(["--explain", "limits"]) == 0
     lines = capsys.readouterr().out.splitlines()

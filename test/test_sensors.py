@@ -1,4 +1,4 @@
-"""Sensors: statistics of their real output in a log, the same bits from a seed, and faults in a line."""
+"""Sensors: statistics of logged measurements, equal bits from a seed, faults in a line."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory, scenario):
-    """What a run of `simulate` wrote: times of arrival, stamps (s) and messages by topic."""
+    """Times of arrival, stamps (s) and messages by topic of a run of `simulate`."""
     directory = tmp_path_factory.mktemp("sensors")
     (directory / "trip.yaml").write_text("- {time: 0, name: cabin, speed: 4.0}\n", encoding="utf-8")
     (directory / "lift.yaml").write_text(scenario.to_yaml(), encoding="utf-8")
@@ -55,12 +55,12 @@ def log(tmp_path_factory, scenario):
 
 
 def truth(log, topic, read):
-    """Stamps to numbers of what the twin says itself."""
+    """True numbers of the twin by stamp."""
     return {round(stamp, 4): read(message) for _, stamp, message in log[topic]}
 
 
 def beside(log, sensor, topic, read, read_truth):
-    """Measured and true numbers at the same stamps."""
+    """Measured and true numbers at equal stamps."""
     true = truth(log, topic, read_truth)
     pairs = [(read(message), true[round(stamp, 4)]) for _, stamp, message in log[TOPICS[sensor]]]
     return np.array(pairs).T

@@ -1,4 +1,4 @@
-"""Left and right of the track in space: one meaning for a rope by itself, and for both strands of a loop."""
+"""Left and right of the track in space: one meaning for a rope alone and both strands of a loop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BACK = {"cable.start.position": [200.0, 0.0, 0.0], "cable.end.position": [0.0, 0
 
 
 def checked(simulation: Simulation) -> dict[str, float]:
-    """Lateral forces (N) by tower: they are those along y, and none has another ratio than that of its forces."""
+    """Lateral forces (N) by tower, checked against forces along y and against the ratios."""
     figures = KeyFigures(simulation.scenario)
     figures.update(simulation.snapshot)
     shown = {figure.name: figure.value for figure in figures.figures()}
@@ -57,7 +57,7 @@ def test_one_rope_is_pushed_to_the_same_side_whichever_way_it_runs(back):
     ("scenario", "changes"), [("chairlift", LIFT), ("chairlift", LIFT | HELD_DOWN), ("jig_back", WIND)]
 )
 def test_ropes_together_show_forces_and_ratios_of_their_common_rest(scenario, changes):
-    """Both strands are pushed to the right by what holds them in a wind to the left; there is no ratio without load."""
+    """Both strands held to the right in a wind to the left; no ratio without load."""
     simulation = Simulation(load_scenario(scenario, changes))
     forces = checked(simulation)
     untouched = [name for name in forces if simulation.snapshot.supports[name].tower.normal_load == 0.0]
@@ -77,7 +77,7 @@ def test_one_rope_comes_out_on_the_side_to_which_it_is_blown(back):
 
 @needs_kernels
 def test_the_strand_that_runs_back_comes_out_on_the_side_to_which_it_is_blown():
-    """Empty chairs leave the rope lighter on its towers, so that only that strand is blown off them."""
+    """Lighter strand with empty chairs, the only one blown off its towers."""
     simulation = Simulation(load_scenario("chairlift", LIFT | {"towers.tower_3.derailment_ratio": 0.04}))
     rope = simulation.layout.ropes["down"]
     before = simulation.snapshot.columns.rope_position[rope, 1].max()
@@ -108,7 +108,7 @@ def test_masts_of_both_strands_are_to_the_left_of_the_track():
     ("heading", "left"), [(0, 90), (60, 150), (90, 180), (100, 10), (180, 90), (-60, 30), (-90, 0), (-120, 150)]
 )
 def test_left_is_that_of_the_track_for_both_ropes_of_a_line_to_anywhere(heading, left):
-    """Degrees in plan from x: the track goes as its first rope, but towards +x, and the second rope comes back."""
+    """Degrees in plan from x: track along its first rope towards +x, second rope back."""
     way = np.array([cos(radians(heading)), sin(radians(heading)), 0.0])
     beside = np.array([-way[1], way[0], 0.0])
     ropes, towers = {}, {}
@@ -125,7 +125,7 @@ def test_left_is_that_of_the_track_for_both_ropes_of_a_line_to_anywhere(heading,
 
 @needs_kernels
 def test_what_hangs_and_what_measures_it_is_blown_to_one_side_on_both_strands():
-    """A wind to the left: chairs, their pins that are left of the clamp, IMUs, load cells, and the axes in the URDF."""
+    """Wind to the left: chairs, their pins, IMUs, load cells, and axes in the URDF."""
     pins = {"carriers.bodies.chair.upper_pivot": [0.0, 0.05, 2.6]}
     imus = {f"sensors.box_{number}": {"kind": "imu", "of": f"chair_{number}", "rate": 100.0} for number in (5, 20)}
     cells = {f"sensors.cell_{rope}": {"kind": "load_cell", "of": f"tower_3_{rope}"} for rope in ("up", "down")}

@@ -26,7 +26,7 @@ def driven(**limits):
 
 
 def same(one, other, *, but_time=False):
-    """Whether two snapshots show the same, to the last bit."""
+    """Whether two snapshots are equal to the last bit."""
     return one.numbers[int(but_time) :].tobytes() == other.numbers[int(but_time) :].tobytes()
 
 
@@ -294,7 +294,7 @@ def test_cable_starts_and_ends_at_its_supports():
 
 @pytest.mark.skipif(not JIT, reason="nothing is compiled")
 def test_nothing_is_compiled_once_it_runs():
-    """What a live twin calls is ready when it starts: a reset must not hold frames up while a kernel compiles."""
+    """Kernels of a live twin ready at its start, as compilation at a reset would delay frames."""
     simulation = driven()
     before = called_from_python()
     simulation.command("carriage", speed=0.1)
@@ -309,7 +309,7 @@ def test_nothing_is_compiled_once_it_runs():
 
 
 def called_from_python():
-    """How many sets of types each kernel has been called with from Python."""
+    """Number of argument type sets of each kernel called from Python."""
     kernels = {
         name: value
         for module, content in list(sys.modules.items())
@@ -322,7 +322,7 @@ def called_from_python():
 
 @pytest.mark.skipif(not JIT, reason="there is no machine code to interrupt")
 def test_an_interrupt_is_an_exception_wherever_it_comes():
-    """Not the end of the process: numba runs Python code of its own on the way out of some kernels, unguarded."""
+    """No end of the process from an interrupt in numba's unguarded Python code."""
     code = """
 import signal
 from cable_twin.scenario import load_scenario
@@ -349,7 +349,7 @@ print("caught", caught)
 
 
 def test_the_state_can_be_read_and_not_written():
-    """It is a view that goes on with the motion; a copy may be written and put back."""
+    """Read-only view that follows the motion; a copy can be changed and restored."""
     simulation = driven()
     state = simulation.state
     with pytest.raises(ValueError, match="read-only"):

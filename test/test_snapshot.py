@@ -1,4 +1,4 @@
-"""A frame as columns and by name: the same numbers, those of the state, in space, and nobody else's."""
+"""Snapshots as columns and by name: equal numbers, those of the state, in space."""
 
 import numpy as np
 import pytest
@@ -16,12 +16,12 @@ TURNS = ("body_angular_velocity", "body_angles")
 
 
 def two_bodies():
-    """The example of the paper, sliding."""
+    """Example of the paper, sliding."""
     return Simulation(load_scenario("seed_example", {"cable.elements": 24 if JIT else 4}), samples=7)
 
 
 def loaded_cabin():
-    """A haul rope, a payload off the centre, wind, a second carriage."""
+    """Cabin with haul rope, eccentric payload and wind, and a second carriage."""
     simulation = Simulation(test_loads.scenario(), samples=5)
     simulation.payload("cabin", 120.0)
     simulation.command("cabin", speed=3.0)
@@ -30,14 +30,14 @@ def loaded_cabin():
 
 
 def over_a_tower():
-    """A tower and a counterweight."""
+    """Rope over a tower with a counterweight."""
     simulation = tramway(cabin={"arc_length": 480.0}, cable__elements=100 if JIT else 20)
     simulation.command("cabin", speed=5.0)
     return simulation
 
 
 def moving_line():
-    """A moving cable, with carriers on it and in its stations."""
+    """Moving cable with carriers on the cable and in stations."""
     simulation = short_lift()
     simulation.command("haul_rope", speed=2.0)
     return simulation
@@ -48,14 +48,14 @@ RUNS = [two_bodies, loaded_cabin, over_a_tower, moving_line]
 
 @pytest.fixture(scope="module", params=RUNS, ids=lambda run: run.__name__)
 def simulation(request):
-    """Under way for a while."""
+    """Simulation under way."""
     simulation = request.param()
     simulation.advance_to(2.0 if JIT else 0.02)
     return simulation
 
 
 def entry(value):
-    """Columns have no number where a record has nothing."""
+    """Number of a column, None for NaN."""
     return np.nan if value is None else value
 
 
@@ -122,7 +122,7 @@ def test_what_has_a_name_has_the_numbers_of_its_row(simulation):
 
 
 def test_columns_are_those_of_the_state(simulation):
-    """By another way than the kernel that fills them: to the last bit, sums to 1e-12."""
+    """Other calculation than in the kernel: equal to the last bit, sums to 1e-12."""
     columns, state, system = simulation.snapshot.columns, simulation.state, simulation.system
     first = system.carriages.body_offset[:-1]
     for column, array in (
@@ -155,7 +155,7 @@ def test_columns_are_those_of_the_state(simulation):
 
 
 def test_everything_is_in_space(simulation):
-    """Of a plane: y is 0, and it turns about y only."""
+    """Planar system: y is 0, and rotation about y only."""
     columns = simulation.snapshot.columns
     for name in VECTORS:
         assert getattr(columns, name).shape[-1] == 3
@@ -177,7 +177,7 @@ def test_everything_is_in_space(simulation):
 
 
 def test_a_snapshot_stays_as_it_is(simulation):
-    """While the simulation goes on, and with what somebody took of it before."""
+    """Snapshot and data taken from it, while the simulation continues."""
     snapshot = simulation.snapshot
     name = next(iter(snapshot.carriages))
     taken = snapshot.carriages[name], snapshot.columns, snapshot.cable.positions
@@ -219,7 +219,7 @@ def test_layout_of_nothing_but_a_rope():
 
 
 def test_a_body_is_where_it_is_without_its_payload():
-    """Nothing that is shown moves when somebody gets in; the centre of mass does, to the formula of two masses."""
+    """Displayed positions unaffected by a payload; centre of mass by the formula of two masses."""
     simulation = Simulation(test_loads.scenario(), samples=5)
     simulation.advance_to(0.1 if JIT else 0.02)
     before = simulation.snapshot.carriages["cabin"].bodies["cabin"]

@@ -1,4 +1,4 @@
-"""A snapshot holds everything: what goes on from it has the same bits, and what is no snapshot is named in a line."""
+"""Snapshot files: complete, continued bit for bit, and other files refused in a line."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def assert_same_bits(first, second):
 
 
 def give(simulation, events, time):
-    """Apply what is due and go to a time."""
+    """Apply due commands and advance to a time."""
     while events and events[0][0] <= time:
         due, event = events.pop(0)
         simulation.advance_to(due)
@@ -327,7 +327,7 @@ def test_what_is_no_snapshot_is_named(content, tmp_path):
 
 
 def test_no_damage_goes_unnoticed(content, tmp_path):
-    """One wrong bit, or the end of the file missing: an error, or the same content where that bit does not count."""
+    """One wrong bit, or a missing end: an error, or equal content for an unused bit."""
     whole = write(tmp_path / "whole.npz", *content).read_bytes()
     path = tmp_path / "damaged.npz"
     reference = Simulation.load(tmp_path / "whole.npz")

@@ -1,4 +1,4 @@
-"""What a snapshot holds is checked before it is used: each index, mode, place and number, of one rope and several."""
+"""Range checks of snapshot files: indices, modes, places and numbers, of one rope and several."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def simulation(request):
 
 
 def saved(simulation):
-    """The file of a simulation, as it was read."""
+    """Snapshot file of a simulation, as read."""
     stream = BytesIO()
     simulation.capture().write(stream)
     stream.seek(0)

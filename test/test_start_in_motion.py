@@ -1,4 +1,4 @@
-"""Starts with a speed: the drive keeps it, the first steps are quiet, a reset goes back to it."""
+"""Starts in motion: kept by the drive, with quiet first steps, and restored by a reset."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_it_goes_on_with_the_speed_of_its_start(scenario, overrides, name, speed
     ],
 )
 def test_the_first_force_is_none_of_a_bend_that_goes_along(scenario, overrides):
-    """M v² r_xx of the bend under the vehicle itself was 19 % of its weight: force and weight differ by 3 %."""
+    """Contact force within 3 % of the weight, without M v² r_xx (19 %) of the bend under the vehicle."""
     simulation = Simulation(load_scenario(scenario, overrides))
 
     def forces():
@@ -76,7 +76,7 @@ def test_the_first_force_is_none_of_a_bend_that_goes_along(scenario, overrides):
 
 
 def test_a_carriage_without_a_drive_just_goes():
-    """It has what it was given, and no force to keep it."""
+    """Given speed without a force to keep it."""
     overrides = {"carriages.cabin.drive": {"mode": "free"}, "carriages.cabin.speed": 4.0}
     simulation = Simulation(load_scenario("single_span", overrides))
     assert simulation.commands == {}

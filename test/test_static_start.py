@@ -1,4 +1,4 @@
-"""The static start as meshes become finer and cables stiffer, and the numbers with which a step can be taken."""
+"""Static start on finer meshes and stiffer cables, and limits on the step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from verification.statics import CANTILEVER, LEVEL_SPAN
 
 
 def bent(elements: int, model: str) -> float:
-    """Angle (rad) at the end of a cantilever of 1 m, EI = 10 N m², EA = 20 kN, under an end moment of 10 N m."""
+    """End angle (rad) of a 1 m cantilever, EI = 10 N m², EA = 20 kN, under an end moment of 10 N m."""
     changes = {"axial_stiffness": 2e4, "bending_stiffness": 10.0, "elements": elements, "elastic_model": model}
     changes["loads"] = [{"arc_length": 1.0, "moment": 10.0}]
     scenario = load_scenario(CANTILEVER, {f"cable.{key}": value for key, value in changes.items()})
@@ -23,14 +23,14 @@ def bent(elements: int, model: str) -> float:
 
 @pytest.mark.parametrize("elements", [32, 64, 128, 512])
 def test_a_cantilever_under_an_end_moment_survives_refinement(elements):
-    """M L / EI = 1; in the frame of elements, the softness of theory.md: 2.4 c κ² more, with c = 5 EI / EA."""
+    """M L / EI = 1; in element frames the softness of theory.md: 2.4 c κ² more, c = 5 EI / EA."""
     assert bent(elements, "continuum") == pytest.approx(1.0, abs=1e-8)
     assert bent(elements, "element_frame") == pytest.approx(1.0 + 2.4 * 5.0 * 10.0 / 2e4, abs=3e-4)
 
 
 @pytest.mark.parametrize("elements", [24, 96])
 def test_a_cable_that_hardly_stretches_finds_its_rest_from_softer_ones(elements):
-    """24 elements cannot bend without stretching: where they come to rest depends on the way there, by 2 cm."""
+    """24 elements that cannot bend without stretching: equilibrium depends on the path by 2 cm."""
     stiff = {"cable.axial_stiffness": 1e12, "cable.elements": elements}
     stiffer, real = (
         Simulation(load_scenario("seed_example", change)) for change in (stiff, {"cable.elements": elements})
@@ -47,7 +47,7 @@ def test_where_there_is_no_rest_the_line_says_what_to_change():
 
 
 def test_a_cable_without_bending_stiffness_is_no_strut():
-    """300 m of it on 100 m without gravity; with gravity it hangs."""
+    """300 m on 100 m without gravity; with gravity a hanging cable."""
     ends = {"start": {"position": [0.0, 0.0]}, "end": {"position": [100.0, 0.0]}}
     rope = {"unstrained_length": 300.0, "mass_per_length": 1.0, "axial_stiffness": 1e6, "elements": 60}
     slack = {"gravity": 0.0, "cable": {**rope, "bending_stiffness": 0.0, **ends}}
@@ -72,7 +72,7 @@ def test_a_step_that_fails_names_a_radius_that_is_none_of_them():
 
 
 def test_a_straight_start_knows_on_which_elements_its_carriages_are():
-    """What is read at the start, as the forces of supports, is there what it will be after a step."""
+    """Support forces at the start equal those after a step."""
     changes = {"cable.initial_shape": "straight", "cable.end.support": "free", "carriages.carriage.arc_length": 2.0}
     simulation = Simulation(load_scenario("seed_example", changes))
     cable = simulation.system.cable
@@ -82,7 +82,7 @@ def test_a_straight_start_knows_on_which_elements_its_carriages_are():
 
 @pytest.mark.parametrize("space", [2, 3])
 def test_a_slack_rope_in_too_few_frames_is_told(space):
-    """20 elements are off by metres; 160, a taut rope and `continuum` are not told anything."""
+    """Warning for 20 elements, off by metres; none for 160, for a taut rope, and for `continuum`."""
     slack = {**LEVEL_SPAN, "space": space}
     slack["cable"] = {**LEVEL_SPAN["cable"], "unstrained_length": 110.0, "bending_stiffness": 100.0}
     slack["cable"]["elastic_model"] = "element_frame"

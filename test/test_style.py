@@ -1,4 +1,4 @@
-"""Lint, formatting and types, so that one command checks everything; and the linters of ament where ROS 2 has them.
+"""Lint, formatting and types in the test run, and ament's linters where ROS 2 has them.
 
 ament_copyright has no part in it: the licence stands once, in LICENSE, and not in each file.
 """

@@ -1,4 +1,4 @@
-"""Tension beside loads and at the ends: in balance with what holds the rope and what hangs on it, on any mesh."""
+"""Tension beside loads and at the ends: in balance with supports and loads on any mesh."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def nearly(expected, rel=1e-6):
 
 @pytest.mark.parametrize("model", ["continuum", "element_frame"])
 def test_a_load_between_nodes_leaves_no_spike(model):
-    """12 t between nodes, beside two catenaries that meet there: both sides, everywhere, and the extremes."""
+    """12 t between nodes against two catenaries: both sides, everywhere, and the extremes."""
     mesh = {} if model == "continuum" else {"cable.elements": 256, "cable.bending_stiffness": 1e5}  # as it needs
     simulation, tension, place = taut_inclined(12e3, {"cable.elastic_model": model, **mesh})
     arc_lengths = np.linspace(0.0, 1044.25, 501)
@@ -43,7 +43,7 @@ def test_a_load_between_nodes_leaves_no_spike(model):
 @pytest.mark.parametrize("scenario", [TRAMWAY, IN_SPACE], ids=["plane", "space"])
 @pytest.mark.parametrize("kinks", ["rounded", "sharp"])
 def test_the_tension_of_a_rope_is_that_of_a_finer_mesh_and_of_what_pulls_it(scenario, kinks):
-    """A cabin beside the tower, with a haul rope; the counterweight pulls along the rope."""
+    """Cabin with haul rope beside a tower; counterweight along the rope."""
     found = []
     for elements in (40, 320):
         changes = {"cable.elements": elements, "cable.kinks": kinks, "carriages.cabin.arc_length": 71.3}
@@ -62,7 +62,7 @@ def test_the_tension_of_a_rope_is_that_of_a_finer_mesh_and_of_what_pulls_it(scen
 
 
 def test_the_tension_is_in_balance_on_the_way():
-    """From rest, under way, in wind: ends and supports agree, and nothing jumps where the cabin passes."""
+    """From rest, under way, in wind: ends and supports agree, without jumps at the cabin."""
     simulation = Simulation(load_scenario(TRAMWAY))
     simulation.command("cabin", speed=6.0)
     simulation.wind(8.0, 0.0)
@@ -77,7 +77,7 @@ def test_the_tension_is_in_balance_on_the_way():
 
 
 def test_sag_is_that_of_the_kink_under_the_vehicle():
-    """Few points of the rope: the deepest one of all is the joint, between two of them."""
+    """Few sampled points: lowest at the joint, between two of them."""
     changes = {"carriages.cabin.arc_length": 31.0, "carriages.cabin.payload.mass": 400.0}
     coarse, fine = (Simulation(load_scenario(TRAMWAY, changes), samples=count) for count in (11, 2001))
     name = "sag below the chord, start to tower_1"
@@ -86,7 +86,7 @@ def test_sag_is_that_of_the_kink_under_the_vehicle():
 
 @needs_kernels
 def test_several_ropes_bear_what_their_clamps_and_wheels_give_them():
-    """Both sides of the clamp on the haul rope; supports of tracks, and the tensions of bullwheels, as they are."""
+    """Both sides of a clamp on the haul rope; supports of tracks, bullwheel tensions."""
     simulation = Simulation(load_scenario("jig_back", QUICK))
     simulation.command("haul_rope", speed=5.0)
     for time in (0.0, 2.0):
@@ -115,7 +115,7 @@ def test_several_ropes_bear_what_their_clamps_and_wheels_give_them():
 
 @needs_kernels
 def test_strands_of_a_lift_have_no_spikes():
-    """Chairs hang on both strands: the tension of each rises with its height and with nothing else."""
+    """Chairs on both strands: tension rising with height only."""
     simulation = Simulation(load_scenario("chairlift"))
     for name, rope in simulation.snapshot.ropes.items():
         places = np.linspace(0.0, rope.arc_lengths[-1], 1201)

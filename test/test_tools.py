@@ -1,4 +1,4 @@
-"""The commands of those who work on it: each explains itself, without running anything, and takes some of its parts."""
+"""Commands for developers: help without a run, and a short part of each."""
 
 from pathlib import Path
 
@@ -47,7 +47,7 @@ def test_one_section_is_verified_and_its_rows_printed():
 
 
 def test_a_long_run_begins_and_its_energy_is_found():
-    """The first seconds of the tramway: what its drive gives is in ropes, cabin, friction, dampers and air."""
+    """First seconds of the tramway: drive work found in ropes, cabin, friction, dampers and air."""
     result = run_python("-m", "verification.long_runs", "tramway_trip", "--share", 0.02)
     assert result.returncode == 0, result.stderr
     cells = [cell.strip() for cell in result.stdout.splitlines()[-1].split("|")]

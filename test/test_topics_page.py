@@ -1,4 +1,4 @@
-"""docs/topics.md says what the code says: topics with types and rates, QoS, parameters with defaults and units.
+"""docs/topics.md against the code: topics with types and rates, QoS, parameters with defaults and units.
 
 Services, and what a running node really offers, are in test/ros/test_sim_node.py.
 """

@@ -1,4 +1,4 @@
-"""Towers and counterweights of a scenario: what may stand there, what is built of it, and what a simulation shows."""
+"""Towers and counterweights of a scenario: checks, built constants, and displayed quantities."""
 
 import json
 from itertools import pairwise
@@ -114,7 +114,7 @@ def test_a_hold_down_presses_from_above_and_straight_trains_are_straight():
 
 
 def test_a_cable_that_runs_towards_smaller_x_lies_on_the_same_side():
-    """The tramway seen from the other side gives the same loads."""
+    """Mirrored tramway with equal loads."""
     mirrored = {
         "cable.end.position": [-1000.0, 100.0],
         "cable.end.direction": [-0.99, 0.12],
@@ -190,7 +190,7 @@ def test_a_scenario_with_towers_reads_back_the_same():
 
 @pytest.mark.parametrize("tensioning", ["counterweight", "hydraulic"])
 def test_a_lift_of_many_towers_starts_at_rest_near_its_catenaries(tensioning):
-    """Ten towers of one sheave, one of them held down: loads as the closed form has them, which guesses the start."""
+    """Ten towers of one sheave, one hold-down: loads near the closed form of the initial guess."""
     x = np.linspace(0.0, 660.0, 12)
     z = 8.0 + 0.3 * x + 12.0 * np.sin(np.pi * x / 660.0)
     z[5] -= 6.0

@@ -1,4 +1,4 @@
-"""A wind that nothing feels is refused at every door, with what would feel it."""
+"""Wind without effect on any rope or body: refused by every interface, with advice."""
 
 import pytest
 from test_scenario_faults import faults_of
@@ -55,7 +55,7 @@ def test_one_part_that_feels_it_is_enough_and_air(felt):
 
 @pytest.mark.parametrize("name", [name for name in scenario_names() if name not in ("seed_example", "pantograph")])
 def test_the_shipped_ropeways_feel_it_and_the_reference_models_do_not(name):
-    """The example of the paper and that of EN 50318 have no air."""
+    """Examples of the paper and of EN 50318 without air."""
     scenario = load_scenario(name)
     assert wind_unfelt(scenario) == ""
     cables: list[Scenario] = [scenario.of_rope(rope) for rope in scenario.cables]

@@ -1,4 +1,4 @@
-"""Numbers as engineers write them."""
+"""Text of numbers in engineers' units."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_what_a_comparison_comes_to_says_which_run_is_beyond():
 
 
 def test_messages_write_forces_and_energies_in_one_place():
-    """No message has its own number for a unit whose values are large: 6.74e+03 N is 6.74 kN."""
+    """Forces and energies in every message through `with_unit`: 6.74 kN, not 6.74e+03 N."""
     own = re.compile(r"\{[^{}]*:(\.\d)?[eg]\} (N|N m|W|J)\b|:\.[23]g\} m(?![\w/])")
     wrong = {
         f"{path}:{number}"

@@ -1,4 +1,4 @@
-"""Wind that is neither even nor steady: what may be asked for, the same bits however a run goes on, and its log."""
+"""Non-uniform and unsteady wind: valid sections, equal bits however a run continues, and its log."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def windy(**changes):
 
 
 def ride(simulation, *times):
-    """Two seconds with a wind and a gust that come as commands, seen at these times as well."""
+    """Two seconds with wind and gust commands, and snapshots at given times."""
     for time in sorted({*times, 0.8, 1.9}):
         simulation.advance_to(time)
         if time == 0.8:

@@ -1,4 +1,4 @@
-"""The tables of docs/topics.md, read."""
+"""Tables of docs/topics.md as data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "topics.md"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A topic or a service: its name has VEHICLE, BODY or SUPPORT in it where it stands for several."""
+    """Topic or service; VEHICLE, BODY or SUPPORT in its name stands for several."""
 
     direction: str  # in, out or service
     name: str
@@ -23,7 +23,7 @@ class Row:
     def expanded(
         self, vehicles: Mapping[str, Sequence[str]], supports: Sequence[str]
     ) -> Iterator[tuple[str, str, str]]:
-        """Direction, name and type of all that it stands for."""
+        """Direction, name and type of all topics that a row stands for."""
         names = [self.name.replace("SUPPORT", support) for support in supports] if "SUPPORT" in self.name else []
         if "VEHICLE" in self.name:
             named = [(self.name.replace("VEHICLE", vehicle), bodies) for vehicle, bodies in vehicles.items()]
@@ -35,7 +35,7 @@ class Row:
 
 
 def table(section: str) -> list[list[str]]:
-    """Cells of the rows of the first table of a section, without its head."""
+    """Cells of the first table of a section, without its head."""
     (text,) = re.findall(
         rf"^## {section}\n(.*?)(?=^## |\Z)", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )
@@ -44,12 +44,12 @@ def table(section: str) -> list[list[str]]:
 
 
 def topics_of_page() -> list[Row]:
-    """Its topics."""
+    """Topics of the page."""
     return [row for row in _rows() if row.direction != "service"]
 
 
 def services_of_page() -> list[Row]:
-    """Its services."""
+    """Services of the page."""
     return [row for row in _rows() if row.direction == "service"]
 
 

@@ -1,4 +1,4 @@
-"""Real processes of the package for tests: `sim` and others, in a ROS domain of their own."""
+"""Processes of the package for tests, `sim` and others, each in its own ROS domain."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _locks: dict[int, IO[str]] = {}
 
 
 def allocate_domain() -> int:
-    """Take a ROS domain that nobody on this machine uses, until it is released or this process ends."""
+    """Reserve an unused ROS domain of this machine until its release or the end of this process."""
     for domain in islice(_next_domains, len(DOMAINS)):
         lock = (Path(tempfile.gettempdir()) / f"cable_twin_test_domain_{domain}.lock").open("a")
         with suppress(OSError):  # another test has it
@@ -48,26 +48,26 @@ def allocate_domain() -> int:
 
 
 def _is_used(domain: int) -> bool:
-    """Whether somebody listens to a port of it."""
+    """Whether a process listens on a port of a ROS domain."""
     first = 7400 + 250 * domain
     sockets = [line.split() for file in Path("/proc/net").glob("udp*") for line in file.read_text().splitlines()[1:]]
     return any(first <= int(socket[1].rpartition(":")[2], 16) < first + 250 for socket in sockets)
 
 
 def release_domain(domain: int) -> None:
-    """Leave it to other tests; nothing happens where it was not taken here."""
+    """Release a ROS domain; no effect where not reserved by this process."""
     if domain in _locks:
         _locks.pop(domain).close()
 
 
 @cache
 def _common_domain() -> int:
-    """Domain of commands that talk to nobody."""
+    """ROS domain of commands that need no other participant."""
     return allocate_domain()
 
 
 def environment(directory: Path, domain: int | None = None) -> dict[str, str]:
-    """Environment of a process: the package under test, its own domain, nothing written outside `directory`."""
+    """Environment of a process: package under test, own ROS domain, no files outside `directory`."""
     paths = [str(PACKAGE_PARENT), *filter(None, [os.environ.get("PYTHONPATH")])]
     return {
         **os.environ,
@@ -80,7 +80,7 @@ def environment(directory: Path, domain: int | None = None) -> dict[str, str]:
 
 
 def write_quick_scenario(directory: Path, space: int = 2) -> Path:
-    """One span whose drive reaches its speed in a second or two, in wind or calm, and that costs little to solve."""
+    """Write a single span of low cost, whose drive reaches its speed in a second or two, in wind or calm."""
     yaml = YAML()
     content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
     content["cable"].update(elements=20, kinks="rounded", start={"position": [0.0, 0.0]})
@@ -102,7 +102,7 @@ def write_quick_scenario(directory: Path, space: int = 2) -> Path:
 
 
 def wait_until(condition: Callable[[], Any], timeout: float = PATIENCE, what: str = "") -> Any:
-    """Poll; returns what the condition gave, or fails."""
+    """Poll a condition; returns its result, or fails at the time-out."""
     deadline = time.monotonic() + timeout
     while not (value := condition()):
         assert time.monotonic() < deadline, f"not within {timeout:g} s: {what or condition}"
@@ -114,13 +114,13 @@ _twins: dict[int, TwinProcess] = {}  # the newest of each domain
 
 
 def check_alive(domain: int) -> None:
-    """Fail with what the twin of a domain has printed, if it has ended: no minutes of waiting for the dead."""
+    """Fail with the output of a twin that has ended, instead of waiting for it."""
     twin = _twins.get(domain)
     assert twin is None or twin.process.poll() is None, f"the twin has ended: {twin.output}"
 
 
 class TwinProcess:
-    """A command of the package as a process of its own: from nothing where `command` or `variables` are given."""
+    """Command of the package as a process, not forked where `command` or `variables` are given."""
 
     def __init__(
         self,
@@ -154,35 +154,35 @@ class TwinProcess:
 
     @property
     def output(self) -> str:
-        """All that it has printed."""
+        """Output so far."""
         return self.output_path.read_text()
 
     @property
     def run_directory(self) -> Path:
-        """Where it has recorded; there must be one run."""
+        """Directory of the only recorded run."""
         (run,) = (self.directory / "cable_twin_logs").iterdir()
         return run
 
     def wait_for(self, text: str, timeout: float = COMPILING) -> None:
-        """Wait until it has printed a text."""
+        """Wait for a text in the output."""
         wait_until(lambda: text in self.output or self.process.poll() is not None, timeout, text)
         assert text in self.output, self.output
 
     def send(self, number: int) -> None:
-        """Send a signal."""
+        """Send a signal to the process."""
         self.process.send_signal(number)
 
     def wait(self, timeout: float = PATIENCE) -> int:
-        """Exit code."""
+        """Wait for the end of the process; returns its exit code."""
         return self.process.wait(timeout)
 
     def end(self) -> int:
-        """Ask it to end, as Ctrl-C does."""
+        """End the process as by Ctrl-C."""
         self.send(signal.SIGINT)
         return self.wait()
 
     def kill(self) -> None:
-        """Make sure that it is gone."""
+        """Kill the process, if still running."""
         with suppress(ProcessLookupError):
             self.process.kill()
         self.process.wait()
@@ -193,7 +193,7 @@ class TwinProcess:
 
 
 def refused_starts(directory: Path, *starts: Sequence[str]) -> list[list[str]]:
-    """What `sim` says of each list of arguments, in lines; each is refused, with nothing else printed or recorded."""
+    """Error lines of `sim` for each list of arguments; each is refused without other output or recording."""
     said = []
     for arguments in starts:
         result = run_module("ros.sim", *arguments, directory=directory)
@@ -204,19 +204,19 @@ def refused_starts(directory: Path, *starts: Sequence[str]) -> list[list[str]]:
 
 
 def stamps(messages: list[Any]) -> list[int]:
-    """Stamps in nanoseconds."""
+    """Stamps (ns) of messages."""
     return [message.header.stamp.sec * SECOND + message.header.stamp.nanosec for message in messages]
 
 
 def gaps(messages: list[Any]) -> list[int]:
-    """Nanoseconds from stamp to stamp."""
+    """Differences (ns) of successive stamps."""
     return [after - before for before, after in pairwise(stamps(messages))]
 
 
 def run_python(
     *arguments: object, directory: Path = REPOSITORY, variables: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run Python with these arguments and the package under test, kernels compiled; with what it printed."""
+    """Run Python with the package under test and compiled kernels; returns the output."""
     paths = [str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]
     own = {"PYTHONPATH": os.pathsep.join(paths), "NUMBA_DISABLE_JIT": "0", **(variables or {})}
     return subprocess.run(
@@ -231,7 +231,7 @@ def run_python(
 
 
 def run_module(module: str, *arguments: str, directory: Path) -> Any:
-    """Run a command of the package to its end, such as `offline.simulate`; with what it printed."""
+    """Run a command of the package, such as `offline.simulate`, to its end; returns the output."""
     with tempfile.TemporaryDirectory(prefix="cable_twin_said_") as name:
         output, errors = Path(name) / "output", Path(name) / "errors"
         process = ForkedProcess(module, arguments, directory, environment(directory), output, errors)

@@ -1,4 +1,4 @@
-"""The control experiments as processes beside the node: the swing is cut, and what a user meets is in a line."""
+"""Control experiments as processes beside a twin: reduced swing, and errors of users reported in a line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def load_module():
 
 @pytest.fixture(scope="module")
 def plans():
-    """The module that the experiments share."""
+    """Module of the control experiments with their common parts."""
     return load_module()
 
 
@@ -114,7 +114,7 @@ def test_model_ahead_feels_a_tower(plans, capsys):
 
 @pytest.fixture
 def wind_law(plans):
-    """A trip of 500 m at 7 m/s, slower from 10 m/s of wind on, none from 20 m/s on, and its module."""
+    """Wind law of a 500 m trip at 7 m/s, reduced from 10 m/s of wind on and zero from 20 m/s on, with its module."""
     specification = spec_from_file_location("wind_speed", EXAMPLES / WIND_SPEED)
     module = module_from_spec(specification)
     specification.loader.exec_module(module)
@@ -175,7 +175,7 @@ def start(directory, script, *arguments, domain):
 
 
 def write_span(directory):
-    """`single_span` on a mesh that costs little."""
+    """Write `single_span` with a mesh of low cost."""
     path = directory / "span.yaml"
     path.write_text(load_scenario("single_span", {"cable.elements": 40}).to_yaml())
     return str(path)
@@ -183,7 +183,7 @@ def write_span(directory):
 
 @pytest.fixture(scope="module")
 def trips(tmp_path_factory):
-    """Logs of the same trip on two twins at once, driven by (a) and by (b), and what these have printed."""
+    """Logs and output of one trip on two twins at once, driven by controllers (a) and (b)."""
     for _ in range(ATTEMPTS):
         result = drive_both([tmp_path_factory.mktemp(Path(script).stem) for script in SCRIPTS[:2]])
         times = [[applied.time for applied in read_log(run).commands] for run, _ in result]
@@ -193,7 +193,7 @@ def trips(tmp_path_factory):
 
 
 def drive_both(directories):
-    """Run two twins with a controller each; logs, and output of the controllers."""
+    """Run two twins, each with a controller; returns logs and output of the controllers."""
     arguments = ["--rerun", "none", "--frame-rate", "50", "--command-timeout", "5"]
     started, pairs = [], []
     try:
@@ -215,7 +215,7 @@ def drive_both(directories):
 
 
 def measure(run):
-    """Largest swing (deg) of the trip, largest in its last six seconds, and arc length (m) in the end."""
+    """Largest swing (deg) of a trip, largest swing in its last six seconds, and final arc length (m)."""
     log = read_log(run)
     figures = KeyFigures(load_scenario(log.scenario))
     swings = []
@@ -256,7 +256,7 @@ def test_damped_trip_replays_to_the_last_bit(trips, capsys):
 
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory):
-    """A twin without logs, three times as fast as the clock."""
+    """Running twin without logs, at three times real time."""
     directory = tmp_path_factory.mktemp("twin")
     sim = TwinProcess(
         *(directory, "--scenario", write_span(directory), "--record", "false"),
@@ -336,7 +336,7 @@ def test_without_a_twin_it_says_so(domain, tmp_path):
 @pytest.mark.long
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 def test_it_goes_slower_in_the_wind_of_a_running_twin_and_stands_in_a_storm(tmp_path):
-    """Wind as an anemometer's node would send it: before the trip, so that it is known from `air/wind` alone."""
+    """Wind published before the trip as by an anemometer's node, so that `air/wind` alone tells of it."""
     scenario = {**IN_SPACE, "air": {"wind": [0.0, 6.0, 0.0]}}
     (tmp_path / "windy.yaml").write_text(load_scenario(scenario).to_yaml())
     fast = ["--frame-rate", "50", "--real-time-factor", "3", "--command-timeout", "5", "--rerun", "none"]

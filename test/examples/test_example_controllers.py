@@ -1,4 +1,4 @@
-"""The controllers of examples/ that need nothing of the package: one live, one in lockstep."""
+"""Example controllers that are independent of the package: one live, one in lockstep."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ START, PLACE, PERIOD = 60.0, 61.0, 0.01  # m, m, s
 
 @pytest.fixture
 def drive(running, processes):
-    """Run an example beside the twin at its start; returns what it has printed, in lines."""
+    """Run an example beside the twin at its start; returns the printed lines."""
     twin, participant = running
 
     def run(script, *arguments, paused):
@@ -48,7 +48,7 @@ def test_forty_lines_drive_to_a_place_and_know_their_dead_time(running, drive):
 
 
 def test_lockstep_gives_the_numbers_of_the_python_api(drive, tmp_path):
-    """The law of the example, in the simulation itself: to the last digit that is printed."""
+    """Comparison with the control law of the example in the simulation itself, to the last printed digit."""
     simulation = Simulation(load_scenario(write_quick_scenario(tmp_path)))
     simulation.advance_to(PERIOD)
     expected = []

@@ -1,4 +1,4 @@
-"""The example for ros2_control: names and limits are those of the scenario, topics those of the twin."""
+"""Example for ros2_control: names and limits of its joints are those of the scenario, its topics those of the twin."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COMMANDED = [joint.get("name") for joint in HARDWARE.findall("joint")]
 
 
 def test_only_what_is_commanded_is_a_joint():
-    """The interface sends all of its joints in one message, those without a command as NaN."""
+    """The hardware interface sends all its joints in one message, with NaN for those without a command."""
     assert list(SCENARIO.carriages) == COMMANDED
     assert {joint.get("name") for joint in ROBOT.findall("joint")} == set(COMMANDED)
     for joint in HARDWARE.findall("joint"):

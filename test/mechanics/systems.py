@@ -1,4 +1,4 @@
-"""Small systems in general position, and differences of second and fourth order, for the tests beside this file."""
+"""Small mechanical systems in general position, and numerical derivatives, for tests of the mechanics."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from cable_twin.simulation.engine import leave_out_absent
 
 
 def make_cable(dim=2, **changes):
-    """Cable of three elements of 0.7 m in the mean, pinned at both ends; forces of a few hundred N.
+    """Cable of three elements of 0.7 m on average, pinned at both ends, with forces of a few hundred N.
 
     Elements are 20 % longer and shorter than that in turn, so that no test takes them as equal; `even` makes them so.
     """
@@ -55,7 +55,7 @@ def make_cable(dim=2, **changes):
 
 
 def make_carriages(chains=(), dim=2, **changes):
-    """Carriages with as many bodies as `chains` says, all different, without friction and with soft end stops."""
+    """Carriages with given numbers of bodies, all different, without friction and with soft end stops."""
     offset = np.cumsum([0, *chains]).astype(np.int64)
     bodies, count = int(offset[-1]), len(chains)
     numbers = np.arange(bodies, dtype=float)
@@ -95,7 +95,7 @@ def make_carriages(chains=(), dim=2, **changes):
 
 
 def make_limits(count=1, acceleration=0.5, emergency_deceleration=1.5, **changes):
-    """Limits of drives, without any but of accelerations."""
+    """Drive limits with limited accelerations only."""
     limits = DriveLimits(*np.full((7, count), np.inf))._replace(
         acceleration=np.full(count, acceleration),
         deceleration=np.full(count, acceleration),
@@ -105,7 +105,7 @@ def make_limits(count=1, acceleration=0.5, emergency_deceleration=1.5, **changes
 
 
 def make_towers(dim=2, contacts=0, **changes):
-    """Towers of one contact each, rough, over which the cable of `disturbed_state` passes."""
+    """Towers of one contact each, with friction, below the cable of `disturbed_state`."""
     numbers = np.arange(contacts, dtype=float)
     side = np.zeros((contacts, dim))
     side[:, -1] = 1.0
@@ -132,7 +132,7 @@ def make_towers(dim=2, contacts=0, **changes):
 
 
 def make_counterweights(dim=2, **changes):
-    """No counterweight at either end."""
+    """Record of counterweights with none at either end."""
     weights = Counterweights(
         direction=np.full((2, dim), np.nan),
         mass=np.zeros(2),
@@ -145,7 +145,7 @@ def make_counterweights(dim=2, **changes):
 
 
 def make_haul_ropes(count, **changes):
-    """No haul rope for any of `count` carriages, unless an axial stiffness is given."""
+    """Haul ropes for `count` carriages, none unless an axial stiffness is given."""
     ropes = HaulRopes(
         axial_stiffness=np.zeros(count),
         mass_per_length=np.full(count, 2.0),
@@ -162,7 +162,7 @@ def make_haul_ropes(count, **changes):
 def make_system(
     dim=2, *, chains=(), cable=None, carriages=None, towers=None, counterweights=None, haul_ropes=None, air=None
 ):
-    """System of those above, of the type of simulations; no drag unless `air` is given."""
+    """Complete system of the type that simulations have; without drag unless `air` is given."""
     bodies = sum(chains)
     whole = System(
         cable=make_cable(dim, **(cable or {})),
@@ -178,7 +178,7 @@ def make_system(
 
 
 def with_moving_cable(system, moving):
-    """The same system with a cable that moves along itself, of the type of such simulations."""
+    """Copy of a system with an axially moving cable, of the type that simulations have."""
     return system._replace(moving_cable=moving, buffers=NO_BUFFERS)
 
 
@@ -229,12 +229,12 @@ def second_difference(function, step):
 
 
 def dense_blocks(work):
-    """The block-tridiagonal matrix of a workspace as (nodes 2 dim, nodes 2 dim)."""
+    """Dense matrix (nodes 2 dim, nodes 2 dim) of the block-tridiagonal matrix of a workspace."""
     return dense_matrix(work.diagonal, work.upper, work.lower)
 
 
 def dense_matrix(diagonal, upper, lower):
-    """Dense matrix of blocks as `solve_block_tridiagonal` takes them."""
+    """Dense matrix of blocks in the layout of `solve_block_tridiagonal`."""
     nodes, dim = diagonal.shape[0], round(diagonal.shape[3] ** 0.5)
 
     def square(blocks):
@@ -251,7 +251,7 @@ def dense_matrix(diagonal, upper, lower):
 
 
 def changed(state, **fields):
-    """The state with other arrays; those of the records in it are named as in nodes_position."""
+    """Copy of a state with other arrays; arrays of inner records are named as in nodes_position."""
     names = {name.replace(".", "_"): name for name in arrays_of(state)}
     arrays = {name: value for name, value in fields.items() if not isinstance(value, tuple)}
     assert arrays.keys() <= {*names, *names.values()}, f"no arrays of a state: {[*arrays]}"
@@ -260,6 +260,6 @@ def changed(state, **fields):
 
 
 def put(record, *values):
-    """Write one value to all entries of each array of a motion or a course."""
+    """Fill all arrays of a motion or a course with one value."""
     for array, value in zip(record, values, strict=True):
         array[:] = value

@@ -1,4 +1,4 @@
-"""Air drag: its force against its definition, and its tangent in a Newton step of the whole system."""
+"""Air drag: force against its definition, and tangent in a Newton step of the whole system."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def setup(dim=2, chains=(1, 2), rope=ROPE_DRAG, body=(3.0, 3.0, 3.0), modes=FREE
 
 
 def drag_on_rope(system, state, work):
-    """Nodal forces and blocks of the drag alone: those of the rope less those of one in a vacuum."""
+    """Nodal forces and blocks of drag alone: with air less without."""
     found = []
     for q in (system.air.rope_drag, 0.0):
         add_cable(system._replace(air=system.air._replace(rope_drag=q)), state, 0.0, 25.0, 1.0, work)
@@ -40,7 +40,7 @@ def drag_on_rope(system, state, work):
 
 
 def drag_on_cable(system, state):
-    """Nodal forces (nodes 2, dim): the definition in numpy."""
+    """Nodal drag forces (nodes 2, dim) from the definition, in numpy."""
     cable = system.cable
     places, weights = np.polynomial.legendre.leggauss(POINTS)
     e, e_dot = (x.reshape(-1, len(cable.gravity)) for x in (state.nodes.position, state.nodes.velocity))
@@ -59,7 +59,7 @@ def drag_on_cable(system, state):
 
 
 def drag_on_bodies(system, state):
-    """Forces and moments (bodies, 3) in a plane."""
+    """Drag forces and moments (bodies, 3) in a plane, from the definition."""
     rows = []
     for body, drag in enumerate(system.air.body_drag):
         axes = np.reshape(orientation(state.bodies.position[body], (0.0, 0.0)), (2, 2))
@@ -80,7 +80,7 @@ def test_force_on_the_rope(dim):
     ("rope", "body"), [(ROPE_DRAG, (0.0, 0.0)), (0.0, (3.0, 3.0)), (ROPE_DRAG, (3.0, 3.0)), (0.0, (1.0, 6.0))]
 )
 def test_newton_step(rope, body, modes):
-    """Drag on the rope, on bodies, on both, by the axes of bodies, which turn: the tangent is exact, to 3e-8."""
+    """Exact tangent to 3e-8 for drag on the rope, on bodies, on both, and by the axes of turning bodies."""
     system, state, work = setup(rope=rope, body=body, modes=modes)
 
     def residual(moved):
@@ -99,7 +99,7 @@ def test_newton_step(rope, body, modes):
 
 
 def test_no_wind_and_no_motion_is_no_force():
-    """Also where the relative wind, by whose size the tangent divides, is zero."""
+    """Zero relative wind, by whose size the tangent divides."""
     system, state, work = setup()
     for array in (state.nodes.velocity, state.bodies.velocity):
         array[:] = 0.0

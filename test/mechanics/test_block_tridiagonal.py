@@ -1,4 +1,4 @@
-"""The linear solver against numpy's dense one."""
+"""Block-tridiagonal linear solver against numpy's dense solver."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_solution_is_that_of_a_dense_solver(nodes, dim):
 @pytest.mark.parametrize("slot", [0, 1])
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
 def test_block_without_inverse_is_named(dim, node, slot, value):
-    """A node with a zero, or with an entry that is no number, and no coupling that could save it."""
+    """Singular node block, by zeros or NaN, without a coupling that could make it regular."""
     diagonal, upper, lower, right = random_blocks(5, dim)
     diagonal[node, slot], diagonal[node, :, slot] = 0.0, 0.0
     diagonal[node, slot, slot] = value * np.eye(dim).ravel() if value == 0.0 else value
@@ -45,7 +45,7 @@ def test_block_without_inverse_is_named(dim, node, slot, value):
 
 
 def test_supported_rows_are_solved_as_identity():
-    """A node whose rows are those of `hold_ends` gives exactly zero."""
+    """Exactly zero increments of a node with the rows of `hold_ends`."""
     diagonal, upper, lower, right = random_blocks(4, 2)
     diagonal[0, 0], diagonal[0, :, 0], upper[0, 0], lower[0, :, 0], right[0, 0] = 0.0, 0.0, 0.0, 0.0, 0.0
     diagonal[0, 0, 0] = np.eye(2).ravel()

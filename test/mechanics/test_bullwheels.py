@@ -1,4 +1,4 @@
-"""Bullwheels by themselves: friction, brakes, bearings, buffers, what strands answer, what they are watched for."""
+"""Bullwheels alone: friction, brakes, bearings, buffers, stiffness of the strands, and rollback."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ INERTIA, WRAPPED, ADHESION = 2000.0, 40.0, 1.5  # kg, kg, -
 
 
 def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
-    """One bullwheel between strands that pull with `on` and `off` (N), on a carriage of 5 t."""
+    """Single bullwheel between strands with the pulls `on` and `off` (N), on a carriage of 5 t."""
     sheaves = Bullwheels(
         rope=np.zeros((1, 2), np.int64),
         inertia=np.array([INERTIA]),
@@ -59,7 +59,7 @@ def wheel(on=10e3, off=10e3, *, speed=0.0, **changes):
 
 
 def step(sheaves, motion, times=1):
-    """Steps between strands that do not answer: Newton's increments to the end, then the end of the step."""
+    """Take steps between strands of constant pull, with converged Newton increments."""
     c = coefficients(0.7)
     for _ in range(times):
         move_bullwheels(sheaves, motion, c, STEP)
@@ -165,7 +165,7 @@ def test_cylinder_moves_where_the_pull_has_left_its_band_and_stops_at_its_travel
 
 @pytest.mark.parametrize("travel", [0.3, 1.2, -1.1])
 def test_increment_of_a_counterweight_is_newton_s(travel):
-    """Of mass, buffers and strands of a given stiffness: one increment leaves nothing of a linear residual."""
+    """One increment solves a linear residual of mass, buffers and strands of given stiffness."""
     sheaves, motion = wheel(tensioning=COUNTERWEIGHT, buffer_damping=0.0)
     c, stiff = coefficients(0.7), 3e5
     by_acceleration = (1.0 - c.alpha_m) / ((1.0 - c.alpha_f) * c.beta * STEP**2)
@@ -183,7 +183,7 @@ def test_increment_of_a_counterweight_is_newton_s(travel):
 
 @pytest.mark.parametrize("factor", [0.5, 0.999, 1.0, 1.4, 2.0, 3.0, 30.0])
 def test_a_strand_stiffer_than_its_estimate_is_measured(factor):
-    """Increments find the place where nothing is left, though the estimate would have them go to and fro, and grow."""
+    """Increments converge where the estimated stiffness alone would make them oscillate and grow."""
     last, measured, estimate, place = np.zeros((1, 2)), np.zeros((1, 2)), 2e7, 0.0
     increments = []
     for _ in range(9):

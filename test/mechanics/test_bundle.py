@@ -1,4 +1,4 @@
-"""Several ropes and what couples them: elimination, tangents, closed forms of strings, motion."""
+"""Coupled ropes: elimination, tangents, closed forms of strings, motion."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ LENGTH, TENSION, STIFFNESS = 40.0, 5000.0, 2e5  # m, N, N/m
 
 
 def make_bundle(dim, *, stiffness=50.0, compression=20.0, clamps=0):
-    """Three ropes with four rods between them; what keeps the records alive comes along."""
+    """Three ropes with four rods between them, with the owners of their records."""
     systems = [make_system(dim, cable={"element_count": count}) for count in ELEMENTS]
     states, works = [allocate_state(s) for s in systems], [allocate_workspace(s) for s in systems]
     count = len(ROPES)
@@ -60,7 +60,7 @@ def as_matrix(block):
 
 
 def places_of(dim):
-    """First row of each node's block in the matrix of all ropes."""
+    """First row of the block of each node in the matrix of all ropes."""
     sizes = [(count + 1) * 2 * dim for count in ELEMENTS]
     return np.cumsum([0, *sizes])
 
@@ -68,7 +68,7 @@ def places_of(dim):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("clamps", [0, 1, 4])
 def test_elimination_solves_what_a_dense_solver_solves(dim, clamps):
-    """Clamps in any order along the ropes; by itself, no force of one says anything about it."""
+    """Clamps in any order along the ropes, which have no diagonal block of their own."""
     bundle, systems, _, works, _kept = make_bundle(dim, clamps=clamps)
     random, first = np.random.default_rng(dim), places_of(dim)
     scratch = allocate_bundle_work(bundle)
@@ -116,7 +116,7 @@ def test_block_without_inverse_is_told():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("rate_factor", [0.0, 70.0])
 def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor):
-    """Rates go with places by the factor of the integrator; of a damper that is exact where it stands still."""
+    """Positions and rates varied together by the factor of the integrator; exact for dampers at rest."""
     bundle, systems, states, works, _kept = make_bundle(dim)
     like, first, random = systems[0].cable.gravity, places_of(dim), np.random.default_rng(3)
     for rope, (system, state) in enumerate(zip(systems, states, strict=True)):
@@ -161,7 +161,7 @@ def test_connectors_come_in_an_order_along_all_ropes_or_not_at_all():
 
 
 def strings(*, rods, gravity=0.0, dim=2, **changes):
-    """Two strings of the same tension, one a metre above the other, with rods between them; heights in m."""
+    """Two strings of equal tension, 1 m above each other, with rods between them; heights in m."""
 
     def place(x, z):
         return [x, z] if dim == 2 else [x, 0.0, z]
@@ -217,7 +217,7 @@ def test_long_rod_is_slack_and_pushes_where_it_can():
 
 
 def test_strings_that_swing_together_keep_their_frequency_and_energy():
-    """What couples equal strings does nothing while they move alike: n/2L sqrt(T/m), per unstrained length."""
+    """Rods between equal strings are inactive in their common motion at n/2L sqrt(T/m), per unstrained length."""
     rods = [(share * 2.0 * MIDDLE, {"length": 1.0, "compression": STIFFNESS}) for share in (0.2, 0.5, 0.7)]
     simulation = strings(rods=rods)
     state = simulation.capture()
@@ -239,7 +239,7 @@ def test_strings_that_swing_together_keep_their_frequency_and_energy():
 
 
 def test_state_goes_through_a_file_to_the_last_bit(tmp_path):
-    """Also that of a pantograph, which is on no rope alone; a reset brings it back."""
+    """State of couplings, pantographs included, after a file and after a reset."""
     pantograph = {
         "rope": "lower",
         "position": 12.0,

@@ -17,19 +17,19 @@ STEPS = 200 if JIT else 5
 
 
 def one_rope(dim, **changes):
-    """A rope with a driven carriage that hangs on it, wind and all."""
+    """Rope with a driven carriage hanging from it, in wind."""
     return load_scenario("seed_example", {"cable.elements": ELEMENTS, "space": dim, **changes})
 
 
 def advanced(rope, couplings):
-    """Its state after some steps, and what came of them."""
+    """State and outcome after a number of steps."""
     ropes = Assembly([rope], couplings)
     return rope.state, Outcome(*advance(*ropes.arguments, STEPS))
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_kernels_for_couplings_give_the_bits_of_those_without(dim):
-    """Nothing between ropes, known to kernels and not: every array of the state after 200 steps."""
+    """Absent couplings known and unknown to the compiler: every array of the state after 200 steps."""
     simulation = Simulation(one_rope(dim))
     system, start = simulation.system, simulation.capture().state
     start.nodes.velocity[1:-1, 0, -1] = 0.3
@@ -59,7 +59,7 @@ def test_one_of_several_ropes_gives_the_bits_of_a_cable(dim):
 
 
 def test_what_kernels_take_is_packed_once():
-    """Of simulations that take turns, none packs its arguments anew: some milliseconds at each turn."""
+    """Simulations advanced in turn pack no arguments anew, which would take milliseconds each time."""
     many = [Simulation(one_rope(2)) for _ in range(4)]
     before = [one._engine.arguments(1) for one in many]
     for one in many:

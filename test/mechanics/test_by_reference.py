@@ -1,4 +1,4 @@
-"""Records in kernels: the fields that were given, of any kind, at any depth, and no others."""
+"""Records passed to kernels by reference: all fields of any kind and depth, unchanged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cable_twin.mechanics.language.compilation import as_python, kernel
 
 @by_reference
 class Inner(NamedTuple):
-    """Part of a record."""
+    """Inner record."""
 
     count: int
     weight: float
@@ -28,7 +28,7 @@ class Inner(NamedTuple):
 
 @by_reference
 class Outer(NamedTuple):
-    """Record with a record in it."""
+    """Record with an inner record."""
 
     inner: Inner
     flags: NDArray[np.bool_]
@@ -42,13 +42,13 @@ def records(table, dim=2):
 
 @kernel
 def deeper(inner, i, j):
-    """Take a part of a record from another kernel."""
+    """Read a field of an inner record in another kernel."""
     return inner.table[i, j]
 
 
 @kernel
 def read(outer, result):
-    """Read every kind of field, in a loop in which the arrays of the record are written to."""
+    """Read every kind of field within a loop that writes to the arrays of the record."""
     inner = outer.inner
     for k in range(inner.count):
         result[k] = inner.weight + (10.0 if inner.present else 0.0) + inner.vector[-1] + len(inner.vector)
@@ -105,7 +105,7 @@ def result_of(outer):
 
 @needs_jit
 def test_words_and_what_they_point_to_live_as_long_as_what_is_packed():
-    """The record, its arrays and their memory are given up by everybody else, and as much is taken again."""
+    """All other references to record, arrays and memory are dropped, and equal memory is allocated again."""
     expected = result_of(records(np.full((3, 2), 2.0)))
     kept = pack(records(np.full((3, 2), 2.0)))
     address = kept.address
@@ -133,7 +133,7 @@ def test_arrays_of_what_is_packed_may_change_in_place():
 
 @needs_jit
 def test_records_handed_over_last_are_remembered_and_no_others():
-    """One that is handed over again and again is not packed anew; those that are not are let go."""
+    """A record passed repeatedly is packed once, and others are released."""
     used = records(np.ones((3, 2)))
     kept = pack(used)
     tables = []
@@ -177,7 +177,7 @@ def test_what_no_record_holds_is_named_in_one_line(field, value, kind):
 
 @needs_jit
 def test_a_record_that_nobody_packed_is_an_error_of_a_plain_function():
-    """`kernel` packs what it is given; numba alone finds no address in a tuple."""
+    """`kernel` packs its arguments; numba alone finds no address in a tuple."""
 
     @numba.njit(_nrt=False)
     def weight(inner):

@@ -1,4 +1,4 @@
-"""Forces of both ends from the elements there, against the balance of the end nodes of the whole assembled cable."""
+"""Support forces at both ends from the end elements, against the balance of the end nodes of the assembled cable."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ LENGTH = 0.7  # m, of an element
 
 
 def balance_of_end_nodes(system, state, work):
-    """What the supports have to exert (2, dim) in N, with the forces of carriages and towers as they are."""
+    """Support forces (2, dim) in N from the balance of the end nodes, under the present other forces."""
     cable = system.cable
     add_cable(system, state, 1.0, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
@@ -52,7 +52,7 @@ def check(system, state, work):
 
 
 def in_motion(elements, dim=2, **options):
-    """A cable in general position with all that acts on its ends, and what of it `options` take away or change."""
+    """Cable in general position with all forces that act on its ends, some changed or left out by `options`."""
     whole = elements * LENGTH
     loads = {"places": [0.0, 0.3, 0.5 * whole, whole - 0.2, whole], "towers": [0.25, whole - 0.1], **options}
     places, count = np.array(loads["places"]), len(loads["towers"])
@@ -101,7 +101,7 @@ def test_end_forces_are_what_the_end_nodes_lack(elements, model, dim):
 
 
 def test_each_part_is_in_the_end_forces():
-    """No part cancels another one: without it they are others, and right again."""
+    """Leaving out one part changes the forces, and they are right without it, so no part cancels another."""
     system, state, work = in_motion(3)
     forces = check(system, state, work)
     still = state._replace(attached=np.zeros_like(state.attached))
@@ -123,7 +123,7 @@ def test_what_is_at_a_node_or_on_inner_elements_is_shared_out_alike(cars, towers
 
 
 def test_moments_of_hinges_are_in_the_end_forces():
-    """Of carriages that turn against the cable, on the elements at both ends."""
+    """Hinge moments of carriages on the elements at both ends."""
     system, state, work = in_motion(3)
     bare = check(system, state, work)
     for carriage in range(2):
@@ -144,7 +144,7 @@ def test_end_forces_of_a_tramway_under_way():
 
 
 def test_end_forces_of_a_moving_cable_under_way():
-    """Carriers that leave and enter over the elements at both ends."""
+    """Carriers entering and leaving across the elements at both ends."""
     chair = {"mass": 300.0, "inertia": 100.0, "upper_pivot": [0.0, 2.0]}
     simulation = moving(
         unstrained_length=60.0,

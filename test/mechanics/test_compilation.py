@@ -1,4 +1,4 @@
-"""Kernels as they are kept: complete for Python, without their door to it for other kernels."""
+"""Kernels in the cache: with all code for calls from Python, without an entry point for other kernels."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_kernels_are_compiled_once_and_called_from_both_sides(tmp_path, disabled
 
 
 def test_kernels_of_another_folder_follow_their_sources_and_leave_those_of_the_mechanics(tmp_path):
-    """A constant that a kernel takes from a file beside it is part of its code, which numba does not know."""
+    """Constant imported from a neighbouring file, which is part of the compiled code and unknown to numba's cache."""
     folder = tmp_path / "figures"
     folder.mkdir()
     (folder / "program.py").write_text(
@@ -127,7 +127,7 @@ print(part.library.get_pointer_to_function(part.fndesc.llvm_func_name), sum(hits
 
 
 def test_a_part_has_no_machine_code_and_is_taken_from_the_cache_by_another_process(tmp_path):
-    """It is compiled to bitcode for its first caller, and goes from there into a second one elsewhere."""
+    """Bitcode compiled for a first caller, reused for a second one in another process."""
     program = tmp_path / "program.py"
     program.write_text(PARTS)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
@@ -203,7 +203,7 @@ for kind, (two, three) in KINDS.items():
 
 @pytest.fixture(scope="module")
 def values_of_alike(tmp_path_factory):
-    """What three processes give: two keep parts of the same numbers in numba's count, which meet in the third."""
+    """Results of three processes: two cache parts with equal running numbers of numba, the third uses both."""
     directory = tmp_path_factory.mktemp("alike")
     program = directory / "program.py"
     program.write_text(ALIKE)
@@ -231,7 +231,7 @@ def values_of_alike(tmp_path_factory):
     ],
 )
 def test_functions_of_one_name_and_types_stay_apart(values_of_alike, kind, more):
-    """Two parts that two processes have kept meet in a third."""
+    """Parts cached by two processes and used together in a third."""
     given = [float(values[kind]) for values in values_of_alike]
     assert given == [2.0 + more, 3.0 + more, 302.0 + 101.0 * more]
 
@@ -266,7 +266,7 @@ print(outer(1.0))
 
 @pytest.mark.long
 def test_no_part_of_before_is_taken_when_a_source_is_edited_while_a_process_starts(tmp_path):
-    """What calls the edited one has not changed itself, and is kept where the old one is."""
+    """Callers of an edited function are unchanged themselves, and stay in the cache of the old sources."""
     (tmp_path / "program.py").write_text(EDITED)
     (tmp_path / "helper.py").write_text(HELPER.format(factor=2.0))
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
@@ -281,7 +281,7 @@ def test_no_part_of_before_is_taken_when_a_source_is_edited_while_a_process_star
 
 
 def test_nothing_gets_the_parts_of_a_brief_kernel(tmp_path):
-    """What is compiled well asks for its parts by their names, and would get those that were loaded before."""
+    """Optimised kernels find their parts by name, and must not find parts loaded for brief kernels."""
     program = tmp_path / "program.py"
     program.write_text(BRIEF)
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}

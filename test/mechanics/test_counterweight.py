@@ -1,4 +1,4 @@
-"""The counterweight: force, inertia and buffers at an end of the cable, against their definition."""
+"""Counterweight at an end of the cable: force, inertia and buffers against their definition."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ DIRECTION = np.array([0.6, 0.8])
 
 
 def weighted(travel=(-0.4, 0.3)):
-    """A counterweight of 7 kg and 50 N at the end of a cable in general position."""
+    """Cable in general position with a counterweight of 7 kg and 50 N at its end."""
     system = make_system(
         cable={"end_position": np.array([[0.0, 0.0], [2.2, 0.4]])},
         counterweights={

@@ -1,4 +1,4 @@
-"""Records of arrays: declared once, in one block of memory, copied as that."""
+"""Records of declared arrays in one block of memory, copied as one."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from cable_twin.mechanics.state import State, Workspace, allocate_state, sizes_o
 
 
 class Inner(NamedTuple):
-    """A record in a record, whose arrays have the shape that the outer one gives them."""
+    """Inner record whose arrays have the shape given by the outer one."""
 
     place: NDArray[np.float64]
     turn: NDArray[np.float64]
 
 
 class Outer(NamedTuple):
-    """Floats, whole numbers and conditions."""
+    """Record of floats, integers and conditions."""
 
     inner: Annotated[Inner, Of("node", 2, unit="m"), Of("node", unit="rad", field="turn")]
     number: Annotated[NDArray[np.int64], Of("node", first=-1)]

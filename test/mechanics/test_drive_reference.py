@@ -12,7 +12,7 @@ LENGTH, STROKE, STEP = 50.0, 0.5, 0.01
 
 
 def drive(start=25.0, acceleration=0.5, **limits):
-    """A driven carriage at an arc length (m) of 50 m, with limits by the names of a scenario's."""
+    """Driven carriage at an arc length of 50 m, with limits by the names of a scenario."""
     system = make_system(
         chains=(1,),
         cable={"element_count": 2, "element_length": 0.5 * LENGTH},
@@ -25,7 +25,7 @@ def drive(start=25.0, acceleration=0.5, **limits):
 
 
 def run(system, state, duration, target=None, step=STEP):
-    """Reference (steps + 1, 3) at every step."""
+    """Reference motion (steps + 1, 3) at every step."""
     if target is not None:
         state.drives.target[0] = target
     path = [np.array(state.reference)[:, 0]]
@@ -81,7 +81,7 @@ def test_brakes_in_time_for_the_ends_of_the_track(jerk, target, end):
 
 @pytest.mark.parametrize("step", [0.01, 0.013])
 def test_deceleration_before_the_end_is_even(step):
-    """The acceleration is what a drive's force is told from: rounding must not take it away in single steps."""
+    """Rounding must not disturb the acceleration of single steps, as the drive force follows from it."""
     system, state = drive(30.0, acceleration=0.7)
     path = run(system, state, 12.0, 3.0, step)
     braking = np.flatnonzero(path[:, 2] < 0.0)
@@ -111,7 +111,7 @@ def test_emergency_deceleration_replaces_both_limits():
 
 @pytest.mark.parametrize("speed", [0.05, 0.3, 1.0, 4.0])
 def test_a_release_of_an_emergency_stop_at_low_speed_does_not_reverse(speed):
-    """The deceleration of the emergency stop is more than the jerk limit can end before rest."""
+    """The jerk limit cannot end the deceleration of the emergency stop before standstill."""
     system, state = drive(10.0, jerk=0.2, emergency_deceleration=1.2)
     state.reference.velocity[0], state.reference.acceleration[0] = speed, -1.2
     path = run(system, state, 40.0, 0.0)

@@ -39,7 +39,7 @@ def curvatures(u):
 
 
 def gauss(points):
-    """Points and weights on 0..1."""
+    """Gauss-Legendre points and weights on 0..1."""
     x, weights = np.polynomial.legendre.leggauss(points)
     return zip(0.5 + 0.5 * x, 0.5 * weights, strict=True)
 
@@ -121,7 +121,7 @@ def test_force_is_the_gradient_of_the_energy(model, dim):
 @MODELS
 @DIMS
 def test_elastic_energy_is_that_of_the_strains(model, dim):
-    """`elastic_energy` against the energy written here, and its differences against the residual of the cable."""
+    """`elastic_energy` against its definition, and differences of it against the residual of the cable."""
     system = make_system(dim, cable={"elastic_model": model})
     cable = system.cable
     state, work = disturbed_state(system)

@@ -1,4 +1,4 @@
-"""The whole system: one condensed Newton step, and eq. 16, against dense numpy solutions of the uncondensed rows.
+"""Equations of the whole system: condensed Newton step and eq. 16, against dense numpy solutions of all rows.
 
 The rows are written here from their definitions; of the mechanics they use the residual of the bare cable, which has
 its own tests. Their derivatives are differences of fourth order.
@@ -35,7 +35,7 @@ ROUGH = {"rolling_friction": 0.3, "viscous_friction": 5.0}
 
 
 def gaps(carriages, place, bodies):
-    """Gaps (2 bodies,) in m of a chain that hangs at `place`, from its coordinates (bodies, 3)."""
+    """Gaps (2 bodies,) in m of a chain below `place`, from its coordinates (bodies, 3)."""
     result, above = [], place
     for body, (x, z, pitch) in enumerate(bodies):
         centre = np.array([x, z])
@@ -59,14 +59,14 @@ def test_arm_and_its_derivative():
 
 
 def hinge_moments(carriages, pitches, spins, direction):
-    """Moments (bodies,) in N m on the bodies of a chain, from their pitches and rates and those of the cable."""
+    """Moments (bodies,) in N m on the bodies of a chain, from pitches and rates of bodies and cable."""
     angle = np.diff(np.concatenate([[direction[0]], pitches]))
     rate = np.diff(np.concatenate([[direction[1]], spins]))
     return -carriages.hinge_stiffness * angle - carriages.hinge_damping * rate
 
 
 def chain_residual(carriages, q, multipliers, accelerations, moments=None):
-    """M q_ddot - Q - Φ_qᵀ λ of all bodies (3 bodies,), written from the virtual work of the joint forces.
+    """Residual M q_ddot - Q - Φ_qᵀ λ (3 bodies,) of all bodies, from the virtual work of the joint forces.
 
     A hinge has a moment on the body below it, and the opposite one on the body above.
     """
@@ -121,7 +121,7 @@ def joint_weights(system, state, carriage, function):
 
 
 def yielded(system, state, carriage, work):
-    """Way (2,) in m by which a joint yields, and what that pushes it back with along the cable (N)."""
+    """Displacement (2,) in m of a compliant joint, and its reaction (N) along the cable."""
     if work is None or not system.cable.rounding.size:
         return np.zeros(2), 0.0
     force = state.multipliers[system.carriages.body_offset[carriage]]
@@ -205,7 +205,7 @@ def split(system, unknown):
 
 
 def held(system):
-    """Projector (nodes 4, nodes 4) onto what the supports hold."""
+    """Projector (nodes 4, nodes 4) onto the coordinates held by supports."""
     size = 4 * (system.cable.element_count + 1)
     matrix = np.zeros((size, size))
     for end, first in ((0, 0), (1, size - 4)):
@@ -216,7 +216,7 @@ def held(system):
 
 
 def moved_by(system, state, unknown):
-    """State moved by Newton increments of all unknowns, as the integrator moves it."""
+    """State after Newton increments of all unknowns, applied as by the integrator."""
     count = system.carriages.fixed.size
     size = unknown.size - 2 * count
     e, q, s, multipliers = split(system, unknown[:size])
@@ -279,7 +279,7 @@ ELASTIC = {"bending_stiffness": 0.0}  # without bending the tangent of the cable
 @pytest.mark.parametrize("mode", [FREE, FORCE, SPEED], ids=["free", "force", "driven"])
 @pytest.mark.parametrize("bodies", [1, 2, 3])
 def test_newton_step(mode, bodies):
-    """Chains of 1 to 3 bodies, each mode: to 1e-8."""
+    """Chains of 1 to 3 bodies, each drive mode: to 1e-8."""
     check_newton_step(*setup([bodies], modes=mode, cable=ELASTIC))
 
 
@@ -300,7 +300,7 @@ def test_newton_step_in_an_end_stop(place):
 
 @pytest.mark.parametrize("place", [-0.03, 2.13], ids=["start", "end"])
 def test_newton_step_beyond_the_end_of_the_cable(place):
-    """The end element goes on there; the stop pushes back."""
+    """Joint on the extrapolated end element, pushed back by the end stop."""
     check_newton_step(*setup([1], places=place, cable=ELASTIC))
 
 
@@ -308,7 +308,7 @@ HINGED = {"hinge_stiffness": [50.0, 20.0, 30.0], "hinge_damping": [4.0, 3.0, 2.0
 
 
 def hinged(chains, spring=1.0, damper=1.0, **options):
-    """`setup` with a spring and a damper above every body; what is driven is where it is to be."""
+    """`setup` with a spring and a damper above every body, driven joints at their references."""
     system, state, work = setup(chains, **options)
     bodies = sum(chains)
     springs = {key: np.resize(HINGED[key], bodies) for key in HINGED}
@@ -329,7 +329,7 @@ def test_newton_step_with_hinges(mode, spring, damper, bodies):
 
 
 def test_newton_step_with_a_damper_between_bodies_alone():
-    """The first hinge is a bare pivot: the cable is not asked for its direction."""
+    """Bare pivot at the cable, so that the direction of the cable is not needed."""
     system, state, work = hinged([3], cable=ELASTIC)
     system.carriages.hinge_stiffness[0] = system.carriages.hinge_damping[0] = 0.0
     check_newton_step(system, state, work)
@@ -338,7 +338,7 @@ def test_newton_step_with_a_damper_between_bodies_alone():
 @pytest.mark.parametrize("mode", [FREE, FORCE, SPEED], ids=["free", "force", "driven"])
 @pytest.mark.parametrize("bodies", [1, 3])
 def test_newton_step_with_kinks(mode, bodies):
-    """Joints that yield by more than a millimetre, with springs, dampers and friction: to 1e-7, so it is exact."""
+    """Compliant joints displaced by more than 1 mm, with springs, dampers and friction: exact to 1e-7."""
     system, state, work = hinged([bodies], modes=mode, cable=ELASTIC | YIELDING, **ROUGH)
     check_newton_step(system, state, work, 1e-7)
     assert np.linalg.norm(yielded(system, state, 0, work)[0]) > 1e-3
@@ -363,7 +363,7 @@ def test_newton_step_of_element_frame_with_loads():
 
 
 def test_newton_step_of_a_clamped_and_of_a_free_end():
-    """A clamp leaves the slope only its length."""
+    """Clamped end, whose slope can change in length only, and free end."""
     direction = np.array([0.96, 0.28])
     projector = np.stack(
         [
@@ -398,7 +398,7 @@ def test_right_side_of_the_constraints(feedback):
 
 
 def moving(state, t):
-    """State of a motion at constant velocities, `t` seconds on; joints stay on their elements."""
+    """State after `t` seconds of motion at constant velocities; joints stay on their elements."""
     return changed(
         state,
         nodes_position=state.nodes.position + t * state.nodes.velocity,
@@ -466,7 +466,7 @@ def test_accelerations_solve_equation_16(model, modes, damper):
 
 
 def test_accelerations_with_friction_obey_its_law():
-    """Solved again until the multipliers stand: the sliding row then holds to 1e-8 N."""
+    """Repeated solution until the multipliers converge: the sliding row holds to 1e-8 N."""
     system, state, work = setup([2], cable={"damping_time": 0.01}, **ROUGH)
     for _ in range(20):
         assert solve_accelerations(system, state, 0.0, work)
@@ -477,7 +477,7 @@ def test_accelerations_with_friction_obey_its_law():
 
 
 def test_a_system_without_solution_is_reported():
-    """A cable of no mass and no stiffness."""
+    """Cable without mass and stiffness."""
     system, state, work = setup([1], cable={"axial_stiffness": 0.0, "bending_stiffness": 0.0, "mass_per_length": 0.0})
     measure_gaps(system, state, work, True)
     assemble(system, state, 400.0, 25.0, 1.0, work)

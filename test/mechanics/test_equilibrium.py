@@ -1,4 +1,4 @@
-"""Rest: catenary, hanging chains, what is left of the forces; and what happens where there is none or a step fails."""
+"""Equilibrium: catenary, hanging chains, residual forces; errors where no equilibrium exists or a step fails."""
 
 import numpy as np
 import pytest
@@ -100,7 +100,7 @@ def test_all_forces_balance_at_rest():
 
 
 def test_rest_is_rest():
-    """With the joint held, accelerations of eq. 16 are nothing: below 1e-5 m/s² of the bodies."""
+    """Accelerations of eq. 16 at rest, joint held: below 1e-5 m/s² for the bodies."""
     system, state, work = prepare(loaded_span(**{"carriages.one.joint": "fixed"}))
     settle(system, state, work)
     assert solve_accelerations(system, state, 0.0, work)
@@ -110,7 +110,7 @@ def test_rest_is_rest():
 
 
 def test_held_joint_reports_its_drive_force():
-    """What holds the joint is the weight along the cable there: to 1e-6 of it."""
+    """Holding force equal to the weight along the cable, to 1e-6."""
     simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed"}))
     a, b = simulation.cable_positions(np.array([40.0 - 1e-4, 40.0 + 1e-4]))
     along = (b - a) / np.linalg.norm(b - a)
@@ -128,7 +128,7 @@ def test_hanging_cable_carries_its_own_weight():
 
 
 def test_a_problem_without_rest_says_so(monkeypatch):
-    """A stiff bar on a pin whose moment of 9 N m is more than its weight's, m g L² / 2 = 4.9 N m: it turns for ever.
+    """Stiff bar on a pin with a moment of 9 N m, above the m g L² / 2 = 4.9 N m of its weight: endless rotation.
 
     The error names iterations, how far the last one moved a point and what is allowed.
     """
@@ -169,7 +169,7 @@ def test_a_weightless_cable_on_a_pin_has_no_place_of_rest():
 @pytest.mark.parametrize("length", [99.9, 101.0])
 @pytest.mark.parametrize("end", [[0.0, -100.0], [0.02, 100.0]], ids=["down", "up"])
 def test_cable_of_a_vertical_span_ends_at_its_support(end, length):
-    """Both ends are where they are held, exactly, taut and slack; and the weight is on both."""
+    """Both ends exactly at their supports, taut and slack, with the weight on both."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.end.position": end, "cable.unstrained_length": length}))
     ends = [[0.0, 0.0, 0.0], [end[0], 0.0, end[1]]]
     np.testing.assert_allclose(simulation.cable_positions(np.array([0.0, length])), ends, atol=1e-12)
@@ -178,7 +178,7 @@ def test_cable_of_a_vertical_span_ends_at_its_support(end, length):
 
 
 def test_ends_that_no_catenary_meets_are_named():
-    """A weight beyond all numbers, which is where the search for a catenary ends."""
+    """Weight beyond floating point, at which the search for a catenary ends."""
     system, state, work = prepare(load_scenario(LEVEL_SPAN, {"cable.elements": 2}))
     system = system._replace(cable=system.cable._replace(mass_per_length=1e307))
     with np.errstate(all="ignore"), pytest.raises(EquilibriumError, match="no catenary of 101 m reaches over 100 m"):
@@ -187,7 +187,7 @@ def test_ends_that_no_catenary_meets_are_named():
 
 @pytest.mark.parametrize("field", ["nodes.position", "nodes.velocity", "bodies.position", "joints.velocity"])
 def test_not_a_number_stops_the_solver_and_is_named(field):
-    """The outcome says so and names an element at a bad node; the state is bit for bit that before the call.
+    """Outcome with an element at the faulty node, and an unchanged state.
 
     What a carriage passes on is on the whole right side at once, so no element is to blame then.
     """
@@ -212,7 +212,7 @@ def test_not_a_number_stops_the_solver_and_is_named(field):
 
 
 def test_not_a_number_reaches_no_snapshot():
-    """The simulation raises and names step and element; a state without it goes on from the same place."""
+    """Error with step and element; a state without NaN continues in the same simulation."""
     simulation = Simulation(loaded_span(elements=6))
     simulation.advance_to(0.002)
     kept = simulation.state.nodes.velocity[4, 0, 1]
@@ -227,7 +227,7 @@ def test_not_a_number_reaches_no_snapshot():
 
 
 def test_good_steps_before_a_bad_one_are_kept():
-    """A stop so stiff that a coarse step cannot pass it: steps are counted up to there, nothing is not finite."""
+    """End stop too stiff for a coarse step: earlier steps are counted, and all numbers stay finite."""
     stiff = {
         "carriages.one.end_stop": {"stroke": 0.05, "stiffness": 1e13, "damping": 0.0},
         "carriages.one.arc_length": 0.5,

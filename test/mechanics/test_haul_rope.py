@@ -1,4 +1,4 @@
-"""The haul rope: one condensed Newton step against the dense rows, written here from their definition; its statics."""
+"""Haul rope: condensed Newton step against dense rows from the definition, and statics."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from cable_twin.mechanics.parameters import DRUM, END, FORCE, FREE, SPEED, START
 
 
 def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
-    """System whose carriages all hang on haul ropes, in general position."""
+    """System in general position with all carriages on haul ropes."""
     count = len(chains)
     ropes = {"axial_stiffness": np.full(count, 3000.0), "station": np.full(count, station, dtype=np.int64)} | changes
     rough = {name: np.full(count, value) for name, value in ROUGH.items()}
@@ -45,7 +45,7 @@ def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
 
 
 def haul_rows(system, state):
-    """Force of each haul rope on the way of its carriage, and the rows of the drums."""
+    """Force of each haul rope on the travel of its carriage, and the rows of the drums."""
     on_w, on_u = [], []
     ropes, carriages = system.haul_ropes, system.carriages
     for k in range(carriages.fixed.size):
@@ -71,7 +71,7 @@ def haul_rows(system, state):
 
 
 def hauled_residual(system, work):
-    """Rows of eq. 16 with haul ropes, which pull the first bodies and not the cable."""
+    """Rows of eq. 16 with haul ropes, whose pull acts on the first bodies instead of the cable."""
 
     def residual(state):
         carriages, (on_w, on_u) = system.carriages, haul_rows(system, state)
@@ -97,7 +97,7 @@ def hauled_residual(system, work):
 @pytest.mark.parametrize("sheave", [FREE, FORCE, SPEED], ids=["free", "force", "speed"])
 @pytest.mark.parametrize("station", [START, END], ids=["start", "end"])
 def test_newton_step(station, sheave):
-    """Elastic, viscous and inertial coupling of carriage and sheave, stiffness by the rope's length: to 3e-8."""
+    """Elastic, viscous and inertial coupling of carriage and drum, stiffness by the rope's length: to 3e-8."""
     system, state, work = setup(station=station, sheave=sheave)
     if sheave == FREE:
         state.drives.force[:] = 0.0
@@ -106,7 +106,7 @@ def test_newton_step(station, sheave):
 
 @pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
 def test_newton_step_of_a_slack_rope(sheave):
-    """What the counter rope can pull is what the loop can push."""
+    """Push limited by the pretension of the counter rope."""
     system, state, work = setup(sheave=sheave, pretension=np.array([15.0]))
     state.drums.position[:] = state.hauled.position - 0.3
     assert rope_force(system, state, 0)[0] == -15.0
@@ -120,7 +120,7 @@ def test_newton_step_of_several_carriages():
 
 @pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
 def test_newton_step_of_joints_that_yield(sheave):
-    """The rope pulls at the pivot, not at the place of the joint on the cable."""
+    """Pull at the pivot instead of the joint's place on the cable."""
     system, state, work = setup((1, 2), sheave=sheave, cable=ELASTIC | YIELDING)
     check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
@@ -148,7 +148,7 @@ def test_a_carriage_hangs_in_its_rope(station, force):
 
 
 def test_energy_is_what_the_forces_and_masses_say():
-    """Its derivative by w is minus the force; its kinetic part that of a rod between two speeds, and the drive."""
+    """Force as the negative derivative of the energy; kinetic energy of a rod between two speeds, and of the drive."""
     system, state, _ = setup(damping_ratio=np.zeros(1))
 
     def elastic(w):
@@ -164,7 +164,7 @@ def test_energy_is_what_the_forces_and_masses_say():
 
 
 def test_what_the_track_rope_moves_along_itself_is_taken_up_at_the_sheave():
-    """The way is counted from the arc length again; the force, which is of the difference, stays."""
+    """Travel reset to the arc length at unchanged force, which depends on the difference only."""
     system, state, _ = setup(damping_ratio=np.zeros(1))
     state.reference.position[:] = state.drums.position
     ahead = state.drums.position - state.hauled.position

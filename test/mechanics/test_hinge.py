@@ -1,4 +1,4 @@
-"""Springs and dampers between bodies and against the cable: moments, directions, rest, Newton, reset, payload."""
+"""Springs and dampers between bodies and against the cable: moments, signs, equilibrium, Newton step, payload."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_moment_is_the_derivative_of_the_energy_and_resists():
 
 @pytest.mark.parametrize("slope", [(0.9, -0.4), (0.2, 1.1), (-0.8, 0.3)])
 def test_pitch_of_the_cable_and_its_derivatives(slope):
-    """Differences to 1e-9; a cable that falls in x has a positive pitch, whichever way it runs."""
+    """Differences to 1e-9; positive pitch of a cable falling in x, in either running direction."""
     assert np.sign(tangent_pitch(slope)) == -np.sign(slope[1] / slope[0])
     assert tangent_pitch((-slope[0], -slope[1])) == pytest.approx(tangent_pitch(slope), abs=1e-15)
     first = difference(lambda r_x: np.array([tangent_pitch(tuple(r_x))]), np.array(slope), 1e-3)[0]
@@ -89,7 +89,7 @@ def test_direction_at_a_joint_turns_with_the_cable_and_along_it():
 
 
 def test_springs_are_in_the_energy():
-    """What they add is k φ² / 2 each."""
+    """Energy of k φ² / 2 for each spring."""
     system, state, _ = hinged_system()
     bare = system._replace(carriages=system.carriages._replace(hinge_stiffness=np.zeros(2)))
     pitches = state.bodies.position[:, 2]
@@ -99,7 +99,7 @@ def test_springs_are_in_the_energy():
 
 
 def test_rest_with_springs_balances_moments():
-    """Each spring bears the moment of what hangs below it; the fixed joint of an inclined cable bears the rest."""
+    """Moment in each spring of all weight below it; the rest at the fixed joint of an inclined cable."""
     simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed", **SPRINGS}))
     system, state = simulation.system, simulation.state
     carriages, q = system.carriages, state.bodies.position
@@ -120,7 +120,7 @@ def test_rest_with_springs_balances_moments():
 
 
 def test_a_driven_joint_takes_the_moment_along_a_bent_cable():
-    """m ∂α/∂s more than λ·t: to 1e-12."""
+    """Drive force of λ·t plus m ∂α/∂s, to 1e-12."""
     system, state, _ = hinged_system()
     bare = system._replace(carriages=system.carriages._replace(hinge_stiffness=np.zeros(2), hinge_damping=np.zeros(2)))
     moment, force = tangent_moment(system, state, 0)

@@ -1,4 +1,4 @@
-"""A damaged cache of kernels is compiled anew, and one that others may write is not used."""
+"""Kernel cache: damaged files are compiled anew, and a cache writable by others is not used."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.skipif(not JIT, reason="nothing is kept without compila
 
 
 def run(directory):
-    """What a process prints that calls a kernel, and its errors."""
+    """Output and errors of a process that calls a kernel."""
     folder = directory / "kernels_of_a_test"
     folder.mkdir(exist_ok=True)
     (folder / "small.py").write_text(MODULE)

@@ -1,4 +1,4 @@
-"""Natural modes: pendulums in closed form, agreement with eq. 16, both ways of solving, orthogonality."""
+"""Natural modes: pendulums in closed form, agreement with eq. 16, both solvers, orthogonality."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ STIFF = {"cable.axial_stiffness": 1e9, "cable.bending_stiffness": 1e5, "cable.el
 
 
 def hung_from_a_wall(bodies):
-    """Carriage on a short, all but rigid cantilever, so that its joint stands still."""
+    """Carriage on a short, almost rigid cantilever, so that its joint stands still."""
     carriage = {"arc_length": 0.5, "joint": "fixed", "bodies": bodies}
     return Simulation(load_scenario({**CANTILEVER, "carriages": {"one": carriage}}, STIFF))
 
@@ -65,7 +65,7 @@ UNIVERSAL = {"carriages.one.bodies.lower.drag_area": 9.0, "carriages.one.bodies.
     "space", [{}, IN_SPACE, IN_SPACE | UNIVERSAL], ids=["in a plane", "in side wind", "universal joints"]
 )
 def test_modes_solve_equation_16(spring, space):
-    """Each mode, laid on the equilibrium, makes accelerations of -ω² times itself: to 1e-4 of the largest.
+    """Accelerations of -ω² times a mode displaced from equilibrium: to 1e-4 of the largest.
 
     A span with two bodies on it; accelerations by differences of `solve_accelerations` over the motion of the nodes
     and bodies that keeps the joints closed.
@@ -86,7 +86,7 @@ def test_modes_solve_equation_16(spring, space):
     everything = np.vstack([np.hstack([free, np.zeros((nodal, carriage.angles))]), directions])
 
     def accelerations(x):
-        """Of free nodal directions and angles, at the coordinates that these make."""
+        """Accelerations of free nodal directions and angles at given coordinates."""
         moved = changed(
             state,
             nodes_position=state.nodes.position + (free @ x[:held]).reshape(state.nodes.position.shape),
@@ -113,7 +113,7 @@ def test_modes_solve_equation_16(spring, space):
 
 
 def test_both_ways_of_solving_agree(monkeypatch):
-    """All eigenvalues at once and the lowest few by iteration: to 1e-8, shapes to 1e-6."""
+    """All eigenvalues at once against the lowest few by iteration: to 1e-8, shapes to 1e-6."""
     simulation = Simulation(loaded_span(elements=24, **{"carriages.one.joint": "fixed"}))
     arc_lengths = np.linspace(0.0, 101.0, 11)
     dense, dense_shapes = simulation.natural_frequencies(6), simulation.mode_shapes(6, arc_lengths)
@@ -136,7 +136,7 @@ def test_shapes_are_orthogonal_over_the_mass():
 
 @pytest.mark.parametrize("scale", [1.0, 7.0])
 def test_mass_does_not_depend_on_the_mesh(scale):
-    """A rigid shift of all nodes has the whole mass: to 1e-12."""
+    """Whole mass in a rigid shift of all nodes, to 1e-12."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": round(3 * scale)}))
     shift = np.zeros(simulation.state.nodes.position.shape)
     shift[:, 0, 1] = 1.0
@@ -145,7 +145,7 @@ def test_mass_does_not_depend_on_the_mesh(scale):
 
 
 def test_number_of_modes_is_checked():
-    """Free unknowns: two elements, pinned: 12 nodal coordinates less 4."""
+    """Free unknowns of two pinned elements: 12 nodal coordinates less 4."""
     simulation = Simulation(load_scenario(LEVEL_SPAN, {"cable.elements": 2}))
     assert simulation.natural_frequencies(8).shape == (8,)
     for count in (0, 9):

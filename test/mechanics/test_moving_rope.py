@@ -1,4 +1,4 @@
-"""A cable that moves along itself, and a strand of a loop: forces against their definition, carriers on and off.
+"""Axially moving cable and strand of a loop: forces against their definition, carriers entering and leaving.
 
 On a strand there is more rope on the mesh than that is long, and rope has other speeds at its ends.
 """
@@ -46,7 +46,7 @@ def gauss(points=6):
 
 
 def moving_system(**changes):
-    """Bare cable in general position that moves at 1.7 m/s and speeds up at 0.6 m/s²."""
+    """Bare cable in general position moving at 1.7 m/s and accelerating at 0.6 m/s²."""
     system = with_moving_cable(make_system(**changes), MOVING)
     state, work = disturbed_state(system)
     put(state.rope, 0.3, 1.7, 0.6)
@@ -66,7 +66,7 @@ def fields(system, coordinates, function):
 
 
 def flow(system, state, rate_factor, stiffness_factor):
-    """Nodal forces and tangent of the flow: those of the cable less those of one that does not move along itself."""
+    """Nodal forces and tangent of the axial motion: with motion less without."""
     found = []
     for each in (system, system._replace(moving_cable=STANDING)):
         work = allocate_workspace(each)
@@ -130,7 +130,7 @@ def test_kinetic_energy_is_that_of_the_velocity_of_the_cable():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("elements", [1, 2, 3, 4, 5, 8, 11])
 def test_flow_integrals_of_any_number_of_elements(elements, dim):
-    """Whole groups of lanes, what is left over, and both: by quadrature to 1e-12."""
+    """Full groups of lanes, remainders, and both: by quadrature to 1e-12."""
     system, state, _ = moving_system(dim=dim, cable={"element_count": elements})
     r_x, weights = fields(system, state.nodes.position, shape_functions_x)
     r_t, _ = fields(system, state.nodes.velocity, shape_functions)
@@ -171,7 +171,7 @@ def test_haul_force_is_the_rate_of_its_momentum():
 
 @pytest.mark.parametrize("rope", [(0.0, 1.7, 0.6), (0.0, -2.5, -0.4)])
 def test_newton_step_of_a_moving_cable(rope):
-    """Condensed against dense, carriages clamped to it included; `add_flow` is held against its definition above."""
+    """Condensed against dense, with clamped carriages; `add_flow` has its own test."""
     system, state, work = setup([1, 2], modes=SPEED, cable=ELASTIC)
     moving = with_moving_cable(system, MOVING)
     put(state.rope, *rope)
@@ -179,7 +179,7 @@ def test_newton_step_of_a_moving_cable(rope):
 
 
 def loop(places, *, speed=1.0, element_length=0.7, **changes):
-    """A cable laid straight, carriers of one body at `places` on its loop, moving at `speed`."""
+    """Straight cable moving at `speed`, with carriers of one body at `places` on its loop."""
     count = len(places)
     standing = make_system(
         chains=[1] * count,
@@ -214,7 +214,7 @@ def test_loop_coordinate_goes_round_both_ways(travelled, place):
 
 @pytest.mark.parametrize(("place", "attached", "station"), [(2.05, True, 2.05), (2.2, False, 2.1), (4.9, False, 0.0)])
 def test_what_is_off_the_mesh_hangs_in_the_nearer_station(place, attached, station):
-    """At rest, and its joint carries its weight."""
+    """Carrier at rest whose joint bears its weight."""
     system, state, work = loop([place])
     assert state.attached[0] == attached
     assert state.joints.position[0] == pytest.approx(station)
@@ -225,7 +225,7 @@ def test_what_is_off_the_mesh_hangs_in_the_nearer_station(place, attached, stati
 
 
 def test_what_comes_onto_a_moving_cable_moves_with_its_joint():
-    """Upright, without a gap, at the velocity and acceleration of its point of the cable."""
+    """Carrier upright, without a gap, with velocity and acceleration of its point of the cable."""
     system, state, work = loop([4.95])
     state.nodes.velocity[1] = [[0.1, -0.3], [0.05, 0.2]]
     put(state.rope, 0.15, 1.3, 0.4)
@@ -238,7 +238,7 @@ def test_what_comes_onto_a_moving_cable_moves_with_its_joint():
     np.testing.assert_allclose(state.bodies.velocity[0], [*velocity, 0.0])
 
     def place(t):
-        """Joint after `t` at the present velocities and rope acceleration."""
+        """Position of the joint after `t` at the present velocities and rope acceleration."""
         e = state.nodes.position + t[0] * state.nodes.velocity
         s = 0.1 + 1.3 * t[0] + 0.5 * 0.4 * t[0] ** 2
         return np.array(shape_functions(s, system.cable.element_length[0])) @ e[:2].reshape(4, 2)
@@ -253,7 +253,7 @@ def test_what_comes_onto_a_moving_cable_moves_with_its_joint():
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_carriers_go_round_and_keep_their_spacing(direction):
-    """Five on a loop of 5 m, eight seconds at 1 m/s: places to 1e-9 m, no halved step, off and on again each."""
+    """Five carriers on a loop of 5 m for 8 s at 1 m/s: places to 1e-9 m, no halved step, each off and on again."""
     places = [0.5, 1.5, 2.5, 3.5, 4.5]
     system, state, work = loop(places, speed=direction, mass=np.full(5, 0.3))
     alone = Assembly([Rope(system, state, work)])
@@ -276,7 +276,7 @@ def test_carriers_go_round_and_keep_their_spacing(direction):
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_a_loop_no_longer_than_the_cable_has_every_carrier_on_it(direction):
-    """What leaves at one end is on again at the other within the same step, and hangs at rest in no station."""
+    """Carriers leaving at one end enter at the other within the step, without a station."""
     system, state, work = loop([0.3, 1.0, 1.7], speed=direction, mass=np.full(3, 0.3))
     system = system._replace(moving_cable=MOVING._replace(loop_length=2.1))
     alone = Assembly([Rope(system, state, work)])
@@ -297,7 +297,7 @@ SURPLUS = 0.05  # m
 
 
 def strand(elements=3, dim=2, **cable):
-    """A strand in general position; rope comes to it faster than it goes."""
+    """Strand in general position with more rope entering than leaving."""
     cable = {"element_count": elements, "element_length": LENGTH / elements, "bending_stiffness": 0.0} | cable
     system = make_system(dim=dim, cable=cable)._replace(moving_cable=MOVING)
     state, work = disturbed_state(system)
@@ -309,31 +309,31 @@ def strand(elements=3, dim=2, **cable):
 
 
 def stretch_at(time):
-    """λ after `time` (s)."""
+    """Rest stretch λ after `time` (s)."""
     gone = [p + v * time + 0.5 * a * time**2 for p, v, a in PASSED]
     return 1.0 + (SURPLUS + gone[0] - gone[1]) / LENGTH, gone[0]
 
 
 def curve(s, t):
-    """A smooth motion of the mesh: places (2,) in m."""
+    """Smooth motion of the mesh: positions (2,) in m."""
     x = 1.05 * s + 0.1 * np.sin(2.0 * s) + 0.2 * t * np.cos(s) + 0.05 * t**2 * s**2
     return np.array([x, 0.3 * np.sin(1.5 * s) + 0.3 * t * s * (LENGTH - s) + 0.1 * t**2 * np.sin(s)])
 
 
 def by_s(s, t):
-    """Its slope."""
+    """Slope of `curve`."""
     x = 1.05 + 0.2 * np.cos(2.0 * s) - 0.2 * t * np.sin(s) + 0.1 * t**2 * s
     return np.array([x, 0.45 * np.cos(1.5 * s) + 0.3 * t * (LENGTH - 2.0 * s) + 0.1 * t**2 * np.cos(s)])
 
 
 def rates(function, s, step=1e-3):
-    """Value, first and second derivative by time, now."""
+    """Present value, first and second derivative by time."""
     before, now, after = (function(s, t) for t in (-step, 0.0, step))
     return now, (after - before) / (2.0 * step), (after - 2.0 * now + before) / step**2
 
 
 def test_forces_are_those_of_points_of_the_rope():
-    """-∫φ·a dm for a smooth φ, a by differences of the place of what is fixed to the rope; second order in the mesh."""
+    """-∫φ·a dm for a smooth φ, a by differences of positions fixed to the rope; second order in the mesh."""
     now, start = stretch_at(0.0)
 
     def acceleration(s, step=1e-3):
@@ -369,7 +369,7 @@ def test_forces_are_those_of_points_of_the_rope():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("of_loop", [False, True], ids=["cable", "strand"])
 def test_tangent_is_the_derivative_of_the_force(of_loop, dim):
-    """By differences, of position and velocity at once; without bending, whose tangent is no derivative."""
+    """Differences of position and velocity at once, without bending, whose tangent is approximate."""
     system, state, work = strand(dim=dim) if of_loop else moving_system(dim=dim, cable={"bending_stiffness": 0.0})
 
     def residual(change):
@@ -399,7 +399,7 @@ def test_weight_is_that_of_the_rope_on_the_mesh():
 
 
 def test_tension_and_its_damping_follow_the_rope_that_comes_onto_the_mesh():
-    """A straight mesh that stands still: EA (ε + τ ε_dot) with ε = |r_s| / λ - 1, its rate by differences."""
+    """Straight mesh at rest: EA (ε + τ ε_dot) with ε = |r_s| / λ - 1, its rate by differences."""
     system, state, _ = strand(damping_time=0.02, even=True)
     state.nodes.position[:, 0, 0], state.nodes.position[:, 0, 1] = 1.2 * system.cable.node_arc_length, 0.0
     state.nodes.position[:, 1] = 1.2, 0.0
@@ -412,7 +412,7 @@ def test_tension_and_its_damping_follow_the_rope_that_comes_onto_the_mesh():
 
 
 def test_what_is_clamped_goes_with_its_place_on_the_rope():
-    """Speed and its rate along the mesh, by differences of the place of what is fixed to the rope."""
+    """Speed and its rate along the mesh, by differences of a place fixed to the rope."""
     system, state, _ = strand()
     now, start = stretch_at(0.0)
     rope = now * 0.8 - start

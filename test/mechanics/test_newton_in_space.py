@@ -1,4 +1,4 @@
-"""In space: the chain of bodies, and one condensed Newton step of the whole system, against dense solutions.
+"""Chain of bodies and condensed Newton step in space, against dense solutions.
 
 The rows of carriage and joint are written here from their definitions; of the mechanics they use residuals alone. Their
 derivatives are differences of fourth order.
@@ -51,14 +51,14 @@ WINDY = Air(rope_drag=0.8, body_drag=np.tile(np.diag([1.5, 2.5, 2.0]).ravel(), (
 
 
 def aligned(vector, goal):
-    """The shortest turn that brings one vector into the direction of another."""
+    """Shortest rotation from the direction of one vector into that of another."""
     axis = np.cross(vector, goal)
     size = np.linalg.norm(axis)
     return Rotation.from_rotvec(axis * (np.arctan2(size, vector @ goal) / size if size > 0.0 else 0.0))
 
 
 def attitudes(state, holds, tangent, right=True):
-    """Turn the bodies of a chain, each otherwise; their joints at right angles to what they turn about, if `right`."""
+    """Rotate the bodies of a chain, each differently; with joint axes at right angles if `right`."""
     for body, held_angles in enumerate(holds):
         turn = Rotation.from_rotvec([0.2 * body, 0.1 + 0.3 * body, 0.32])
         if right:  # laws of springs are linearised about joints whose axes are at right angles, as they are held
@@ -72,7 +72,7 @@ def attitudes(state, holds, tangent, right=True):
 
 
 def hanging(count, held, damped):
-    """A chain that hangs in general position from a cable, its joints nearly closed, and how the cable is turned."""
+    """Chain in general position below a cable with nearly closed joints, and the rotation of the cable."""
     springs = {
         "hinge_stiffness": np.array([70.0, 30.0, 50.0])[:count],
         "hinge_damping": np.array([6.0, 9.0, 4.0])[:count],
@@ -91,7 +91,7 @@ def hanging(count, held, damped):
 
 
 class Moved:
-    """The chain after turns and displacements (bodies, 6) of its bodies and a turn of the cable, as defined."""
+    """Chain after rotations and displacements (bodies, 6) of its bodies and a rotation of the cable, by definition."""
 
     def __init__(self, system, state, delta, tangent, spin, turn, hangs_at=PLACE):
         self.hangs_at = hangs_at
@@ -117,7 +117,7 @@ class Moved:
         return self.axes[body - 1][:, 1], (axes[:, 0], axes[:, 2]), self.spin[body] - self.spin[body - 1]
 
     def gaps(self):
-        """Gaps (bodies, 3) in m of the joints at their places, and the cosines of what they hold."""
+        """Gaps (bodies, 3) in m of the joint positions, and cosines of the constrained angles."""
         above, found, held = self.hangs_at, [], []
         for body, axes in enumerate(self.axes):
             found.append(above - self.place[body] - axes @ self.carriages.upper_pivot[body])
@@ -127,7 +127,7 @@ class Moved:
         return np.concatenate([np.ravel(found), held])
 
     def moments(self, holding):
-        """Moments (bodies, 3): springs and dampers about a and c, and `holding` along c x a, one a held angle."""
+        """Moments (bodies, 3): springs and dampers about a and c, and constraint moments along c x a."""
         carriages, result, used = self.carriages, [], 0
         for body in range(len(self.axes)):
             a, (c, other), relative = self.joint(body)
@@ -165,7 +165,7 @@ class Moved:
 
 
 def stored_holding(moved, state):
-    """Sizes of the moments that hold, as the chain takes them out of `state.moments`."""
+    """Sizes of the constraint moments that the chain has stored in `state.moments`."""
     sizes = []
     for body in range(len(moved.axes)):
         a, mine, _ = moved.joint(body)
@@ -224,7 +224,7 @@ def test_elimination_of_a_chain_is_a_dense_solution(count, held, damped):
 
 
 def setup(bodies, mode=FREE, *, held=1, place=1.1, air=None, turning=True, cable=ELASTIC, **carriages):
-    """A carriage in general position on a disturbed cable, its joints at right angles to what they turn about."""
+    """Carriage in general position on a disturbed cable, with joint axes at right angles."""
     carriages = {
         name: np.resize(value, bodies if name[:4] in ("hing", "roll") else 1) for name, value in carriages.items()
     }
@@ -260,7 +260,7 @@ def weights(system, state, function):
 
 
 def direction(system, state):
-    """Tangent (3,) at the joint, its spin (3,) in rad/s, r_x and r_xx (3,), and the turn (3, 3) by r_x."""
+    """Tangent (3,) at the joint, its spin (3,) in rad/s, r_x and r_xx (3,), and its rotation (3, 3) by r_x."""
     e, e_dot = state.nodes.position.reshape(-1, 3), state.nodes.velocity.reshape(-1, 3)
     shape_x = weights(system, state, shape_functions_x)
     r_x, r_xx = shape_x @ e, weights(system, state, shape_functions_xx) @ e
@@ -270,7 +270,7 @@ def direction(system, state):
 
 
 def chain(system, state, work=None):
-    """The carriage where it is now, as its definitions see it."""
+    """Chain of the carriage at its present place, by definition."""
     still = np.zeros((system.carriages.mass.size, 6))
     tangent, spin, *_ = direction(system, state)
     place = weights(system, state, shape_functions) @ state.nodes.position.reshape(-1, 3)
@@ -278,7 +278,7 @@ def chain(system, state, work=None):
 
 
 def yielded(system, state, work):
-    """Way (3,) in m by which the joint yields, and what that pushes it back with along the cable (N)."""
+    """Displacement (3,) in m of a compliant joint, and its reaction (N) along the cable."""
     if work is None or not system.cable.rounding.size:
         return np.zeros(3), 0.0
     element = int(state.joint_element[0])
@@ -293,7 +293,7 @@ def yielded(system, state, work):
 
 
 def rows(system, state, holding, work):
-    """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinate, joints and what they hold."""
+    """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinate, joints with their constraints."""
     carriages, moved = system.carriages, chain(system, state, work)
     add_cable(system, state, 0.0, 0.0, 0.0, work)
     add_loads(system.cable, state, 0.0, work)
@@ -320,7 +320,7 @@ def rows(system, state, holding, work):
 
 
 def dense_newton_step(system, state, work):
-    """Increments of all unknowns from the uncondensed system: nodes, bodies, s, multipliers, and what holds."""
+    """Increments of all unknowns from the uncondensed system: nodes, bodies, s, multipliers, constraint moments."""
     bodies, driven = system.carriages.mass.size, state.drives.mode[0] == SPEED
     start, turned = stored_holding(chain(system, state), state), work.turned.copy()
     size = state.nodes.position.size
@@ -386,7 +386,7 @@ def check_newton_step(system, state, work, tolerance=1e-5):
 @pytest.mark.parametrize("mode", [FREE, FORCE, SPEED], ids=["free", "force", "driven"])
 @pytest.mark.parametrize(("bodies", "held"), [(1, 1), (2, 1), (3, 2)])
 def test_newton_step(mode, bodies, held):
-    """A sliding joint that holds the heading, universal and revolute joints below."""
+    """Sliding joint with fixed heading, universal and revolute joints below."""
     check_newton_step(*setup(bodies, mode, held=held))
 
 
@@ -399,7 +399,7 @@ def test_newton_step_with_hinges_and_friction(mode, laws):
 
 @pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
 def test_newton_step_with_kinks(mode):
-    """A joint that yields, with springs, dampers and friction."""
+    """Compliant joint with springs, dampers and friction."""
     laws = SPRINGS | DAMPERS
     check_newton_step(*setup(3, mode, turning=False, cable=ELASTIC | YIELDING, **laws, **ROUGH))
 
@@ -410,13 +410,13 @@ def test_newton_step_in_an_end_stop(place):
 
 
 def test_newton_step_in_wind():
-    """Drag of rope and bodies, on the motion that the step makes."""
+    """Drag of rope and bodies, which changes with their motion in the step."""
     check_newton_step(*setup(2, air=WINDY))
 
 
 @pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "clamped"])
 def test_newton_step_on_a_moving_cable(mode):
-    """What is clamped to a cable that goes by is driven; the flow of the rope is in the equations of the cable."""
+    """Clamped vehicles as driven joints, and transport terms of the rope."""
     system, state, work = setup(2, mode)
     moving = MovingCable(True, 10.0, limits=make_limits(1, 0.5, 1.0))
     state.rope.velocity[:], state.rope.acceleration[:] = 2.5, 0.4
@@ -424,7 +424,7 @@ def test_newton_step_on_a_moving_cable(mode):
 
 
 def test_newton_step_with_a_counterweight():
-    """The end of the cable moves along an oblique line, beyond the limit of its travel."""
+    """Cable end moving along an oblique line, beyond the limit of its travel."""
     system, state, work = setup(2)
     along = np.array([0.8, 0.36, 0.48])
     projector = system.cable.end_projector.copy()
@@ -443,7 +443,7 @@ def test_newton_step_with_a_counterweight():
 
 
 def test_newton_step_of_a_clamped_and_of_a_free_end():
-    """A clamp leaves the slope only its length."""
+    """Clamped end, whose slope can change in length only, and free end."""
     along = np.array([0.8, 0.36, 0.48])
     projector = np.stack([np.stack([np.zeros(9), np.outer(along, along).ravel()]), np.tile(np.eye(3).ravel(), (2, 1))])
     check_newton_step(*setup(1, cable={**ELASTIC, "end_projector": projector}))
@@ -479,5 +479,5 @@ def test_right_side_of_the_constraints(bodies, held, feedback):
 
 @pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
 def test_newton_step_with_a_damper_against_the_rope(mode):
-    """Its rate is taken as a part of its turn, which is not exact: to a tenth where all is in violent motion."""
+    """Approximate tangent of the damper's rate: to a tenth in violent motion."""
     check_newton_step(*setup(3, mode, turning=False, **SPRINGS, **FIRST_DAMPERS), tolerance=0.1)

@@ -1,4 +1,4 @@
-"""The ceiling on numba: the language of the mechanics leans on its private parts, which a new version may change."""
+"""Ceiling on numba: private parts that the language of the mechanics needs and a new version may change."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ docs/development.md says what each part is for."""
 
 
 def bounds() -> tuple[str, str]:
-    """The floor and the ceiling of setup.cfg."""
+    """Lowest and highest allowed numba version of setup.cfg."""
     setup = configparser.ConfigParser()
     setup.read(ROOT / "setup.cfg")
     (line,) = re.findall(r"^numba(.*)$", setup["options"]["install_requires"], re.MULTILINE)
@@ -44,7 +44,7 @@ def numbers(version: str) -> tuple[int, ...]:
 
 
 def imported() -> list[tuple[str, str, str]]:
-    """File, module and name of all that the language takes from numba and llvmlite."""
+    """File, module and name of all imports from numba and llvmlite in the language of the mechanics."""
     found = []
     for file in sorted(LANGUAGE.glob("*.py")):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -69,7 +69,7 @@ def test_names_are_there(file, module, name):
 
 
 def test_arrays_have_the_words_that_records_write():
-    """`by_reference` writes arrays as numba lays them out: two owners, sizes, the address, shape and strides."""
+    """Memory layout of numba's arrays: two owners, sizes, address, shape and strides."""
     model = default_manager.lookup(types.Array(types.float64, 2, "C"))
     words = [str(part.get_value_type()) for part in model._models]
     assert words == ["i8*", "i8*", "i64", "i64", "double*", "[2 x i64]", "[2 x i64]"], (
@@ -78,7 +78,7 @@ def test_arrays_have_the_words_that_records_write():
 
 
 def test_options_are_known():
-    """`compilation` hands options to numba that its documentation does not name."""
+    """Undocumented options of numba used by `compilation`."""
     options = numba.core.registry.cpu_target.options
     known = {name for kind in options.__mro__ for name in vars(kind)}
     needed = {*_OPTIONS, "no_cpython_wrapper", "no_cfunc_wrapper", "forceinline"}
@@ -86,7 +86,7 @@ def test_options_are_known():
 
 
 def test_what_parts_replace_is_there():
-    """`linking` overrides how numba optimises, translates and keeps a library, and reads what it keeps of a kernel."""
+    """Functions of numba overridden by `linking`: optimisation, translation and caching of libraries."""
     for name in (
         "finalize",
         "_optimize_functions",

@@ -1,4 +1,4 @@
-"""Lanes against floats, to the last bit, and the group of elements that does not fill them."""
+"""SIMD lanes against floats to the last bit, and groups of elements with unused lanes."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_lanes_have_the_bits_of_floats_and_repeat_the_last_element(dim, elements
 
 @pytest.mark.parametrize("model", ["continuum", "element_frame"])
 def test_a_group_of_elements_is_each_element_by_itself(model):
-    """Nodal forces of the cable, bit for bit, from elements that are computed one by one."""
+    """Nodal forces of the cable, bit for bit, against elements computed one by one."""
     system = make_system(2, cable={"elastic_model": {"continuum": 0, "element_frame": 1}[model], "damping_time": 0.01})
     cable = system.cable
     state, work = disturbed_state(system)
@@ -88,7 +88,7 @@ def test_whole_arrays():
 
 
 def test_a_kernel_that_would_allocate_does_not_compile():
-    """So no step allocates. Nothing is compiled with the JIT off."""
+    """No step allocates memory; nothing is compiled with the JIT off."""
     numba = pytest.importorskip("numba")
     if numba.config.DISABLE_JIT:
         return

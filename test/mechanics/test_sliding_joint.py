@@ -1,4 +1,4 @@
-"""The sliding joint: place, speed and acceleration, end stops and friction by differences."""
+"""Sliding joint: position, velocity and acceleration, end stops and friction, by differences."""
 
 from math import exp
 
@@ -34,7 +34,7 @@ def one_joint(s=1.2, **carriages):
     [(0.0, 0, 0.0), (0.59, 0, 0.59), (0.6, 1, 0.0), (1.3, 2, 0.2), (2.0, 3, 0.3), (2.4, 3, 0.7), (-0.2, 0, -0.2)],
 )
 def test_arc_length_belongs_to_an_element(arc_length, element, local):
-    """Beyond an end the end element goes on."""
+    """Extrapolation of the end element beyond an end."""
     cable = make_system(cable={"node_arc_length": np.array([0.0, 0.6, 1.1, 1.7, 2.1])}).cable
     point = point_at(cable, arc_length)
     assert point.element == element
@@ -43,7 +43,7 @@ def test_arc_length_belongs_to_an_element(arc_length, element, local):
 
 @pytest.mark.parametrize(("arc_length", "element"), [(float("nan"), 0), (float("inf"), 2), (-float("inf"), 0)])
 def test_what_is_no_arc_length_still_names_an_element(arc_length, element):
-    """So that a broken state is found by the solver and not by an index out of range."""
+    """Broken states reach the checks of the solver instead of an index out of range."""
     assert element_at(make_system().cable, arc_length) == element
 
 
@@ -60,7 +60,7 @@ def test_cable_passes_through_its_nodes_smoothly():
 
 @pytest.mark.parametrize("s", [0.05, 1.2, 2.0])
 def test_velocity_and_acceleration_of_the_joint(s):
-    """Differences of its place along the motion e + t e_dot, s + t s_dot: to 1e-9 and 1e-6."""
+    """Differences of its position along the motion e + t e_dot, s + t s_dot: to 1e-9 and 1e-6."""
     system, state, _ = one_joint(s)
 
     def place(t):
@@ -119,7 +119,7 @@ def test_mobilised_friction(way, before):
 
 
 def test_friction_is_smooth_through_zero_speed():
-    """The share has one value at rest, and stays within -1 and 1 over a long way either way."""
+    """Mobilised share single-valued at rest, and within -1 and 1 over a long slip in either direction."""
     system, state, _ = one_joint(**ROUGH)
     state.friction_origin[0], state.friction_deflection[0] = 1.2, 0.4
     shares = [
@@ -147,7 +147,7 @@ def test_friction_force_and_its_derivatives():
 
 
 def test_friction_takes_up_where_the_step_ended():
-    """Two halves of a way mobilise what the whole does: to 1e-14."""
+    """Mobilised share after two half slips and after the whole one: to 1e-14."""
     system, state, _ = one_joint(**ROUGH)
     state.friction_origin[0], state.friction_deflection[0] = 1.2, -0.5
     state.joints.position[0] = 1.208
@@ -160,7 +160,7 @@ def test_friction_takes_up_where_the_step_ended():
 
 
 def test_drive_force_is_what_friction_and_stops_leave():
-    """λ along the cable less both, from the definition: to 1e-11."""
+    """λ along the cable less friction and end stop, by definition: to 1e-11."""
     system, state, _ = one_joint(0.06, **ROUGH)
     state.friction_origin[0] = 0.055
     step = 1e-4

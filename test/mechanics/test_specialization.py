@@ -1,4 +1,4 @@
-"""Fields that are known as a kernel is compiled: what they rule out is not compiled, and what is left is the same."""
+"""Specialization: excluded branches are not compiled, and the remaining code gives equal results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing 
 
 @by_reference
 class Extra(NamedTuple):
-    """What may be absent."""
+    """Optional part of a record."""
 
     present: Any
     size: float
@@ -28,7 +28,7 @@ class Extra(NamedTuple):
 
 @by_reference
 class Whole(NamedTuple):
-    """What it is part of."""
+    """Record with an optional part."""
 
     extra: Extra
     model: Any
@@ -37,13 +37,13 @@ class Whole(NamedTuple):
 
 @kernel
 def cannot_be_compiled(whole):
-    """Nothing that numba knows."""
+    """Function that numba cannot compile."""
     return whole.no_such_field
 
 
 @inlined_kernel
 def heavier(whole):
-    """In a kernel that is put in place."""
+    """Condition in an inlined kernel."""
     if whole.extra.present:
         return cannot_be_compiled(whole)
     return 2.0 * whole.weight
@@ -51,7 +51,7 @@ def heavier(whole):
 
 @kernel
 def by_model(whole):
-    """In one of its own."""
+    """Condition in a separate kernel."""
     if whole.model == 1:
         return cannot_be_compiled(whole)
     return heavier(whole)
@@ -59,7 +59,7 @@ def by_model(whole):
 
 @kernel
 def outcome(whole):
-    """Where the condition is beside another one, and by a name of its own."""
+    """Condition beside another one, and under a local name."""
     total = by_model(whole)
     absent = whole.extra
     for _ in range(3):
@@ -88,7 +88,7 @@ def test_what_may_be_there_is():
 
 
 def test_a_known_value_is_one_where_nobody_looks_for_it():
-    """Of a record that is found while the kernel runs."""
+    """Known field of a record found while the kernel runs."""
     assert counted(Whole(Extra(Known(True), 1.0), Known(3), 3.0), 1) == 7.0
 
 
@@ -102,7 +102,7 @@ def test_names_of_what_is_left():
 
 
 def test_ropes_of_one_scenario_are_of_one_type():
-    """What one of them has, the kernels of all have: they are the same ones."""
+    """Features of one rope in the kernels of all ropes, which are common."""
     scenario = load_scenario("single_span")
     system = with_buffers(build_system(scenario), scenario)
     paper = system._replace(cable=system.cable._replace(elastic_model=1))

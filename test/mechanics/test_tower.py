@@ -1,4 +1,4 @@
-"""Contacts of towers: nearest point, force, tangent, potential, friction; grooves, and the two ways out of them."""
+"""Tower contacts: nearest point, force, tangent, potential, friction; grooves, and both ways of derailment."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def on_rope(cable, state, s):
 
 
 def touching(depth=0.03, places=PLACES, dim=2, aside=0.0, **changes):
-    """A cable in general position pressed by `depth` (m) onto a contact at each place; system, state, workspace.
+    """Cable in general position pressed by `depth` (m) onto contacts at several places; system, state, workspace.
 
     In space it is `aside` (m) of the middle of their grooves.
     """
@@ -57,7 +57,7 @@ def touching(depth=0.03, places=PLACES, dim=2, aside=0.0, **changes):
 
 
 def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
-    """What all contacts add to the right side (nodes 2 2,)."""
+    """Contribution of all contacts to the right side (nodes 2 2,)."""
     for array in (work.right_side, work.diagonal, work.upper, work.lower):
         array[:] = 0.0
     add_towers(system.cable, system.towers, state, rate_factor, stiffness_factor, work)
@@ -94,7 +94,7 @@ def test_beyond_an_end_the_contact_stays_at_the_end():
     ],
 )
 def test_tangent_is_the_derivative_of_the_force(case, tolerance):
-    """In space, exact in the middle of a groove; beside it, and of friction, what turns with the rope is left out."""
+    """Exact in space in the middle of a groove; elsewhere without the rotation with the rope."""
     system, state, work = touching(**case | {"friction": np.full(3, case["friction"])})
     rate_factor = 5.0
 
@@ -155,7 +155,7 @@ def test_it_never_pulls():
 
 
 def test_stiffness_sets_in_smoothly():
-    """Force and stiffness are the same on both sides of the toe and at its start; damping adds its share."""
+    """Equal force and stiffness on both sides of the toe and at its start, with damping."""
     towers = make_system(towers={"contacts": 1}).towers
     near = [normal_force(towers, 0, towers.toe[0] + change, 0.0) for change in (-1e-12, 1e-12)]
     np.testing.assert_allclose(near[0], near[1], rtol=1e-6)
@@ -182,7 +182,7 @@ def test_a_step_ends_with_its_friction_and_the_loads_of_the_towers():
 
 
 def lying(aside=0.0, depth=0.03, ratio=0.5, hold_down=False):
-    """A straight level rope on one contact, `aside` (m) to its left, and pressed `depth` (m) into it."""
+    """Straight level rope on one contact, `aside` (m) to its left and pressed `depth` (m) into it."""
     side = -1.0 if hold_down else 1.0
     system = make_system(3, towers={"contacts": 1, "friction": np.zeros(1)})
     state, work = disturbed_state(system)
@@ -197,7 +197,7 @@ def lying(aside=0.0, depth=0.03, ratio=0.5, hold_down=False):
 
 
 def end_step(system, state):
-    """What the end of a step makes of the towers: how the rope is out, and when (steps)."""
+    """Derailment at the end of a step: kind and time (steps)."""
     find_contact(system.cable, system.towers, state, 0)
     settle_towers(system.cable, system.towers, state)
     derail(system.cable, system.towers, state, system.cable.gravity)
@@ -257,7 +257,7 @@ def test_a_plane_has_no_way_out():
 
 @pytest.mark.parametrize("speed", [0.4, -0.003])
 def test_friction_sideways_is_against_the_speed_and_its_tangent_is_the_derivative(speed):
-    """Coulomb's but for a creep; the tangent against a difference over the step of an integrator."""
+    """Coulomb friction with creep; tangent against the difference over a step of an integrator."""
     system, state, work = lying(0.02)
     state.nodes.velocity[:, 0, 1] = speed
     cable, towers = system.cable, system.towers._replace(groove_friction=np.array([0.3]))

@@ -1,4 +1,4 @@
-"""Formulas that kernels take in: what they give is what their Python gives, to the last bit."""
+"""Traced formulas against their plain Python functions, to the last bit."""
 
 import numba
 import numpy as np
@@ -13,7 +13,7 @@ compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is
 
 @formula
 def arithmetic(x, y, n, pair, like):
-    """Every operation, with numbers on both sides, in the order that it is written in."""
+    """Every operation, with numbers on both sides."""
     total = sum(a * b for a, b in zip(pair, (x, 2), strict=True))
     if len(like) == 2:
         total = total - 3
@@ -23,7 +23,7 @@ def arithmetic(x, y, n, pair, like):
 
 @formula
 def swap(array, i, row):
-    """Entries by numbers that are known and by those that are not, and by one index after the other."""
+    """Entries by constant and by variable indices, and by one index after the other."""
     first, last = array[i + 1, 0], array[i][1]
     array[i, 1], array[i + 1][0] = first, last
     row[0] += first
@@ -33,25 +33,25 @@ def swap(array, i, row):
 
 @formula
 def asks(x):
-    """What only the running kernel could say."""
+    """Formula that needs a value at compile time."""
     return 1.0 if x == 0.0 else x
 
 
 @formula
 def scaled(c, row):
-    """Of a tuple; an array has no end that is known."""
+    """Formula on a tuple; invalid for an array, whose length is unknown at compile time."""
     return tuple(c * value for value in row)
 
 
 @formula
 def of_a_row(x, row):
-    """A number and what is none."""
+    """Formula with a non-number among its arguments."""
     return x * row
 
 
 @kernel
 def compiled_wrong(which, row):
-    """Calls one of them."""
+    """Kernel that calls an invalid formula."""
     if len(which) == 1:
         return asks(row[0])
     if len(which) == 2:
@@ -61,18 +61,18 @@ def compiled_wrong(which, row):
 
 @kernel
 def compiled_arithmetic(x, y, n, pair, like):
-    """The same as a kernel has it."""
+    """Kernel that calls `arithmetic`."""
     return arithmetic(x, y, n, pair, like)
 
 
 @kernel
 def compiled_swap(array, i, row):
-    """The same as a kernel has it."""
+    """Kernel that calls `swap`."""
     return swap(array, i, row)
 
 
 def flat(values):
-    """All numbers in their order, floats of numpy as those of Python."""
+    """All numbers in order, numpy floats as Python floats."""
     whole = [number for value in values for number in (flat(value) if isinstance(value, tuple) else [value])]
     return [float(number) if isinstance(number, float) else number for number in whole]
 
@@ -87,7 +87,7 @@ def test_arithmetic_is_that_of_python(x, y, n, like):
 
 
 def test_entries_of_an_array_are_read_and_written_in_their_order():
-    """Rows of any stride."""
+    """Rows with any stride."""
     outcomes = []
     for function in (swap, compiled_swap):
         whole = np.arange(24.0).reshape(4, 3, 2)
@@ -99,13 +99,13 @@ def test_entries_of_an_array_are_read_and_written_in_their_order():
 
 @formula
 def root_of_sum(a, b):
-    """Every operation that pairs have, with numbers on both sides."""
+    """Every operation on pairs, with numbers on both sides."""
     return -(2.0 * a + b / 3) * (a - 1.5), 1.0 / b, square_root(a * a + b * b)
 
 
 @kernel
 def in_pairs(one, other, like, outcome):
-    """The same of two rows at once."""
+    """Formula `root_of_sum` on two rows at once."""
     pairs = beside(load(one, like), load(other, like))
     found = root_of_sum(pairs[0], pairs[1])
     first, second = first_of(found), second_of(found)

@@ -1,4 +1,4 @@
-"""Turns and orientations in space, against scipy's rotations and by differences."""
+"""Rotations and orientations in space, against scipy's rotations and by differences."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ TENSOR = np.array([[0.5, 0.03, -0.02], [0.03, 0.4, 0.01], [-0.02, 0.01, 0.3]])
 
 
 def body(turn):
-    """Coordinates (7,) of a body that is turned by a rotation vector from upright."""
+    """Coordinates (7,) of a body rotated from upright by a rotation vector."""
     return np.array([0.3, -0.2, 0.5, *Rotation.from_rotvec(turn).as_quat()])
 
 
@@ -65,13 +65,13 @@ def test_products_of_arms():
 
 
 def test_moment_of_a_turning_body_and_its_tangent():
-    """J ω_dot + ω x J ω about the axes of the world, and its derivative by a turn of the integrator: to 2e-6."""
+    """J ω_dot + ω x J ω about the axes of the world, and its derivative by a rotation: to 2e-6."""
     row, turned = body(np.array([0.5, -0.8, 0.3])), np.array([0.02, 0.05, -0.03])
     spin, acceleration = np.array([1.2, -0.7, 0.9]), np.array([0.4, 2.0, -1.1])
     mass_factor, rate_factor = 40.0, 7.0
 
     def law(turn):
-        """The moment after a turn θ: Δ grows to log(exp θ exp Δ), rates with it, and the body turns."""
+        """Moment after a rotation θ: Δ grows to log(exp θ exp Δ), with its rates and the body."""
         rotation = Rotation.from_rotvec(turn)
         grown = (rotation * Rotation.from_rotvec(turned)).as_rotvec() - turned
         axes = rotation.as_matrix() @ matrix(row)

@@ -11,7 +11,7 @@ from cable_twin.mechanics.language.traced import formula
 
 @formula
 def operators(c, a, b, m, n):
-    """Every operator of vectors and matrices, as they are written in a formula."""
+    """Every operator of vectors and matrices in a formula."""
     return m @ (a - b * c) + (-b) @ m.T + (a @ b) * ((m - n) @ n + c * -m.T) @ a
 
 
@@ -94,13 +94,13 @@ def test_primitives_are_those_of_numpy(evaluate, dim):
 
 @kernel
 def stored(a, row):
-    """Store as a kernel has it."""
+    """Kernel that calls `store`."""
     v.store(a, row)
 
 
 @kernel
 def accumulated(a, row):
-    """Accumulate as a kernel has it."""
+    """Kernel that calls `accumulate`."""
     v.accumulate(a, row)
 
 

@@ -1,4 +1,4 @@
-"""The push of vehicles on each other: an internal force of theirs, its potential, and its share of the tangent."""
+"""Buffers between vehicles: internal force, its potential, and its part of the tangent."""
 
 from itertools import pairwise
 
@@ -27,7 +27,7 @@ from verification.vehicle_buffers import level, vehicle
 
 
 def pair(dim, *, damping=0.4, room=0.5):
-    """Two vehicles pressed into each other on a cable in general position, and two more that touch nobody."""
+    """Two vehicles pressed into each other on a cable in general position, and two without contact."""
     buffers = VehicleBuffers(
         offset=np.array([0, 1, 2, 2, 2]),
         other=np.array([1, 0]),
@@ -76,7 +76,7 @@ def test_without_damping_it_is_the_gradient_of_its_energy(dim):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_its_own_share_of_the_tangent_against_differences(dim):
-    """Along the way between both, by a vehicle's place and by its speed; the turn of that way is left out."""
+    """Derivatives along the direction between both by place and speed; without its rotation."""
     system, state, _ = pair(dim)
     way = np.array(press(system, state, 0, 0)[2])
     along = joint_tangent(system.cable, state, 0)
@@ -158,7 +158,7 @@ def test_what_is_kept_of_a_touch():
 
 
 def test_newton_hardly_feels_what_its_tangent_leaves_out():
-    """Light under the joint, with stiff buffers: each vehicle by itself would leave a tenth of an error."""
+    """Stiff buffers and little mass below the joint, where single vehicles would leave an error of a tenth."""
     body = {"mass": 100.0, "inertia": 20.0, "upper_pivot": [0.0, 2.0], "size": [1.0, 1.0]}
     pair = [
         {**vehicle(place, speed, 100.0, 1.0), "bodies": {"body": body}} for place, speed in ((5.0, 1.0), (6.1, -1.0))

@@ -1,4 +1,4 @@
-"""Commands as messages, and back."""
+"""Conversion of commands to messages and back."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ NOT = math.nan
     ],
 )
 def test_joints_that_are_named_with_nan_are_not_commanded(names, fields, expected):
-    """As a hardware of ros2_control on topics sends them: all of its joints in each message."""
+    """Messages of a ros2_control hardware on topics, with all its joints in each."""
     assert command_from_joint_state(JOINT_COMMANDS, names, *fields) == expected
 
 

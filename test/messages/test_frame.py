@@ -1,4 +1,4 @@
-"""Messages of a frame: filled templates are what the typestore writes of the same records."""
+"""Messages of a frame: filled templates against the typestore's encoding of the same records."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ OWN = ("chair_2",)
 
 
 def make_snapshot(time: float, samples: int = 5, carriers: int = 3) -> Snapshot:
-    """A cabin of two bodies, a load without one, and chairs, of which all numbers differ."""
+    """Snapshot of a cabin of two bodies, a load without bodies and chairs, with distinct numbers."""
     places = [np.array([3.25, 0.0, 0.75]), np.array([1.25, 0.0, 0.5])]
     cabin = {"hanger": body_in_plane(1.25, -0.5, 0.3, spin=-0.02), "cabin": body_in_plane(1.5, -0.75, -0.1, spin=0.04)}
     carriages = {
@@ -84,7 +84,7 @@ def test_a_frame_has_every_topic_that_is_in_a_group():
 
 
 def test_joint_states_list_vehicles_and_drives_before_the_joints_of_bodies():
-    """Each body against the one above it, under a name that a URDF may have."""
+    """Joint of each body with the body above, under a name valid in a URDF."""
     message = decode(frame_at(1.5)["joint_states"], TYPES["joint_states"])
     vehicles = ["cabin", "load", "chair_1", "chair_2", "chair_3"]
     joints = ["cabin_hanger", "cabin_cabin", "chair_1_chair", "chair_2_chair", "chair_3_chair"]
@@ -101,7 +101,7 @@ def test_joint_states_list_vehicles_and_drives_before_the_joints_of_bodies():
 
 @pytest.mark.parametrize("frames", [FrameNames(), FrameNames("south/map", "south/")])
 def test_every_message_of_a_frame_has_its_time_and_the_frame_that_its_numbers_are_in(frames):
-    """Forces are in the frame of what they act on, where a viewer draws them."""
+    """Forces in the coordinate frame of the loaded object, at which viewers draw them."""
     for name, data in frame_at(1.23, frames=frames).items():
         message = decode(data, TYPES[name])
         for one in message.transforms if name == "/tf" else [message]:

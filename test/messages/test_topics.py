@@ -1,4 +1,4 @@
-"""The table of topics, and when each is due."""
+"""Table of topics and their schedule."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BODIES = ("hanger", "cabin")
 
 
 def lift(carriers: int, carriages: int = 1) -> Layout:
-    """A layout with some carriages of two bodies and many chairs."""
+    """Layout with some carriages of two bodies and many chairs."""
     vehicles = {f"cabin_{number}": BODIES for number in range(1, carriages + 1)}
     vehicles |= {f"chair_{number}": ("chair",) for number in range(1, carriers + 1)}
     return Layout(vehicles, ("start", "end", "tower"), ("haul_rope",), np.linspace(0.0, 1.0, 3), carriers=carriers)
@@ -66,7 +66,7 @@ def test_names_that_are_remapped_come_back_from_the_metadata_of_a_log():
 
 @pytest.mark.parametrize("frame_rate", [7.0, 50.0, 60.0, 100.0, 250.0, 1000.0])
 def test_each_group_comes_as_often_as_it_may(frame_rate):
-    """Never more often than the rate that is asked for, and at most one frame later than that."""
+    """Never above the requested rate, and at most one frame late."""
     table = topics(lift(3), tf=True)
     schedule = Schedule(table, frame_rate, PUBLISHED, LOGGED)
     groups = {topic.name: topic.group for topic in table}
@@ -112,7 +112,7 @@ def test_rates_that_can_be_kept(frame_rate, rate, expected):
 
 @pytest.mark.parametrize("steps", [3, 7, 143])  # of 1 ms in a frame
 def test_rates_that_a_message_allows_can_be_given(steps):
-    """The frame rate has no end of digits then, and a message six of them."""
+    """Frame rates with endless digits, printed with six of them."""
     frame_rate = 1e3 / steps
     line = fault("rope_rate", 0.9 * frame_rate, frame_rate)
     allowed = line.partition("frame rate, as ")[2].partition(" Hz")[0].replace(" or ", ", ").split(", ")

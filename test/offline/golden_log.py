@@ -1,4 +1,4 @@
-"""Makes `golden.mcap`, a log of the present format that later versions have to replay:
+"""Generator of `golden.mcap`, a log of the present format that later versions have to replay:
 
 .venv/bin/python test/offline/golden_log.py
 """

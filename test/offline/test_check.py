@@ -1,4 +1,4 @@
-"""How sure key figures are, from a run with half the mesh and half the step."""
+"""Uncertainty of key figures from a run with half the mesh and half the step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Energy that the solver loses: what a running twin says of it at any moment, and what `review` says of its log."""
+"""Energy lost by the solver, as reported by a running twin and by `review` of its log."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BEGIN, DURATION = 0.5, 12.0  # s
 
 @pytest.mark.parametrize("tramway", [TRAMWAY, IN_SPACE], ids=["plane", "space"])
 def test_a_running_twin_and_the_log_of_its_run_have_one_verdict(tramway, tmp_path, capsys):
-    """The first steps of a motion lose a large share of the little that moves yet, which is no alarm."""
+    """No alarm from the first steps of a motion, which lose a large share of little energy."""
     scenario = load_scenario(tramway, {"solver.step": 0.02})
     path, script = tmp_path / "tramway.yaml", tmp_path / "start.yaml"
     path.write_text(scenario.to_yaml(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The installed commands: Ctrl-C at any moment, readers that leave and outputs without room are no tracebacks."""
+"""Installed commands: no traceback from Ctrl-C at any moment, closed pipes and full disks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cable_twin.recording.log_reader import read_log
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A log of a minute."""
+    """Directory of a logged run of a minute."""
     directory = tmp_path_factory.mktemp("commands")
     scenario = str(write_quick_scenario(directory))
     assert main([scenario, "--duration", "60", "--record", "bag", "--output", str(directory / "logs")]) == 0
@@ -41,7 +41,7 @@ sys.exit({0}())
 
 @pytest.fixture
 def start(tmp_path):
-    """Start commands that are gone after the test, however it ends."""
+    """Start commands that are ended after the test in every case."""
     started = []
 
     def begin(command, *arguments, **options):
@@ -142,7 +142,7 @@ def test_a_terminal_that_is_closed_ends_a_run_with_a_log_that_is_complete(tmp_pa
 
 
 def test_a_table_into_a_pipe_that_is_closed_ends_without_a_word(start, tmp_path):
-    """As `line --csv - | head` does, with the exit code of a closed pipe."""
+    """`line --csv - | head`, with the exit code of a closed pipe."""
     write_quick_scenario(tmp_path)
     process = start("line", "quick.yaml", "--places", "2", "--csv", "-")
     process.stdout.close()

@@ -1,4 +1,4 @@
-"""Key figures and signals for programs: `--csv` and `--json` of `simulate` and `review`, of every frame, with units."""
+"""Key figures and signals for programs: `--csv` and `--json` of `simulate` and `review`, every frame, with units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cable_twin.simulation import Simulation
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A directory with a run of two seconds, and what `simulate` wrote of it for programs."""
+    """Directory with a run of two seconds and its exported files."""
     directory = tmp_path_factory.mktemp("export")
     write_quick_scenario(directory)
     (directory / "go.yaml").write_text("- {time: 0, name: cabin, speed: 6}\n")

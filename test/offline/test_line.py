@@ -1,4 +1,4 @@
-"""A static line calculation: each place is a rest of its own, and the envelope is that of all places."""
+"""Static line calculation: an equilibrium at each place, and the envelope of all places."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SPAN = {  # a level span, pinned at both ends
 
 
 def test_a_load_on_a_light_rope_makes_a_triangle():
-    """The ends share the weight as those of a beam, and the pull along the track is that weight by the sag."""
+    """Vertical end forces as of a beam; pull along the track from weight over sag."""
     line = plan_line(load_scenario(SPAN), 9, None)
     places = []
     calculate(line, lambda: places.append(len(line.columns)))
@@ -123,7 +123,7 @@ HOLD_DOWN = {"rollers": {"position": [200.0, -7.8], "contacts": 2, "length": 1.0
 
 @pytest.mark.parametrize("space", [2, 3])
 def test_a_hold_down_in_the_air_is_told(space):
-    """The bare rope presses up against it; a load in the middle of the span takes the rope off it."""
+    """Hold-down tower on which the bare rope lies and from which a load at mid-span lifts it."""
     line = plan_line(load_scenario({**SPAN, "space": space, "towers": HOLD_DOWN}), 3, None)
     calculate(line)
     found = {figure.name: figure for figure in line.figures}
@@ -177,7 +177,7 @@ def test_the_command_writes_table_files_and_picture(tmp_path, capsys):
 
 
 def test_what_a_finer_mesh_changes_stands_beside_each_figure(tmp_path, capsys):
-    """Of the sag of a light rope with a load almost nothing, and of a limit that is nearer no verdict is left."""
+    """Almost no change of the sag of a light rope; no verdict within the uncertainty of a limit."""
     path, scenario = tmp_path / "line.json", tmp_path / "span.yaml"
     with scenario.open("w") as file:
         YAML(typ="safe").dump({**SPAN, "limits": {"sag": 8.9}}, file)
@@ -207,7 +207,7 @@ def test_limits_that_are_not_kept_stand_below_the_table(capsys):
 
 
 def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
-    """A panel more, with the rope as far aside as a level one of its weight hangs down, by wind over weight."""
+    """Additional panel with the lateral deflection, wind over weight for a level rope."""
     drag = 0.5 * 1.225 * 1.2 * 0.05 * 20.0**2  # N/m
     changes = {"space": 3, "cable.diameter": 0.05, "cable.mass_per_length": 3.0, "carriages.car.arc_length": 3.0}
     heights = {}
@@ -283,7 +283,7 @@ def test_so_many_places_are_not_allowed(given, capsys):
 
 @pytest.mark.long
 def test_the_envelope_of_a_haul_rope_has_no_steps_where_cabins_stood():
-    """Its tension jumps at the clamps: by some 6 kN it stepped at each place but between the ends of the way."""
+    """Tension jumps at the clamps of calculated places, formerly steps of 6 kN in the envelope."""
     line = plan_line(load_scenario("jig_back", QUICK), 5, None)
     calculate(line)
     layout = Simulation(line.scenario).layout

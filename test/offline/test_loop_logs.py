@@ -1,4 +1,4 @@
-"""A whole lift from its logs: key figures, bullwheels and strands come back as they were, and it replays."""
+"""Logs of a whole lift: key figures, bullwheels and strands read back exactly, and replay."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope")]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Directory of a run that starts, and makes an emergency stop; what `simulate` wrote of it."""
+    """Directory and printed output of a run with a start and an emergency stop."""
     directory = tmp_path_factory.mktemp("loop")
     script = directory / "lift.yaml"
     script.write_text("- {time: 0, name: haul_rope, speed: 2.5}\n- {time: 2, event: emergency_stop}\n")

@@ -1,4 +1,4 @@
-"""The plots of `review`: what shares an axis is of one size."""
+"""Plots of `review`: lines on one axis have values of similar size."""
 
 import numpy as np
 import pytest

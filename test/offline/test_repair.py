@@ -1,4 +1,4 @@
-"""`review --repair`: what was cut short, for tools that open only bags with an index."""
+"""`review --repair`: a copy of a cut bag with an index, as needed by other tools."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EPOCH = 1_700_000_000_000_000_000
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A finished run of two seconds of a node with a name of its own, in many chunks."""
+    """Finished run of two seconds of a node with a name of its own, in many chunks."""
     simulation = Simulation(load_scenario("single_span", {"cable.elements": 20}))
     directory = tmp_path_factory.mktemp("repair") / "run"
     resolved = simulation.scenario.resolved()
@@ -60,7 +60,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture
 def cut(whole, tmp_path):
-    """The same, killed at three quarters."""
+    """Copy of the finished run, cut at three quarters as by a kill."""
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     content = bag(run).read_bytes()

@@ -1,4 +1,4 @@
-"""`replay`: a log holds what is needed to simulate it again to the last bit, and a changed one is found out."""
+"""`replay`: exact simulation of a run from its log alone, and detection of changed logs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DRIVE = {
 
 
 def random_command(kind: str, random: np.random.Generator, space: int = 2) -> Command:
-    """A command of a kind, mostly one that the twin takes."""
+    """Random command of a kind, mostly a valid one."""
     if kind == "wind":
         wind = {"x": float(random.uniform(-15.0, 15.0)), "z": float(random.uniform(-2.0, 2.0))}
         return Command(kind, wind if space == 2 else {**wind, "y": float(random.uniform(-15.0, 15.0))})
@@ -45,7 +45,7 @@ def random_command(kind: str, random: np.random.Generator, space: int = 2) -> Co
 
 
 def record(directory: Path, seconds: float, *, seed: int, space: int = 2) -> Path:
-    """Record a run without ROS, with commands of all kinds at random frame boundaries, as fast as possible."""
+    """Record a run without ROS as fast as possible, with commands of all kinds at random frame boundaries."""
     drive = {f"carriages.cabin.drive.{key}": value for key, value in DRIVE.items()}
     simulation = Simulation(load_scenario(write_quick_scenario(directory, space), drive))
     table = topics(simulation.layout)
@@ -85,7 +85,7 @@ def test_a_cabin_in_side_wind_replays_to_the_last_bit(tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A run of 14 s with commands of every kind."""
+    """Directory of a run of 14 s with commands of every kind."""
     return record(tmp_path_factory.mktemp("recorded"), 14.0, seed=1)
 
 
@@ -140,7 +140,7 @@ def test_left_out_command_is_found(recorded, tmp_path, capsys):
 
 
 def nudge(topic, message_type, field, change):
-    """Change the second number of a field of one message: in `columns`, behind the time, the place of the cabin."""
+    """Change the second number of a field of one message; in `columns` after the time, the place of the cabin."""
 
     def altered(name, stamp_ns, data):
         if name == topic and stamp_ns == EPOCH + 12_340_000_000:
@@ -269,7 +269,7 @@ def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):
 
 
 def test_a_log_of_an_earlier_version_of_the_package_keeps_replaying():
-    """To 0.01 %: room for a solver that computes the same motion in another way, none for another motion."""
+    """Tolerance of 0.01 %: room for another solution method, none for another motion."""
     assert main([str(GOLDEN), "--tolerance", "1e-4"]) == 0
 
 

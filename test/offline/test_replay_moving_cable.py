@@ -1,4 +1,4 @@
-"""`replay` of a ski lift: commands to the drive of the rope and carriers that leave and enter, to the last bit."""
+"""`replay` of a ski lift to the last bit: commands to the drive of the rope, carriers leaving and entering."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMMANDS = {
 
 
 def record(directory):
-    """30 s of commands of all kinds, with a view."""
+    """Record 30 s of commands of all kinds, with a view."""
     simulation = short_lift()
     table = topics(simulation.layout)
     run = start_run(simulation, table, record_directory=directory, frame_period=0.02)

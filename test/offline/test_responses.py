@@ -1,4 +1,4 @@
-"""Figures of step responses against closed forms, and of a real run in `review`."""
+"""Step response figures against closed forms, and those of a real run in `review`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PERIOD, SPEED, BEGIN = 0.01, 4.0, 1.0  # s, m/s, s
 
 
 def gathered(response, *, duration=30.0, drives=()):
-    """Responses of a carriage, or of a drive of a moving rope, that follows a step of `SPEED` as told from 0 to 1."""
+    """Responses of a carriage, or of the drive of a moving rope, to a step of `SPEED` in a given form from 0 to 1."""
     responses = Responses()
     for number in range(round(duration / PERIOD)):
         time = number * PERIOD
@@ -77,7 +77,7 @@ def test_commands_that_do_not_hold_are_no_steps():
 
 
 def test_review_shows_them_and_names_runs_as_output_did(tmp_path, capsys, monkeypatch):
-    """Two runs of a script with a step: a table each, in JSON as well, and their names in the legends."""
+    """Two runs of a script with a step: a table each, JSON, and run names in the legends."""
     scenario = write_quick_scenario(tmp_path)
     (tmp_path / "step.yaml").write_text("- {time: 1, name: cabin, speed: 1, step: 2, duration: 6}\n")
     runs = []

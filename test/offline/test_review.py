@@ -1,4 +1,4 @@
-"""`review`: key figures, plots and recordings of real runs, finished or killed, and of two beside each other."""
+"""`review`: key figures, plots and recordings of real runs, finished or killed, and comparisons."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run(directory, *arguments):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Two runs of 16 s: with the brake of the scenario, and with one that is half as hard."""
+    """Two runs of 16 s: with the brake of the scenario, and with one of half its deceleration."""
     directory = tmp_path_factory.mktemp("runs")
     write_quick_scenario(directory)
     (directory / "stop.yaml").write_text(SCRIPT)
@@ -50,7 +50,7 @@ def runs(tmp_path_factory):
 
 
 def column(output: str, figure: str) -> list[str]:
-    """Cells of a row of the table."""
+    """Cells in a row of the printed table."""
     (line,) = re.findall(rf"^ {re.escape(figure)} +(\S.*?) *$", output, re.MULTILINE)
     return line.split()
 
@@ -172,7 +172,7 @@ def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, c
 
 
 def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, monkeypatch, capsys):
-    """The third one is the first over again; each other one is compared with the first."""
+    """The first run given a second time as the third; each compared with the first."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     copies = [shutil.copytree(run, tmp_path / name) for run, name in zip((*runs, runs[0]), "xyz", strict=True)]
@@ -294,7 +294,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
 
 @pytest.mark.long
 def test_memory_does_not_grow_with_the_bag(runs, tmp_path):
-    """A bag of five times the frames, by repetition with later stamps, costs no more than some 10 MB more."""
+    """Bag of five times the frames, by repetition with later stamps: at most some 10 MB more."""
     log = read_log(runs[0])
     long = tmp_path / "long.mcap"
     repeat(log.path, long, 5, 16_010_000_000)

@@ -1,4 +1,4 @@
-"""Logs of towers, counterweight, haul rope, brakes, loads and carriers: simulated, read back, replayed, reviewed."""
+"""Logs of towers, counterweight, haul rope, brakes, loads and carriers: simulated, read, replayed, reviewed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ RIDE = [
 
 
 def record(directory, scenario, commands, duration):
-    """A run of `simulate` with its snapshots, and a log of all of every frame."""
+    """Snapshots of a run, and its log with all topics of every frame."""
     simulation = Simulation(load_scenario(scenario))
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
     assert check_script(simulation.scenario, script) == []

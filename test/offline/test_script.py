@@ -1,4 +1,4 @@
-"""Scripts of `simulate`: YAML and CSV say the same, and what is wrong is named with file and line."""
+"""Scripts of `simulate`: equal commands from YAML and CSV, and faults with file and line."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_each_fault_has_file_and_line(tmp_path, line, said):
 
 @pytest.mark.parametrize("scenario", ["single_span", "chairlift", "windy_tramway"])
 def test_faults_of_the_file_and_of_the_scenario_are_told_together_in_the_order_of_lines(tmp_path, scenario):
-    """Before anything is built; what cannot be read is no longer told first, and the rest after the next try."""
+    """All faults before anything is built, unreadable lines and refused commands together."""
     lines = [
         "{time: 0, name: nobody, speed: 1}",
         "hello",
@@ -132,7 +132,7 @@ def test_faults_of_the_file_and_of_the_scenario_are_told_together_in_the_order_o
         4: "the emergency stop is in force",
         5: "time -1 given",
         6: "wind x is 300 m/s",
-        7: "at 'bus'; known",
+        7: "at 'bus', which is no vehicle or drive; known",
     }
     for line, (number, fault) in zip(str(error.value).splitlines(), said.items(), strict=True):
         assert line.startswith(f"{path}:{number}: {fault}")
@@ -216,7 +216,7 @@ time,at_name,at_position,name,speed,wind,event
 
 @pytest.mark.parametrize(("name", "text"), [("trip.yaml", PLACES_YAML), ("trip.csv", PLACES_CSV)])
 def test_commands_are_given_where_a_vehicle_comes_by(tmp_path, name, text):
-    """At the first step beyond the place, from either side, whatever the frames are; each once, from its time on."""
+    """First step beyond the place from either side at any frame rate; each command once, from its time on."""
     script = read_script(write(tmp_path, name, text))
     applied = []
     for frame_steps in (2, 7):
@@ -258,7 +258,7 @@ def test_a_place_is_reached_at_the_same_step_whatever_the_frames_are():
 
 
 def test_places_that_nothing_can_come_by_are_told_before_the_run(tmp_path):
-    """Off the cable; an unknown name is in the table of faults of file and scenario above."""
+    """Places off the cable; unknown names are in the table of faults above."""
     script = read_script(write(tmp_path, "trip.yaml", "- {at: {name: cabin, position: 5000}, event: emergency_stop}\n"))
     (fault,) = check_script(load_scenario("single_span"), script)
     assert fault.endswith("trip.yaml:1: at 5000 m of 'cabin'; allowed: 0 to 1044.25 m, on the cable")

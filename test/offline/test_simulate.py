@@ -1,4 +1,4 @@
-"""`simulate`: a script gives a log like that of the node, which replays to the last bit and drives other scenarios."""
+"""`simulate`: scripted runs with logs like the node's, replayed to the last bit and with changed scenarios."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SCRIPT = """\
 
 @pytest.fixture(scope="module")
 def scripted(tmp_path_factory):
-    """A directory with a scenario, a script, and the run of both."""
+    """Directory with a scenario, a script and their run."""
     directory = tmp_path_factory.mktemp("scripted")
     write_quick_scenario(directory)
     (directory / "trip.yaml").write_text(SCRIPT)
@@ -144,7 +144,7 @@ def test_nothing_is_written_where_nothing_is_to_be_recorded(scripted, tmp_path):
 
 @contextmanager
 def without_end(scripted, directory, *arguments, **options):
-    """A run that goes on until a signal, with its bag begun."""
+    """Run that continues until a signal, with its bag begun."""
     given = (str(scripted[0] / "quick.yaml"), "--duration", "100000", "--output", "logs", *arguments)
     process = TwinProcess(directory, *given, module="offline.simulate", **options)
     try:
@@ -175,7 +175,7 @@ def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses
 
 
 def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
-    """Between the bag and the first frame lies the rerun recording, half a second where it is not imported yet."""
+    """Signal during the import of rerun, half a second between opening the bag and the first frame."""
     with without_end(scripted, tmp_path, variables=environment(tmp_path)) as process:
         process.send(signal.SIGINT)
         assert process.wait() == 1

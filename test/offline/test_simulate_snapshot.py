@@ -1,4 +1,4 @@
-"""`simulate --snapshot` goes on with the same bits, and the log of such a run replays from what is attached to it."""
+"""`simulate --snapshot`: continuation bit for bit, and replay of such a run from its attached state."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def the_run(directory):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Directory with the whole run in `whole`, a snapshot out of its middle, and the run from there in `rest`."""
+    """Directory with the whole run in `whole`, a snapshot from its middle, and the continued run in `rest`."""
     directory = tmp_path_factory.mktemp("snapshots")
     scenario = write_quick_scenario(directory)
     script = directory / "trip.yaml"
@@ -54,7 +54,7 @@ def runs(tmp_path_factory):
 
 
 def _saved(scenario, script, path, when=SAVED):
-    """Go by the script in Python, as far as the snapshot."""
+    """Simulate the script in Python up to the snapshot."""
     simulation = Simulation(load_scenario(scenario))
     for item in read_script(script):
         if item.time < when:
@@ -66,7 +66,7 @@ def _saved(scenario, script, path, when=SAVED):
 
 
 def frames(log, start=0.0):
-    """Messages of the motion by topic and simulated time (ns), without the stamps at their beginning."""
+    """Messages of the motion by topic and simulated time (ns), without stamps."""
     topics = ["joint_states", "cable", "supports/start/force", "carriages/cabin/pose"]
     return {
         (topic, stamp - log.epoch_ns): data[12:]
@@ -110,7 +110,7 @@ def test_log_of_the_rest_replays_also_when_cut_short(runs, tmp_path, capsys):
 
 
 def test_commands_before_the_snapshot_are_not_asked_whether_they_would_do(runs, tmp_path, capsys):
-    """Saved in the emergency stop of the script, whose first command would be refused now."""
+    """Snapshot during the emergency stop of the script, in which the first command would be refused."""
     stopped = _saved(runs / "quick.yaml", runs / "trip.yaml", tmp_path / "stopped.npz", 7.0)
     arguments = ["--snapshot", str(stopped), "--script", str(runs / "trip.yaml"), "--duration", "3.5"]
     assert main([*arguments, "--record", "bag", "--output", str(tmp_path / "logs")]) == 0
@@ -119,7 +119,7 @@ def test_commands_before_the_snapshot_are_not_asked_whether_they_would_do(runs, 
 
 
 def test_review_has_the_loads_at_rest_from_the_snapshot(tmp_path):
-    """Saved with the cabin on the tower, which then has more than its own load; the margin is over that at rest."""
+    """Snapshot with the cabin on the tower, whose margin refers to its load at rest."""
     simulation = Simulation(load_scenario(TRAMWAY))
     simulation.payload("cabin", 320.0)
     simulation.command("cabin", speed=6.0)

@@ -1,4 +1,4 @@
-"""A run in space and its log: what goes across the track comes back from it, is plotted, and is simulated again."""
+"""Log of a run in space: lateral quantities read back, plotted and replayed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GUST = 1.0  # s, when the wind rises
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Directory of a run of three seconds with a wind from the right."""
+    """Directory of a run of three seconds with wind from the right."""
     directory = tmp_path_factory.mktemp("space")
     (directory / "windy.yaml").write_text(load_scenario(IN_SPACE).to_yaml())
     (directory / "gust.yaml").write_text(f"- {{time: {GUST}, wind: 2.0, wind_y: 14.0}}\n")

@@ -1,4 +1,4 @@
-"""Logs that hold most topics at some frames only, as by default: reviewed, drawn and compared as if they held all."""
+"""Logs with most topics at some frames only, as by default: reviewed, drawn and compared like complete ones."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def printed(main, *arguments) -> str:
 
 
 def table(output: str) -> list[str]:
-    """The key figures and where their limits are from, as they are printed."""
+    """Printed key figures with the sources of their limits."""
     lines = output.splitlines()
     (first,) = [number for number, line in enumerate(lines) if line.startswith(" key figure")]
     last = max(number for number, line in enumerate(lines) if line.startswith("  ("))
@@ -51,7 +51,7 @@ def read(path: Path) -> Reading:
 
 
 def figures_again(path: Path, duration: float, frame_steps: int = 2) -> list:
-    """Key figures of a log's run, simulated again and seen at every frame."""
+    """Key figures of a log's run, simulated again and taken at every frame."""
     log = read_log(path)
     simulation = start_of(log)
     figures = KeyFigures(simulation.scenario)
@@ -71,7 +71,7 @@ def directory(tmp_path_factory):
 
 
 def run(directory: Path, name: str, *options: str) -> tuple[Path, str]:
-    """A run of the script, and what `simulate` printed of it."""
+    """Directory and printed output of a scripted run."""
     arguments = ["--script", directory / "trip.yaml", "--duration", DURATION, "--record", "bag", *options]
     output = printed(simulate.main, directory / "quick.yaml", *arguments, "--output", directory / name)
     (log,) = (directory / name).iterdir()

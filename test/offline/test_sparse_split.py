@@ -1,4 +1,4 @@
-"""A run in files that last less than what is logged the most often: nothing is lost between them."""
+"""Run in files shorter than the period of the most frequent topics, without loss between files."""
 
 from __future__ import annotations
 

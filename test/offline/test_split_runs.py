@@ -1,4 +1,4 @@
-"""Runs whose logs are split: each file alone and all of them replay, are reviewed and repaired, damaged ones too."""
+"""Runs with split logs, also damaged: replay, review and repair of each file alone and of all together."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DURATION = 7.5  # s
 
 @pytest.fixture(scope="module")
 def split(tmp_path_factory):
-    """A run in four files, with their recordings."""
+    """Directory of a run in four files, with their recordings."""
     directory = tmp_path_factory.mktemp("split")
     return record_split(directory, DURATION, Splitting(split_duration=2.0), rerun="file")
 
@@ -49,7 +49,7 @@ def unsplit(tmp_path_factory):
 
 @pytest.fixture
 def copy(split, tmp_path):
-    """The bag of the same run, to be changed."""
+    """Copy of the bag of the run, to be changed."""
     run = tmp_path / split.name
     run.mkdir()
     for file in (*bags(split), split / "metadata.yaml"):
@@ -213,7 +213,7 @@ def test_a_damaged_state_that_is_needed_costs_its_file(copy, capsys):
 
 
 def flip_state(file: Path) -> None:
-    """Change some bits of the attached state, wherever they are in its archive."""
+    """Invert some bits of the attached state, anywhere in its archive."""
     with file.open("rb") as stream:
         (attached,) = make_reader(stream).get_summary().attachment_indexes
     for share in range(2, 8):
@@ -249,7 +249,7 @@ def test_file_alone_is_repaired_under_its_own_name(copy, capsys):
 
 
 def test_attached_state_of_another_run_is_found(copy, capsys):
-    """The last bit of one number is enough."""
+    """State that differs in the last bit of one number."""
 
     class Changed(LogFile):
         def snapshot(self):
@@ -310,7 +310,7 @@ def test_wrong_options_of_simulate_are_named(options, said, tmp_path, capsys):
 
 @pytest.mark.long
 def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
-    """Neither the rest of the old file nor a new one finds room; what was flushed is there."""
+    """Full disk for the rest of the old file and for a new one; flushed data stays readable."""
     from verification.failures import Disk  # noqa: PLC0415 - needs no ROS until it is used
 
     try:
@@ -350,7 +350,7 @@ def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
 
 @pytest.mark.long
 def test_memory_stays_as_it_is_over_many_splits(tmp_path):
-    """Eighty files with their recordings; threads are what rerun likes to leave behind."""
+    """Eighty files with recordings, whose threads rerun tends to leave behind."""
     simulation = Simulation(load_scenario(TRAMWAY))
     table = topics(simulation.layout)
     limits = Splitting(split_duration=1.0, keep_age=3.0)

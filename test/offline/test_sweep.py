@@ -1,4 +1,4 @@
-"""`simulate --sweep`: the values that keep all limits end where closed forms have it, on either side."""
+"""`simulate --sweep`: windows with all limits kept, against closed forms."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_the_limit_of_a_lift_in_space_is_found_between_two_runs(tmp_path):
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, capsys):
-    """A cable on one pin, which without gravity is at rest in any direction."""
+    """Cable on one pin, at rest in any direction without gravity."""
     free = ("--set", "cable.end.support=free")
     code = main([scenario, "--sweep", "gravity=9.81:0:-9.81", *free, "--duration", "0.1"])
     output = capsys.readouterr()
@@ -196,7 +196,7 @@ def test_values_and_short_keys():
 
 
 def swept(values, **limited):
-    """Runs at values, each with figures NAME=(function of the value, limit, bound)."""
+    """Runs at given values, each with figures NAME=(function of the value, limit, bound)."""
     return [
         SweptRun(value, [named(name, read(value), "m", 0.0, limit=limit, bound=bound)
                          for name, (read, limit, bound) in limited.items() if read(value) is not None])

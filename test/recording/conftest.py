@@ -1,4 +1,4 @@
-"""Logs to be read."""
+"""Recorded logs for the tests of readers."""
 
 from __future__ import annotations
 

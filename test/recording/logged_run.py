@@ -1,4 +1,4 @@
-"""A run of a cabin that is not simulated, as messages for logs."""
+"""Messages for logs of a cabin with prescribed motion, without a simulation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ COMMANDS = [
 
 
 def open_log(directory: Path, table=None, metadata=METADATA, **options) -> McapLog:
-    """A log that has begun."""
+    """Log that has begun."""
     log = McapLog(directory, TABLE if table is None else table, metadata, **options)
     log.begin(EPOCH)
     return log
@@ -50,7 +50,7 @@ def make_snapshot(time: float) -> Snapshot:
 
 
 def run_messages(frames: int) -> list[tuple[str, int, bytes]]:
-    """Scenario, frames at 100 Hz and commands."""
+    """Scenario, frames at 100 Hz and commands of the run."""
     encoder, rows = MessageEncoder(LAYOUT, EPOCH), RowEncoder(LAYOUT)
     messages = [(SCENARIO, EPOCH, scenario_message(SCENARIO_VALUES))]
     waiting = list(COMMANDS)

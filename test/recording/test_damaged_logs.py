@@ -1,4 +1,4 @@
-"""Logs that were cut, damaged or left by a kill or a full disk, and files that are none."""
+"""Logs cut or damaged by a kill or a full disk, and files that are no logs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_zeros_at_the_end_as_after_a_power_cut(finished):
 
 
 def write_in_chunks(directory, frames=200) -> tuple[Path, list]:
-    """A finished log whose chunks hold ten frames each."""
+    """Write a finished log with ten frames in each chunk."""
     log, messages = open_log(directory), run_messages(frames)
     for number, message in enumerate(messages):
         log.write(*message)

@@ -1,4 +1,4 @@
-"""A run whose log directory is deleted meanwhile goes on in a new one, and says so."""
+"""Run with its log directory deleted meanwhile: recording continues in a new one, with a message."""
 
 from __future__ import annotations
 

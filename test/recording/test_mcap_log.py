@@ -1,4 +1,4 @@
-"""Logs as they are written, read back here and by others."""
+"""Logs as written, read back by this package and by other programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thread that writes log and view."""
+"""Writer thread of log and view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a log gives back against the simulation that wrote it."""
+"""Snapshots read back from a log against the recorded simulation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SCRIPT = [
 
 
 def record(directory, scenario, script, duration, **options):
-    """A run at 100 Hz, and its frames as they were handed over."""
+    """Record a run at 100 Hz; returns its frames as recorded."""
     simulation = Simulation(scenario)
     table = topics(simulation.layout)
     run = start_run(simulation, table, record_directory=directory, frame_period=0.01, rerun="none")
@@ -65,7 +65,7 @@ def scenario(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recorded(scenario, tmp_path_factory):
-    """A run of 0.5 s with all of every frame, and its frames."""
+    """Run of 0.5 s with all topics of every frame, and its frames."""
     return record(tmp_path_factory.mktemp("recorded"), scenario, SCRIPT, 0.5, rates={})
 
 
@@ -74,12 +74,12 @@ def snapshots_of(directory):
 
 
 def frames_due(rates):
-    """Frames from one to the next with each group."""
+    """Number of frames from one frame with a group to the next, by group."""
     return {group: frames_between(100.0, rates.get(group, EVERY_FRAME)) for group in GROUPS}
 
 
 def assert_held(read, frame, number, due=None) -> None:
-    """What was due comes back to the last bit, else the rope in single precision, and the rest as NaN."""
+    """Check a read frame: due groups to the last bit, else the rope in single precision, all others NaN."""
     due = due or frames_due(LOGGED)
     complete = number % due["path"] == 0
     for name, expected in frame.columns._asdict().items():
@@ -135,7 +135,7 @@ def test_shipped_scenario_comes_back_to_the_last_bit(tmp_path, name):
 
 
 def test_a_stranger_reads_the_columns_by_their_description(recorded):
-    """As docs/logs.md has it: with mcap, numpy and rosbags, and nothing of this program."""
+    """Reader of docs/logs.md with mcap, numpy and rosbags, without this package."""
     directory, frames = recorded
     page = Path(__file__).parents[2].joinpath("docs", "logs.md").read_text()
     (example,) = re.findall(r"```python\n(import json.*?)```", page, re.DOTALL)

@@ -1,4 +1,4 @@
-"""Logs that go on in new files: what is on the disk at any time, what is removed, what a full disk leaves."""
+"""Logs split into files: data on the disk at any time, removal of old files, full disks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def information(directory):
 
 
 def write_split(log: McapLog, files: int, frames: int = 5) -> list[tuple[str, int, bytes]]:
-    """Write the same scenario and `frames` frames in each file, each 10 s after the one before."""
+    """Write a log of equal files of `frames` frames, each 10 s after the previous one."""
     messages = []
     for number in range(files):
         if number:
@@ -233,7 +233,7 @@ def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path)
 
 
 def test_size_asks_for_one_file_at_a_time(tmp_path):
-    """However slow the disk is, and however large the file still is that is being closed."""
+    """One new file at a time while a slow disk still closes a large one."""
     simulation = Simulation(load_scenario(TRAMWAY))
     log = McapLog(tmp_path / "run", TABLE, METADATA)
     recorder = Recorder(log, splitting=Splitting(split_duration=0.0, split_size=1.0))

@@ -1,4 +1,4 @@
-"""The package in a ROS 2 workspace: built by colcon, started from where `ros2 run` looks."""
+"""Package in a ROS 2 workspace: built by colcon, started from the directories of `ros2 run`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cabl
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory):
-    """A workspace with a copy of the checkout, built."""
+    """Built workspace with a copy of the checkout."""
     directory = tmp_path_factory.mktemp("workspace")
     shutil.copytree(ROOT, directory / "src" / "cable_twin", ignore=shutil.ignore_patterns(*GENERATED))
     variables = environment(directory)
@@ -79,7 +79,7 @@ sys.exit(service.run())
     ],
 )
 def test_launch_files_start_twins_and_end_them(workspace, domain, tmp_path, file, arguments, nodes):
-    """By the real launch, where there is one: it has no wheel."""
+    """Run with the real launch package where installed, as it has no wheel."""
     pytest.importorskip("launch_ros.actions")
     directory, variables = workspace
     share = directory / "install" / "cable_twin" / "share" / "cable_twin"
@@ -105,7 +105,7 @@ def test_launch_files_start_twins_and_end_them(workspace, domain, tmp_path, file
 
 
 def test_a_pip_install_is_found_by_ros2_run_too(tmp_path):
-    """In its prefix, where ament looks for packages and `ros2 run` for executables."""
+    """Files in the directories in which ament finds packages and `ros2 run` executables."""
     pytest.importorskip("wheel")
     source, prefix = tmp_path / "source", tmp_path / "prefix"
     shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(*GENERATED))

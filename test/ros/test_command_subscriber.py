@@ -1,4 +1,4 @@
-"""What of the commands on topics is taken, recorded and said, without ROS."""
+"""Commands on topics: accepted, recorded and reported, without ROS."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NOW = 1_700_000_000 * SECOND  # ns, stamp of the newest frame
 
 
 class Taken:
-    """What comes for a twin that stands still, whose loop does at once what it is asked for."""
+    """Command subscriber of a twin at rest with an immediate loop, and its results."""
 
     def __init__(self, **limits):
         self.recorded, self.lines, self.applied, self.refused = [], [], [], []
@@ -47,7 +47,7 @@ def command(*names, frame="", speed=1.0, stamp_ns=0):
 
 
 class Compared(str):
-    """A name that counts how often names are compared."""
+    """Name that counts comparisons."""
 
     times = 0
 
@@ -125,7 +125,7 @@ def test_commands_beyond_the_rate_are_refused_and_refused_ones_crowd_nobody_out(
 
 
 def test_a_stream_of_refused_commands_is_one_line_and_some_messages():
-    """50 in a second: the log has one line, their topic up to 20, each with the number of all so far."""
+    """50 in a second: one line in the log, up to 20 messages, each with the total so far."""
     taken = Taken()
     for _ in range(50):
         taken.take(command("nobody"))

@@ -1,4 +1,4 @@
-"""A rope that the wind blows off a tower of a running twin: on its topic, in diagnostics, in the log of the node."""
+"""Derailment by wind in a running twin: topic, diagnostics and log of the node."""
 
 from __future__ import annotations
 

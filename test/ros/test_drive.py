@@ -1,4 +1,4 @@
-"""`drive` as its users meet it: beside a running twin, without one, and where the twin refuses."""
+"""Command `drive` beside a running twin, without one, and with refused commands."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STOP = Command("speed", {"cabin": 0.0})
 
 @pytest.fixture
 def twin(running):
-    """The twin at rest at its start."""
+    """Running twin at rest at its start."""
     _, participant = running
     assert participant.call("emergency_stop", SetBool, data=False).success
     assert participant.call("reset", Trigger).success
@@ -49,7 +49,7 @@ def drive(running, processes):
 
 
 def finish(participant: Participant, process: TwinProcess) -> int:
-    """Take messages until it has ended."""
+    """Take messages until `drive` has ended."""
     participant.until(lambda: process.process.poll() is not None, what=f"end of drive; {process.output}")
     return process.wait()
 

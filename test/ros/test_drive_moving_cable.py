@@ -1,4 +1,4 @@
-"""`drive` beside the twin of a ski lift: its rope is what commands name, and silence stops it."""
+"""Command `drive` beside the twin of a ski lift: commands to its rope, and a stop after silence."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WAIT = ("--wait", str(PATIENCE))
 
 @pytest.fixture(scope="module")
 def lift(tmp_path_factory):
-    """A running lift of six chairs, and a participant."""
+    """Running lift of six chairs, and a participant."""
     directory = tmp_path_factory.mktemp("lift")
     (directory / "lift.yaml").write_text(short_scenario().to_yaml())
     process = TwinProcess(directory, "--scenario", "lift.yaml", "--record", "false")

@@ -1,4 +1,4 @@
-"""What `drive` asks a twin for once: stops, pauses, steps, payload, wind, snapshots, and which twins there are."""
+"""Single requests of `drive`: stops, pauses, steps, payload, wind, snapshots, list of twins."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WHEN = rf"( at {TIME}|, from the next frame boundary on)"  # the latter where th
 
 @pytest.fixture
 def twin(running):
-    """The twin at rest at its start, running."""
+    """Running twin at rest at its start."""
     _, participant = running
     assert participant.call("emergency_stop", SetBool, data=False).success
     assert participant.call("reset", Trigger).success
@@ -32,7 +32,7 @@ def twin(running):
 
 @pytest.fixture
 def drive(running, processes):
-    """Run `drive` beside the twin; returns its exit code and what it has printed."""
+    """Run `drive` beside the twin; returns exit code and output."""
 
     def run(*arguments):
         process = processes(*arguments, module="ros.client.drive", domain=running[0].domain)
@@ -62,7 +62,7 @@ def test_it_stops_releases_and_resets(twin, drive):
 
 
 class twin_line:  # noqa: N801 - stands for a text
-    """The line of the twin in a list, at whatever time."""
+    """Pattern of the twin's line in a list, at any time."""
 
     def __init__(self, twin: Participant, state: str) -> None:
         self.pattern = rf"{twin.twin}: quick, {state} at {TIME}; carriages: cabin \(up to 10 m/s, 150 kN\)"
@@ -160,7 +160,7 @@ def test_ctrl_c_ends_the_waiting(processes, participants, arguments):
 
 @pytest.mark.parametrize("arguments", [["--emergency-stop", "--wait", "60"], ["--reset", "--wait", "1.5"]])
 def test_where_only_other_twins_run_they_are_named(running, processes, arguments):
-    """An emergency stop says so as soon as others have been seen, and does not wait for the end of --wait."""
+    """An emergency stop fails as soon as other twins are known, before the end of --wait."""
     twin = running[1]
     process = processes(
         *arguments, "--node", "/elsewhere/cable_twin", module="ros.client.drive", domain=running[0].domain
@@ -204,7 +204,7 @@ def test_a_second_twin_of_one_name_is_refused_and_another_name_is_listed(running
 
 
 def test_a_twin_of_another_machine_is_seen_by_what_it_publishes(participants):
-    """Here a node of that name which holds no name on this machine."""
+    """Node of that name in this process, without a claim of the name on this machine."""
     domain = allocate_domain()
     here, there = participants(domain), participants(domain)
     there.node.create_publisher(String, "/test_participant/scenario", 1)

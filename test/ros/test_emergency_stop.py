@@ -1,4 +1,4 @@
-"""An emergency stop is answered whatever else comes for a twin."""
+"""Emergency stop answered under any load of a twin."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BURST = 200  # calls at once; of ten that wait the others were lost
 
 
 def calls(participant, count):
-    """Answers to so many calls at once, and seconds until the last one."""
+    """Answers to a number of simultaneous calls, and time (s) until the last answer."""
     client = participant.node.create_client(SetBool, "/cable_twin/emergency_stop", qos_profile=QoSProfile(depth=BURST))
     participant.until(client.service_is_ready, what="the service")
     begin = time.monotonic()

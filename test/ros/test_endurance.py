@@ -1,4 +1,4 @@
-"""A short piece of `verification.endurance`: memory, lateness and a complete log over many frames."""
+"""Short part of `verification.endurance`: memory, lateness and a complete log over many frames."""
 
 from __future__ import annotations
 

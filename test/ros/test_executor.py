@@ -1,4 +1,4 @@
-"""Which executor the node gets, and that both run it."""
+"""Choice of the node's executor, and the node on both kinds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is lost when the machine fails under a running twin: the cases of `verification.failures`, on real disks."""
+"""Losses by failures of the machine under a running twin: cases of `verification.failures` on real disks."""
 
 from __future__ import annotations
 

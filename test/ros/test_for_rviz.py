@@ -1,4 +1,4 @@
-"""What RViz shows of the twin, read as RViz does: markers, tree of frames, description of the vehicles, its layout."""
+"""Data for RViz, read as by RViz: markers, tree of frames, description of the vehicles, layout."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ WINDY = {**IN_SPACE, "air": {"wind": [2.0, 12.0, 0.0]}}
 
 
 def test_a_cabin_in_the_wind_is_shown_with_its_roll():
-    """In poses, `/tf` and markers alike, and in a description with its whole inertia."""
+    """Roll in poses, `/tf` and markers alike, and whole inertia in the description."""
     changes = {"carriages.cabin.bodies.cabin.inertia_tensor": [120.0, 150.0, 90.0, 0.0, 5.0, 0.0]}
     simulation = Simulation(load_scenario(WINDY, changes))
     encoder = MessageEncoder(simulation.layout, STAMP)
@@ -74,7 +74,7 @@ def test_a_cabin_in_the_wind_is_shown_with_its_roll():
 
 @pytest.fixture(scope="module", params=["tramway", "chairlift", "windy"])
 def shown(request):
-    """A scenario that has moved for a while, and an encoder that was laid out at its start."""
+    """Scenario after some motion, and an encoder laid out at its start."""
     simulation = Simulation(load_scenario({"tramway": TRAMWAY, "windy": WINDY}.get(request.param, "chairlift")))
     encoder = MessageEncoder(simulation.layout, STAMP)
     encoder.offer(MARKERS, partial(Markers, simulation.scenario, simulation.layout, frame_id="map"))
@@ -89,7 +89,7 @@ def markers_of(messages):
 
 
 def numbers(*values):
-    """All numbers of vectors, points, quaternions and colours."""
+    """All numbers of vectors, points, quaternions and colours in a message."""
     return [getattr(value, name) for value in values for name in "xyzwrgba" if hasattr(value, name)]
 
 
@@ -98,7 +98,7 @@ def xyz(value):
 
 
 def test_rviz_takes_every_marker(shown):
-    """The checks of rviz_default_plugins' marker display: what fails one of them is not drawn, or with an error."""
+    """Checks of rviz_default_plugins' marker display, which does not draw a marker that fails one."""
     for messages in shown[2:]:
         array = decode(messages[MARKERS], TYPES[MARKERS]).markers
         assert not [key for key, count in Counter((marker.ns, marker.id) for marker in array).items() if count > 1]
@@ -211,7 +211,7 @@ def test_arrows_are_forces_to_one_scale(shown, kind):
 
 
 def test_rclpy_reads_the_same_markers(shown):
-    """Byte for byte: what RViz's own typesupport reads is what was written."""
+    """Identical bytes from the typesupport of rclpy."""
     serialization = pytest.importorskip("rclpy.serialization")
     pytest.importorskip("visualization_msgs.msg")
     message = serialization.deserialize_message(shown[3][MARKERS], import_module("visualization_msgs.msg").MarkerArray)
@@ -224,7 +224,7 @@ def test_rclpy_reads_the_same_markers(shown):
 
 
 def frames(simulation, messages, **names):
-    """Transforms by child: parent, position, rotation; of `/tf` and `/tf_static` together, as a listener has them."""
+    """Transforms of `/tf` and `/tf_static` by child: parent, position, rotation."""
     still = static_transforms(simulation.scenario, STAMP, **names)
     found = {}
     for data in (messages[TF], still):
@@ -243,7 +243,7 @@ def frames(simulation, messages, **names):
 
 
 def placed(found, frame, root="map"):
-    """Position and rotation of a frame in the root; fails where there is no way to it."""
+    """Position and rotation of a frame in the root frame; fails for an unconnected one."""
     if frame == root:
         return np.zeros(3), np.eye(3)
     parent, place, turn = found[frame]
@@ -272,7 +272,7 @@ def test_frames_are_one_tree_with_supports_and_pins(shown):
 
 
 def gap(snapshot, row):
-    """How far (m) a vehicle may hang from its joint: one that waits in a station rests where the rope did at first."""
+    """Allowed distance (m) of a vehicle from its joint, larger in a station."""
     return 1e-6 if snapshot.columns.attached[row] == 1.0 else 0.01
 
 
@@ -318,7 +318,7 @@ def test_joints_are_those_of_joint_states(shown):
 
 
 def test_the_chain_of_the_description_is_where_tf_says(shown):
-    """From the joint on the rope down, with the angle of each body against the one above, as `joint_states` has it."""
+    """Chain from the joint on the rope down, with the angles of `joint_states`."""
     simulation, snapshot, _, last = shown
     robot = ElementTree.fromstring(robot_description(simulation.scenario))
     joints, found = joint_places(robot), frames(simulation, last)
@@ -355,7 +355,7 @@ def test_the_chain_of_the_description_is_where_tf_says(shown):
 
 @pytest.mark.parametrize("prefix", ["", PREFIX])
 def test_every_message_is_in_a_frame_of_the_tree(shown, prefix):
-    """Also forces, which are in that of the vehicle or support where they act."""
+    """Coordinate frames of all messages, also of forces on vehicles and supports."""
     simulation, snapshot, *_ = shown
     encoder = MessageEncoder(simulation.layout, STAMP, frames=FrameNames(FRAME_ID, prefix))
     encoded = dict(encoder.frame(snapshot, [*encoder.topics]))
@@ -369,7 +369,7 @@ def test_every_message_is_in_a_frame_of_the_tree(shown, prefix):
 
 
 def test_joint_states_move_the_chain_of_the_description(shown):
-    """The names and the angles that a robot_state_publisher would take."""
+    """Names and angles as needed by a robot_state_publisher."""
     simulation, snapshot, *_ = shown
     ((_, data),) = MessageEncoder(simulation.layout, STAMP).frame(snapshot, ["joint_states"])
     states = decode(data, "sensor_msgs/msg/JointState")
@@ -453,7 +453,7 @@ def test_the_layout_for_rviz_shows_topics_of_the_twin_with_a_quality_that_they_o
 
 
 def test_reruns_own_loader_shows_rope_and_vehicles_of_a_bag(shown, tmp_path):
-    """As `rerun TIME_0.mcap` reads it: all in one tree of frames, the vehicles as boxes of their description."""
+    """`rerun TIME_0.mcap`: one tree of frames, vehicles as boxes of their description."""
     pytest.importorskip("rerun")
     simulation, snapshot, *_ = shown
     table = topics(simulation.layout, tf=True, robot=True)

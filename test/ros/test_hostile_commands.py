@@ -1,4 +1,4 @@
-"""Commands and parameter sets that no sane program would send, to a twin that runs in real time."""
+"""Invalid, extreme and damaged commands and parameters, sent to a twin in real time."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ commands = st.one_of(sane, forces, random_commands, random_commands)
 
 
 def wire_message(name, velocity=(), effort=(), position=()):
-    """The command in the classes of rosbags, whose bytes are the same each time."""
+    """Command as a rosbags message, with reproducible bytes."""
     numbers = [np.array(column, dtype=np.float64) for column in (position, velocity, effort)]
     return TYPES["sensor_msgs/msg/JointState"](HEADER, name, *numbers)
 
 
 @st.composite
 def damaged_commands(draw) -> bytes:
-    """A command on the wire with bytes changed, cut off or put at its end; DDS delivers no message of no bytes."""
+    """Encoded commands with changed, missing or additional bytes; DDS delivers no empty message."""
     data = bytearray(serialize(wire_message(**draw(commands))))
     for place in draw(st.lists(st.integers(0, len(data) - 1), max_size=4)):
         data[place] = draw(st.integers(0, 255))
@@ -94,7 +94,7 @@ def parameters(draw) -> Parameter:
 
 
 def rate_of(participant, action) -> float:
-    """Frames (Hz) that the twin computes meanwhile, by their stamps: this process may be too busy to take all."""
+    """Frame rate (Hz) of the twin over a time, by stamps, as this process may miss messages."""
     first, started = participant.received["joint_states"][-1:], time.monotonic()
     action()
     (frames,) = np.diff(stamps([*first, participant.received["joint_states"][-1]])) / FRAME
@@ -102,7 +102,7 @@ def rate_of(participant, action) -> float:
 
 
 def hostile_sender(participant, count: int, sent: Counter[str]):
-    """A function that sends so many and counts them by kind."""
+    """Sender of a number of hostile messages, counted by kind."""
 
     @settings(
         max_examples=count,

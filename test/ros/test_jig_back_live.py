@@ -1,4 +1,4 @@
-"""A jig-back that runs in real time: hostile commands, goals, an emergency stop, a snapshot, its log after a kill."""
+"""Jig-back in real time: hostile commands, goals, emergency stop, snapshot, log after a kill."""
 
 from __future__ import annotations
 

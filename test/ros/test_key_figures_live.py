@@ -1,4 +1,4 @@
-"""Key figures of a running twin: on their topic, in the diagnostics, in the log, and the same from its bag."""
+"""Key figures of a running twin: topic, diagnostics, log, and identical figures from its bag."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The launch files, read with a double of launch that keeps what they describe; `test_colcon.py` has the real one."""
+"""Launch files, read with a stand-in for launch that keeps descriptions; `test_colcon.py` runs the real launch."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ KNOWN = {parameter.name: parameter for parameter in PARAMETERS}
 
 
 class Described:
-    """Anything of launch: its class, what it was made of, and all that is within."""
+    """Any class of launch: name, arguments and inner descriptions."""
 
     def __init__(self, kind, *arguments, **options):
         self.kind, self.arguments, self.options = kind, arguments, options
 
     def __iter__(self):
-        """All descriptions within, this one first."""
+        """All descriptions from this one inwards."""
         yield self
         for value in (*self.arguments, *self.options.values()):
             yield from within(value)
@@ -56,7 +56,7 @@ class Double(ModuleType):
 
 @pytest.fixture
 def described(monkeypatch):
-    """Gives all descriptions of a launch file."""
+    """Function that returns all descriptions in a launch file."""
     for name in MODULES:
         monkeypatch.setitem(sys.modules, name, Double(name))
     return lambda path: list(runpy.run_path(str(path))["generate_launch_description"]())

@@ -1,4 +1,4 @@
-"""A ski lift as a node: carriers in columns, stamps on the clock, rates."""
+"""Ski lift as a node: carriers in columns, stamps on the clock, rates."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WINDOW = 200  # messages whose age is judged
 
 
 def write_lift(directory: Path, chairs: int = CHAIRS) -> Path:
-    """The chairlift with so many chairs on the same loop, and a mesh that costs little."""
+    """Write the chairlift with a number of chairs on its loop, and a mesh of low cost."""
     yaml = YAML()
     content = yaml.load((config_directory() / "chairlift.yaml").read_text(encoding="utf-8"))
     content["carriers"].update(count=chairs)
@@ -46,7 +46,7 @@ def write_lift(directory: Path, chairs: int = CHAIRS) -> Path:
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
-    """A lift under way with a topic of its own for one chair, and everything that it published."""
+    """Lift under way with a topic of its own for one chair, and all published messages."""
     directory = tmp_path_factory.mktemp("lift")
     arguments = ["--scenario", str(write_lift(directory)), "--carrier-topics", "chair_3, chair_5", "--rope-rate", "20"]
     process = TwinProcess(directory, *arguments, "--log-rope-rate", "5", "--log-pose-rate", "50")
@@ -71,7 +71,7 @@ def running(tmp_path_factory):
 
 
 def published(participant: Participant) -> set[str]:
-    """Topics that the node of a lift publishes."""
+    """Topics published by the node of a lift."""
     node, last = participant.node, "/diagnostics"  # of its topics, so that all are known when this one is
 
     def found() -> set[str]:
@@ -96,7 +96,7 @@ def test_the_number_of_publishers_does_not_depend_on_the_number_of_chairs(runnin
 
 
 def common(*topics: list) -> list[tuple]:
-    """Messages of the same stamp of several topics."""
+    """Messages of several topics with equal stamps."""
     by_stamp = [dict(zip(stamps(messages), messages, strict=True)) for messages in topics]
     shared = sorted(set.intersection(*map(set, by_stamp)))
     return [tuple(one[stamp] for one in by_stamp) for stamp in shared]
@@ -154,7 +154,7 @@ def test_rates_of_topics_are_those_that_were_asked_for(running):
 
 
 def age(participant: Participant, topic: str, kind: type) -> tuple[float, float]:
-    """Least and median age (ms) of the next messages where they are taken."""
+    """Least and median age (ms) of the next messages on arrival."""
     ages: list[float] = []
 
     def take(data: bytes) -> None:
@@ -169,7 +169,7 @@ def age(participant: Participant, topic: str, kind: type) -> tuple[float, float]
 
 
 def test_stamps_are_on_the_clock(processes, participants, tmp_path):
-    """Age as `ros2 topic delay` has it: 2 ms, also after a late start.
+    """Age as shown by `ros2 topic delay`: 2 ms, also after a late start.
 
     A machine that stalls makes messages old, so the youngest counts; a wrong epoch spoils all of them. How old most are
     is measured by `python -m benchmarks live`.
@@ -207,7 +207,7 @@ def test_all_topics_of_a_frame_have_one_stamp(running):
 
 
 def test_logs_hold_topics_as_often_as_asked_for_and_replay(running):
-    """Last of its module: ends the twin."""
+    """Last test of the module: ends the twin."""
     process, participant = running
     assert process.end() == 0, process.output
     log = read_log(process.run_directory)

@@ -1,4 +1,4 @@
-"""`sim --rerun live` with real viewers: they come, are killed, hang, and the recording goes on."""
+"""`sim --rerun live` with real viewers that connect, are killed or hang, while recording continues."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MUCH = 200_000  # bytes of a picture that moves
 
 @pytest.fixture
 def viewers(tmp_path):
-    """Start rerun's own program without a window: it takes what a viewer is sent and keeps it in a file."""
+    """Start rerun's own program without a window, writing all received data to a file."""
     started = []
 
     def start(name: str) -> tuple[subprocess.Popen, Path]:

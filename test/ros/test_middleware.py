@@ -1,4 +1,4 @@
-"""What the participants of the twin ask of the middleware."""
+"""Middleware settings of the twin's participants."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_profiles_of_the_user_are_left_alone(monkeypatch):
 
 
 def write_port(path: Path, word: int, age: float) -> Path:
-    """As much as a killed process leaves of a port, some seconds after it."""
+    """Write a shared memory port as left some seconds after a kill."""
     path.write_bytes(word.to_bytes(4, "little") + bytes(52396))
     then = time.time() - age
     os.utime(path, (then, then))
@@ -124,7 +124,7 @@ def test_time_of_discovery_is_that_of_the_profile(monkeypatch):
 
 
 def announcements(domain: int, timeout: float) -> Iterator[tuple[bytes, str]]:
-    """What participants say of themselves in a domain, as lists of parameters and their order of bytes."""
+    """Discovery messages of participants in a domain: parameter lists and byte order."""
     with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as peer:
         peer.bind(("127.0.0.1", 7400 + 250 * domain + 10 + 2 * (PEERS - 1)))
         peer.settimeout(timeout)
@@ -143,7 +143,7 @@ def announcements(domain: int, timeout: float) -> Iterator[tuple[bytes, str]]:
 
 
 def parameter(content: bytes, order: str) -> int:
-    """The built-in endpoints out of a list of parameters."""
+    """Built-in endpoints in a list of parameters."""
     place = 0
     while place + 8 <= len(content):
         number, length = struct.unpack_from(f"{order}HH", content, place)

@@ -1,4 +1,4 @@
-"""A twin that is told everything in the words of ROS: namespace, remaps, QoS, a parameter file; and drive beside it."""
+"""Twin with ROS arguments: namespace, remaps, QoS, parameter file; and `drive` beside it."""
 
 from __future__ import annotations
 
@@ -144,13 +144,13 @@ def test_quality_of_service_is_what_was_asked_for(running, twin):
 
 
 def words_in_the_namespace(scenario) -> list[str]:
-    """The twin of `drive` is the one in its own namespace."""
+    """Output of `drive` in the namespace of the twin."""
     remaps = ["__ns:=/south", f"{TWIN}/joint_commands:=/desk", f"{TWIN}/joint_states:=/js"]
     return ["cabin", "--speed", "5", "--ros-args", *(word for rule in remaps for word in ("-r", rule))]
 
 
 def words_of_the_hint(scenario) -> list[str]:
-    """What the last row of the terminal says."""
+    """Text in the last row of the terminal."""
     hint = drive_hint(scenario, TopicNames(TWIN, {"joint_commands": "/desk", "joint_states": "/js"}))
     return shlex.split(hint)[1:]
 
@@ -173,7 +173,7 @@ def test_drive_is_remapped_as_any_node_and_each_of_its_messages_has_a_stamp(runn
 
 
 def test_joints_that_are_named_with_nan_are_left_alone(twin):
-    """All joints of joint_states, as a hardware of ros2_control on topics sends them."""
+    """All joints of joint_states in one message, as from a ros2_control hardware on topics."""
     publisher = twin.node.create_publisher(JointState, "/desk", 10)
     twin.until(publisher.get_subscription_count, what="a twin that listens")
     names = twin.received["/js"][-1].name
@@ -184,7 +184,7 @@ def test_joints_that_are_named_with_nan_are_left_alone(twin):
 
 
 def test_the_bag_has_the_names_and_the_quality_of_the_run_and_replays(running, twin, capsys):
-    """Last of its module: ends the twin."""
+    """Last test of the module: ends the twin."""
     process, _ = running
     assert process.end() == 0, process.output
     assert "Traceback" not in process.output

@@ -1,4 +1,4 @@
-"""`~/save_snapshot` of the live node: another node, started from the file, goes on with the same bits."""
+"""`~/save_snapshot` of the live node: another node started from the file continues bit for bit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RERUN = str(Path(sys.executable).with_name("rerun"))
 
 
 def motion(log: Log) -> dict[tuple[str, int], bytes]:
-    """Messages by topic and simulated time (ns), without their stamps."""
+    """Messages by topic and simulated time (ns), without stamps."""
     topics = ["joint_states", "cable", "carriages/cabin/pose", "carriages/cabin/contact_force", "supports/end/force"]
     return {(topic, stamp - log.epoch_ns): data[12:] for topic, stamp, data in log.messages(topics)}
 

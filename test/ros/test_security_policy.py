@@ -1,4 +1,4 @@
-"""The SROS2 policy: as a running twin needs it, neither more nor less. ROS 2's wheels have no security libraries."""
+"""SROS2 policy with exactly the permissions of a running twin; ROS 2's wheels have no security libraries."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TWIN, EMERGENCY = "/cable_twin", "cable_twin_emergency_stop"
 
 
 def allowed(enclave: str, own_node: str = "") -> dict[str, set[str]]:
-    """Full names and patterns by rule ("publish"), as sros2 spells them out; of one node, or of all in the enclave."""
+    """Full names and patterns by rule ("publish") in sros2's form; of one node, or of all in the enclave."""
     root = ElementTree.parse(POLICY).getroot()
     found: dict[str, set[str]] = {rule: set() for rules in RULES.values() for rule in rules}
     profiles = root.findall(f"enclaves/enclave[@path='{enclave}']/profiles/profile")
@@ -43,7 +43,7 @@ def allowed(enclave: str, own_node: str = "") -> dict[str, set[str]]:
 
 
 def published() -> Iterator[str]:
-    """Full names of all topics of all scenarios, with everything that can be switched on."""
+    """Full names of all topics of all scenarios, with all options on."""
     for one in (*scenario_names(), BENT):
         layout = Layout.of(load_scenario(one), 2)
         table = topics(layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True)
@@ -57,13 +57,13 @@ def published() -> Iterator[str]:
 
 
 def covered(names: set[str], patterns: set[str]) -> tuple[set[str], set[str]]:
-    """Names that no pattern has, and patterns that have no name."""
+    """Names without a matching pattern, and patterns without a matching name."""
     without = {name for name in names if not any(fnmatchcase(name, pattern) for pattern in patterns)}
     return without, {pattern for pattern in patterns if not any(fnmatchcase(name, pattern) for name in names)}
 
 
 def test_it_has_the_form_of_sros2():
-    """policy.xsd of sros2: version, elements, attributes and their values."""
+    """Elements, attributes, values and version by sros2's policy.xsd."""
     root = ElementTree.parse(POLICY).getroot()
     assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
     assert [child.tag for child in root] == ["enclaves"]
@@ -108,7 +108,7 @@ def test_a_running_twin_has_no_endpoint_that_the_policy_does_not_have(running, o
 
 
 def interface_services() -> set[str]:
-    """Names of the services of simulation_interfaces, which has no wheel: a twin with them has those of its table."""
+    """Services of simulation_interfaces, which has no wheel: names by the table of the twin."""
     return {service_name(kind) for kind in SERVICES}
 
 

@@ -1,4 +1,4 @@
-"""The node as its users meet it: a process of its own, talked to from another one over DDS."""
+"""Node as its users meet it: a separate process, reached over DDS."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ BAD_COMMANDS = {  # one of each kind; test_command_messages.py and test_goals.py
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
-    """One twin with all its logs for the whole module, and a participant that collects its topics."""
+    """Twin with all logs for the whole module, and a participant that collects its topics."""
     directory = tmp_path_factory.mktemp("running")
     process = TwinProcess(directory, "--scenario", str(write_quick_scenario(directory)), "--publish-clock", "true")
     participant = Participant(process.domain)
@@ -62,7 +62,7 @@ def running(tmp_path_factory):
 
 @pytest.fixture
 def twin(running):
-    """The twin at rest at its start, and still there afterwards."""
+    """Running twin, at rest at its start, and checked to be alive afterwards."""
     process, participant = running
     assert participant.call("emergency_stop", SetBool, data=False).success
     assert participant.call("pause", SetBool, data=False).success
@@ -75,7 +75,7 @@ def twin(running):
 
 
 def give(twin: Participant, name: str, value: float) -> tuple[bool, str]:
-    """Set a parameter of the twin; whether it took it, and why not."""
+    """Set a parameter of the twin; returns success and reason."""
     parameter = Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
     (result,) = twin.call("set_parameters", SetParameters, parameters=[parameter]).results
     return result.successful, result.reason
@@ -83,7 +83,7 @@ def give(twin: Participant, name: str, value: float) -> tuple[bool, str]:
 
 @contextmanager
 def command_timeout(twin: Participant, seconds: float):
-    """Let one command hold for longer, where a stall of the machine must not look like silence."""
+    """Lengthen the time-out of commands, so that a stall of the machine does not count as silence."""
     assert give(twin, "command_timeout", seconds)[0]
     try:
         yield
@@ -95,7 +95,7 @@ RATES = {"joint_states": 100.0, "cable": 100.0, "carriages/cabin/pose": 100.0, "
 
 
 def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
-    """At the pace that the twin says it has, which is that of the clock unless the machine is too busy for it."""
+    """Pace as reported by the twin: real time, unless the machine is too busy."""
 
     def window():
         before = {topic: len(twin.received[topic]) for topic in RATES}
@@ -134,7 +134,7 @@ OF_OTHERS = (
 
 
 def test_topics_and_services_are_those_of_the_page(twin):
-    """As other nodes see them: names, types and directions; without what every node has, and what no wheel brings.
+    """Names, types and directions as seen by other nodes, without those of every node and without missing packages.
 
     The emergency stop is a participant of its own.
     """
@@ -195,7 +195,7 @@ def test_force_that_falls_silent_is_stopped_too(twin):
 
 
 def refusals(twin):
-    """A function that gives the reasons of all commands refused from now on, a line each, as their topic has them."""
+    """Function that returns the reasons of all commands refused since, a line each, from their topic."""
     twin.received["refused_commands"].clear()
     twin.subscribe("refused_commands", DiagnosticArray)
     twin.until(lambda: twin.node.count_publishers(f"{twin.twin}/refused_commands"), what="a topic of refusals")
@@ -343,7 +343,7 @@ def test_scenario_is_there_for_a_late_joiner(running, twin):
 
 
 def test_what_rviz_shows_is_there_for_a_late_joiner_and_while_the_twin_is_paused(twin):
-    """Markers come with frames, and once a second where there are none: what RViz shows of them has a lifetime."""
+    """Markers with each frame, else once a second, as their lifetime is limited."""
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     twin.subscribe("robot_description", String, latched)
     twin.subscribe("markers", MarkerArray)
@@ -385,7 +385,7 @@ def test_only_the_command_timeout_may_change_and_within_its_range(twin):
 
 
 def test_diagnostics_go_on_where_somebody_sets_use_sim_time(twin):
-    """Nobody publishes a clock that the node would listen to: its own timer must not wait for one."""
+    """Timer of the node independent of a clock that nobody publishes."""
     parameter = Parameter(name="use_sim_time", value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True))
     (result,) = twin.call("set_parameters", SetParameters, parameters=[parameter]).results
     assert result.successful
@@ -396,13 +396,13 @@ def test_diagnostics_go_on_where_somebody_sets_use_sim_time(twin):
 
 
 def test_time_has_never_gone_back(running):
-    """Looks at the same collected topics as the tests before it, with all their resets."""
+    """Stamps of all topics collected by the earlier tests, resets included."""
     _, participant = running
     assert stamps(participant.received["joint_states"]) == sorted(stamps(participant.received["joint_states"]))
 
 
 def test_many_frames_in_one_call(twin):
-    """One call for many frames, which do not wait for the clock; a stop comes between them, and a pause ends it."""
+    """One call for many frames as fast as possible; accepts an emergency stop, and is ended by a pause."""
     assert twin.call("pause", SetBool, data=True).success
     set_step_count(twin, 1)
     first = twin.call("step", Trigger).message

@@ -1,4 +1,4 @@
-"""How `sim` starts and ends: parameters, scenarios, signals, disks that refuse, kills; and what is left on the disk."""
+"""Start and end of `sim`: parameters, scenarios, signals, failing disks, kills, and the files left."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ RERUN = str(Path(sys.executable).with_name("rerun"))
 
 
 def check_logs(run: Path) -> int:
-    """Open a finished run with other people's readers; returns the number of joint states in it."""
+    """Open a finished run with other programs' readers; returns the number of joint states in it."""
     (bag,) = run.glob("*.mcap")
     (recording,) = run.glob("*.rrd")
     assert (bag.name, recording.name) == (f"{run.name}_0.mcap", f"{run.name}_0.rrd")
@@ -199,7 +199,7 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
 
 @pytest.mark.parametrize("stop", [False, True])
 def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participants, tmp_path, stop):
-    """Be it with a first command that comes from a service, and not on a topic."""
+    """Log also with a first command from a service."""
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--start-paused", "true")
     participant = participants(sim.domain)
     participant.subscribe_standard(paused=True)
@@ -317,7 +317,7 @@ def test_bad_scenario_has_a_line_for_each_fault(tmp_path):
 
 
 def test_names_an_uneven_rate_and_an_unknown_ros_parameter_that_is_ignored(processes, participants, tmp_path):
-    """Also a scenario in the working directory whose path YAML would read as a number."""
+    """Scenario in the working directory with a path that YAML would read as a number."""
     shutil.copy(config_directory() / "seed_example.yaml", tmp_path / "1e3")
     ros = ["-r", "__node:=tram", "-r", "__ns:=/site"]
     ros += ["-p", "frame_rat:=50", "-p", "use_sim_time:=false", "-p", "rerun:=off"]

@@ -1,4 +1,4 @@
-"""simulation_interfaces: answers with message classes made of its definitions, which has no wheel.
+"""Services of simulation_interfaces, with message classes from its definitions, as it has no wheel.
 
 The classes are those of rosbags, of the text in simulation_interfaces.txt: fields, types and constants are held to the
 definitions by serializing each answer; only rclpy's own services and actions are not among it: the goal of an action
@@ -35,7 +35,7 @@ SUFFIXES = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", 
 
 
 def typestore():
-    """Types of the definitions; a service is two messages."""
+    """Types of the definitions; a service has two messages."""
     store = get_typestore(Stores.ROS2_JAZZY)
     found = {}
     for part in re.split(r"^=== ", DEFINITIONS.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
@@ -54,7 +54,7 @@ STORE = typestore()
 
 
 def make(name):
-    """A message with defaults, as rclpy makes one: mutable, whatever is in it too."""
+    """Message with defaults, mutable at all depths like those of rclpy."""
     message_type = name if "/" in name else f"{PACKAGE}/msg/{name}"
     values = {}
     for field, (node, details) in STORE.fielddefs[message_type][1]:
@@ -68,7 +68,7 @@ def make(name):
 
 
 class _Mutable(SimpleNamespace):
-    """Fields of a type, which no other can be set of."""
+    """Message of a type, without fields that the type lacks."""
 
     def __init__(self, message_type, values):
         super().__init__(**values)
@@ -80,7 +80,7 @@ class _Mutable(SimpleNamespace):
 
 
 def frozen(message):
-    """The dataclass of rosbags, which serializes."""
+    """Dataclass of rosbags for a message, to be serialized."""
     if isinstance(message, _Mutable):
         values = {}
         for name, (node, details) in STORE.fielddefs[message._type][1]:
@@ -95,7 +95,7 @@ def frozen(message):
 
 @pytest.fixture(scope="module")
 def twin():
-    """The answers of a paused loop, and its parts."""
+    """Service handlers of a paused loop, and their parts."""
     loop = frame_loop("single_span", paused=True)
     simulation = loop._simulation
     clock = RunClock()
@@ -117,7 +117,7 @@ def twin():
 
 
 def driven(answer):
-    """An answer; a coroutine is driven to it as the executor does."""
+    """Result of a coroutine, driven as by the executor."""
     if not hasattr(answer, "send"):
         return answer
     answers = []
@@ -133,7 +133,7 @@ def driven(answer):
 
 
 class Goal:
-    """A goal of rclpy's action server: what it gives to whom, and how it ended."""
+    """Goal of rclpy's action server, with its feedback and end."""
 
     def __init__(self, steps, cancel_after=None):
         self.request = make(f"{PACKAGE}/msg/SimulateSteps_Goal")
@@ -160,7 +160,7 @@ class Goal:
 
 @pytest.fixture
 def act(twin):
-    """Have steps simulated as an action; the goal, and the result as a number and a line."""
+    """Simulate steps as an action; returns the goal, and the result as code and message."""
 
     def acting(*arguments, **options):
         goal = Goal(*arguments, **options)
@@ -173,7 +173,7 @@ def act(twin):
 
 @pytest.fixture
 def call(twin):
-    """Call a service by its name and fields; the answer is one that can be serialized."""
+    """Call a service by name and fields; checks that the response can be serialized."""
 
     def calling(service, **fields):
         request, response = make(f"{service}_Request"), make(f"{service}_Response")

@@ -1,4 +1,4 @@
-"""A live run that is driven over DDS while its logs are split: no frame is lost for it, and every file replays."""
+"""Live run with split logs, driven over DDS: no lost frame, and replay of every file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The status line of `sim` in a real terminal, a pty: what it says, and that it and the log leave each other whole."""
+"""Status line of `sim` in a real terminal (pty): contents, and no overlap with the log."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LOG_LINE = re.compile(r"\[(INFO|WARN|ERROR)\] \[[\d.]+\] \[cable_twin\]: \S.*")
 
 
 class Terminal:
-    """`sim` as the foreground process of a terminal of its own."""
+    """`sim` as the foreground process of its own terminal."""
 
     def __init__(self, directory, domain, *arguments, **streams):
         self.main, side = pty.openpty()
@@ -73,7 +73,7 @@ class Terminal:
 
     @property
     def rows(self):
-        """What the status line has said, without colours."""
+        """Texts of the status line so far, without colours."""
         return [COLOUR.sub("", text) for _, text in DRAWN.findall(self.output)]
 
     def end(self):

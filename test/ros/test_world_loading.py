@@ -1,4 +1,4 @@
-"""Another scenario for a running twin: it ends its logs, and begins anew; what cannot be loaded leaves it as it was."""
+"""Another scenario loaded into a running twin: new logs; a scenario that fails leaves the twin unchanged."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ FAULTY = {  # scenario, and what is changed in it
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory):
-    """A twin, a participant, a directory that the twin may load from and one that it may not."""
+    """Twin, participant, an allowed directory for scenarios and a forbidden one."""
     directory, elsewhere = tmp_path_factory.mktemp("allowed"), tmp_path_factory.mktemp("elsewhere")
     started = tmp_path_factory.mktemp("start")
     scenario = str(write_quick_scenario(started))

@@ -1,4 +1,4 @@
-"""The frame loop without ROS: pacing, silence of whoever drives, and faults of the solver."""
+"""Frame loop without ROS: pacing, time-out of commands, and faults of the solver."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def run_until(condition, loop):
 
 
 def test_a_loop_that_is_held_up_catches_up_without_leaving_out_a_step():
-    """Hold the loop for 0.3 s: frames then come late, every one of them, until the clock is caught."""
+    """Loop delayed by 0.3 s: all frames late until it has caught up with the clock."""
     clock, frames = SteppedClock(), []
 
     def take(snapshot):
@@ -47,7 +47,7 @@ def test_a_loop_that_is_held_up_catches_up_without_leaving_out_a_step():
 
 
 def test_a_frame_is_prepared_ahead_and_published_when_it_is_due():
-    """What encoding takes does not come on top of the time at which a frame is published."""
+    """Encoding before the due time, so that it does not delay publication."""
     clock, prepared, published = SteppedClock(), [], []
 
     def prepare(snapshot):
@@ -143,7 +143,7 @@ def test_a_frame_that_converges_ends_the_fault():
 
 
 def test_it_tells_when_time_begins_to_run_and_when_it_goes_on():
-    """Once at the start and after each pause; single steps are no run, but a first one is the start."""
+    """Once at the start and after each pause; of single steps only a first one counts."""
     runs, published = [], []
     loop = frame_loop(on_run=runs.append, publish=published.append, paused=True)
     loop.start()
@@ -163,7 +163,7 @@ def test_it_tells_when_time_begins_to_run_and_when_it_goes_on():
 
 
 def test_it_tells_of_a_command_before_that_changes_a_twin_that_waits_for_its_start():
-    """Also of its own stop of what a snapshot has moving: the run has to begin before, with the state as it was."""
+    """Begin of the run before a command takes effect, also before the loop's own stop of a moving snapshot."""
     told, clock = [], SteppedClock()
     loop = frame_loop(
         "single_span",

@@ -1,4 +1,4 @@
-"""Places to go to, told once: the speeds, what takes over, and what is refused. Without ROS, as fast as it goes."""
+"""Goals: speeds on the way, take-over by other commands, and refusals, without ROS and as fast as possible."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FRAME = 0.01  # s
 
 
 class Driven:
-    """A simulation with goals, driven as the frame loop does."""
+    """Simulation with goals, driven as by the frame loop."""
 
     def __init__(self, scenario):
         self.simulation, self.told = Simulation(scenario), []
@@ -32,7 +32,7 @@ class Driven:
         self.goals.note(command, source)
 
     def run(self, seconds):
-        """Until something is told, or so many seconds are over."""
+        """Simulate until a message, or for a time (s)."""
         until, told = self.simulation.time + seconds, len(self.told)
         while self.simulation.time < until and len(self.told) == told:
             for command, source in self.goals.commands():
@@ -74,7 +74,7 @@ def test_it_arrives_over_a_tower_and_comes_back(driven, tramway):
 
 @pytest.mark.parametrize("scenario", [TRAMWAY, IN_SPACE], ids=["plane", "space"])
 def test_a_short_way_takes_little_more_than_its_ramps_though_the_vehicle_swings(scenario):
-    """The haul rope lets it swing for long: the drive goes to the place, and the mean of the vehicle is there."""
+    """Long swing on the haul rope: arrival of the drive at the place, and of the vehicle on average."""
     driven, places = Driven(load_scenario(scenario)), (10.0, 13.5, 12.5)
     driven.goals.take(Goal({"cabin": places[0]}, {}))
     driven.run(60.0)
@@ -145,7 +145,7 @@ def test_the_goal_of_a_held_vehicle_is_abandoned(driven, monkeypatch):
 
 
 def test_a_goal_needs_nobody_who_repeats_it_while_a_speed_does(tramway):
-    """The loop's time-out of commands is for those who may fall silent."""
+    """Time-out of the loop for speed commands only."""
     applied = []
     loop = frame_loop(tramway, command_timeout=0.05, on_applied=applied.append, paused=True)
     loop.start()

@@ -1,4 +1,4 @@
-"""The histogram of lateness against numpy."""
+"""Histogram of lateness against numpy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stamps of a run beside a clock that is slewed, stopped and set."""
+"""Stamps of a run beside a slewed, stopped or set clock."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cable_twin.runtime.watches import PaceWatch
 
 
 class Clocks:
-    """A time of day and a steady clock that a test moves."""
+    """Time of day and steady clock, moved by the test."""
 
     def __init__(self) -> None:
         self.day, self.steady = 1_700_000_000 * SECOND + 123, 55 * SECOND
@@ -24,7 +24,7 @@ class Clocks:
 
 
 class Logger:
-    """Keeps what is logged."""
+    """Logger that keeps its messages."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -32,7 +32,7 @@ class Logger:
 
 
 class Loop:
-    """A loop that is somewhere."""
+    """Frame loop stand-in at a given time."""
 
     behind, simulated_time = 0.0, 0.0
 

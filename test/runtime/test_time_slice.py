@@ -1,4 +1,4 @@
-"""The solver's thread may ask for a short slice, and its share of the processor stays what it was."""
+"""Short scheduler slice of the solver's thread, without a larger share of the processor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def attributes():
-    """What sched_getattr, the next system call, says of this thread: nice and slice in ns."""
+    """Nice value and slice (ns) of this thread by the system call sched_getattr."""
     buffer = ctypes.create_string_buffer(ATTRIBUTES.size)
     call = SYSTEM_CALLS[platform.machine()] + 1
     assert ctypes.CDLL(None).syscall(call, 0, buffer, ATTRIBUTES.size, 0) == 0

@@ -1,4 +1,4 @@
-"""A run of a cabin that is not simulated, as snapshots and commands for the view, and what reads the file of one."""
+"""Recording of a cabin with prescribed motion for tests of the view, and readers of the file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OUTLINES = {
 
 
 def rope_height(x, cabin, pull):
-    """Parabola of a rope between its supports with a point load: the kink is at the load."""
+    """Height of a rope between its supports: parabola with a kink at a point load."""
     chord = RISE * x / SPAN
     own = WEIGHT * x * (SPAN - x) / (2.0 * pull)
     point = LOAD / pull * np.where(x < cabin, x * (SPAN - cabin), cabin * (SPAN - x)) / SPAN
@@ -37,7 +37,7 @@ def rope_height(x, cabin, pull):
 
 
 def snapshot_at(moment, samples=200, more_supports=None):
-    """A cabin that starts at 150 m, accelerates to 12 m/s, and swings in two modes; the pull follows the load."""
+    """Snapshot of a cabin accelerating from 150 m to 12 m/s and swinging in two modes, with the pull of its load."""
     ramp = min(moment, 6.0)
     speed = 2.0 * ramp + 0.15 * np.sin(5.0 * moment) * np.exp(-0.2 * moment)
     x = 150.0 + ramp**2 + 12.0 * max(moment - 6.0, 0.0)
@@ -71,7 +71,7 @@ def commands():
 
 
 def draw(path, frames=FRAMES, **options):
-    """Write a run and return the snapshots."""
+    """Record the run; returns its snapshots."""
     snapshots = [snapshot_at(index / RATE) for index in range(frames)]
     orders = commands()
     view = RerunView("test ropeway", OUTLINES, path=path, live=False, **options)
@@ -88,7 +88,7 @@ def draw(path, frames=FRAMES, **options):
 
 
 def column(path, entity, component):
-    """Return times (s) and values of one component in a file, rows in the order of time."""
+    """Times (s) and values of one component in a file, in order of time."""
     times, values = [], []
     for chunk in RrdReader(path).stream():
         if chunk.entity_path == entity and not chunk.is_static:
@@ -101,7 +101,7 @@ def column(path, entity, component):
 
 
 def rerun_command(*arguments):
-    """Run one of rerun's own tools and return what it printed."""
+    """Run one of rerun's own tools; returns its output."""
     run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     return run.stdout + run.stderr

@@ -1,4 +1,4 @@
-"""Labels of the view: none covers another on a screen of 1280 x 800, in a plane and in space."""
+"""Labels of the view without overlap on a screen of 1280 x 800, in a plane and in space."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def overlapping(boxes):
 
 
 def boxes(names, tops):
-    """Boxes of labels, one a name, below points (n, 2) in pixels."""
+    """Boxes of labels by name, below points (n, 2) in pixels."""
     sizes = label_sizes(names) * (NARROWER, 1.0) - (0.0, 1.0)
     return [(name, *top, *size) for name, top, size in zip(names, tops, sizes, strict=True)]
 
 
 def static(path, entity, component):
-    """Values of a component that does not change."""
+    """Values of a static component."""
     for chunk in RrdReader(path).stream():
         if chunk.entity_path == entity and chunk.is_static:
             batch = chunk.to_record_batch()

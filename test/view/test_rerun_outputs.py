@@ -1,4 +1,4 @@
-"""Where a picture goes: to a file or a live viewer; what is left when it ends, and when it cannot be written."""
+"""Outputs of the view: file or live viewer, files left at the end, and failing disks."""
 
 import socket
 import subprocess
@@ -47,7 +47,7 @@ def test_close_is_final_and_may_be_repeated(tmp_path):
 
 @pytest.mark.parametrize("live", [False, True], ids=["file", "live"])
 def test_closed_views_leave_no_threads(tmp_path, live, capfd):
-    """A twin that another scenario is loaded into opens one after the other."""
+    """Views opened one after the other, as by a twin that loads other scenarios."""
     counts = []
     for number in range(4):
         view = RerunView("test ropeway", OUTLINES, path=tmp_path / f"{number}.rrd", live=live, live_port=free_port())
@@ -125,7 +125,7 @@ view.close()
 
 @pytest.mark.parametrize("attempt", range(3))
 def test_full_disk_is_an_error_and_no_hang(tmp_path, attempt):
-    """rerun's own flush, disconnect and clean-up at exit wait for good when its writer gave up in between."""
+    """Flush, disconnect and exit of rerun wait forever for a writer that has given up."""
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(ROOT)]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run.rrd"))
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)

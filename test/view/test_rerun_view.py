@@ -1,4 +1,4 @@
-"""The picture of a run: what is drawn is what was simulated, and the file opens with rerun's own tools."""
+"""Picture of a run: drawn numbers equal simulated ones, and rerun's own tools open the file."""
 
 import subprocess
 import sys
@@ -181,7 +181,7 @@ def test_rope_is_whole_and_has_its_kink(recording):
 
 
 def test_small_scenes_in_three_dimensions_are_drawn_in_newtons(tmp_path):
-    """The plane is x and z whatever the dimension; a body without outline, a free end and no rope pull do no harm."""
+    """Plane of x and z in either dimension; bodies without outline, free ends, and ropes without pull."""
     path = tmp_path / "run.rrd"
     view = RerunView("test rope", {}, path=path, live=False)
     arc = np.linspace(0.0, 4.0, 9)

@@ -1,4 +1,4 @@
-"""Colours and names of several ropes: each rope over its own range, in pictures and markers alike."""
+"""Colours and names of several ropes: each over its own range, in pictures and markers alike."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCENARIOS = {"jig_back": {}, "bicable": {}, "chairlift": {}, "chairlift in space
 
 
 def static(path, entity, component):
-    """Values of one component that does not change."""
+    """Values of a static component."""
     for chunk in RrdReader(path).stream():
         if chunk.entity_path == entity and chunk.is_static:
             batch = chunk.to_record_batch()
@@ -33,7 +33,7 @@ def static(path, entity, component):
 
 @pytest.fixture(scope="module", params=list(SCENARIOS))
 def shown(request, tmp_path_factory):
-    """A simulation at its start, the recording that shows it, and its markers by namespace."""
+    """Simulation at its start, its recording, and its markers by namespace."""
     scenario = load_scenario(request.param.split()[0], SCENARIOS[request.param])
     simulation, path = Simulation(scenario), tmp_path_factory.mktemp("colors") / "run.rrd"
     view = open_view(scenario, path)
@@ -95,5 +95,5 @@ def test_names_of_supports_do_not_stand_on_each_other(shown):
 
 
 def entities(path):
-    """Names of all that a recording shows."""
+    """Names of all entities in a recording."""
     return {chunk.entity_path for chunk in RrdReader(path).stream()}

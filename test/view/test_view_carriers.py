@@ -1,4 +1,4 @@
-"""The picture of carriers, which are drawn together, and of logs that hold less than a run."""
+"""Picture of carriers, drawn together, and of incomplete logs."""
 
 import warnings
 
@@ -23,7 +23,7 @@ CHAIR_OUTLINE = outline_from_pivots((0.0, 2.6), gyration_radius=0.6)
 
 
 def chairlift_at(moment, count=12):
-    """A rope that goes by with chairs, each with a swing of its own; from the tenth on they hang in a station."""
+    """Snapshot of a moving rope with chairs of individual swing, from the tenth on in a station."""
     stations = np.linspace(0.0, 200.0, 50)
     chairs = {}
     for index, name in enumerate(CHAIRS[:count]):
@@ -95,7 +95,7 @@ def test_entities_do_not_grow_with_carriers(tmp_path):
 
 @pytest.mark.parametrize("batch_frames", [7, 500])
 def test_what_a_log_does_not_hold_stays_as_last_known(tmp_path, batch_frames):
-    """Rope and vehicles of every third frame from the seventh on."""
+    """Rope and vehicles at every third frame from the seventh on."""
     snapshots = []
     for index in range(60):
         snapshot = chairlift_at(0.01 * index)

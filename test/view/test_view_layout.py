@@ -1,4 +1,4 @@
-"""How the picture is laid out: numbers on every axis, vehicles that can be seen."""
+"""Layout of the picture: numbers on every axis, visible vehicles."""
 
 import subprocess
 import warnings
@@ -22,7 +22,7 @@ PALE = 20.0  # pixels between two numbers, below which rerun writes none: its ow
 
 
 def written(low, high, height):
-    """Multiples of the smallest power of ten for which an axis has room: what rerun writes beside it."""
+    """Tick labels of an axis in multiples of the smallest power of ten that fits, as by rerun."""
     step = 10.0 ** np.ceil(np.log10(PALE * (high - low) / height))
     return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
 

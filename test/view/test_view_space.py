@@ -1,4 +1,4 @@
-"""The picture of a run in space: what is drawn there is what was simulated, beside the plane of the track."""
+"""Picture of a run in space: drawn numbers equal simulated ones, beside the plane of the track."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ READABLE = 2.0  # of a line; 3 of letters
 
 
 def draw(scenario, path):
-    """Draw two seconds in a wind that starts after one; returns the frames."""
+    """Draw two seconds with wind from the first on; returns the frames."""
     simulation = Simulation(scenario)
     view = open_view(scenario, path)
     snapshots = [simulation.snapshot]
@@ -149,7 +149,7 @@ def test_carriers_of_one_look_are_one_entity_in_space(tmp_path):
 
 
 def luminance(color):
-    """Relative luminance of a colour 0xRRGGBBAA, as WCAG 2 has it."""
+    """Relative luminance of a colour 0xRRGGBBAA by WCAG 2."""
     channels = np.array([color >> 24 & 255, color >> 16 & 255, color >> 8 & 255]) / 255.0
     linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])

@@ -1,4 +1,4 @@
-"""Recordings that go on in new files: each is whole, and whoever watches stays connected."""
+"""Recordings in several files: each complete, with viewers still connected."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_viewers_stay_connected(tmp_path):
 
 
 def connections(port: int) -> set[int]:
-    """Ports from which others than this process are connected to the live view."""
+    """Ports of other processes connected to the live view."""
     sockets = [item for item in psutil.Process().net_connections(kind="tcp") if item.raddr]
     own = {item.laddr.port for item in sockets if item.raddr.port == port}
     return {item.raddr.port for item in sockets if item.laddr.port == port} - own
@@ -146,7 +146,7 @@ view.close()
 
 
 def test_disk_that_is_full_at_the_split_is_no_hang(tmp_path):
-    """Not even the index of the old file finds room; its frames are readable."""
+    """No room for the index of the old file, whose frames stay readable."""
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
     script = FULL_DISK.format(path=paths, file=str(tmp_path / "run_0.rrd"))
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300, check=False)

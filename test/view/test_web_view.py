@@ -1,4 +1,4 @@
-"""The view for a browser: served to this machine alone, reached by its link, and gone with whoever serves it."""
+"""Browser view: served on this machine only, reached by its link, and ended with its process."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SERVE = "from cable_twin.offline.entry_points import review; raise SystemExit(re
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A log of a second."""
+    """Directory of a logged second."""
     directory = tmp_path_factory.mktemp("web")
     write_quick_scenario(directory)
     result = run_module("offline.simulate", "quick.yaml", "--duration", "1", directory=directory)
@@ -30,14 +30,14 @@ def run(tmp_path_factory):
 
 
 def listening(process):
-    """Addresses on which a process and its children take connections."""
+    """Local addresses on which a process and its children listen."""
     family = [process, *process.children(recursive=True)]
     sockets = [item for member in family for item in member.net_connections("tcp") if item.status == "LISTEN"]
     return {item.laddr for item in sockets}
 
 
 def check_page(link):
-    """The page is rerun's, and the address in it takes connections of this machine."""
+    """Check that the page is rerun's, and that the address in it accepts local connections."""
     with urlopen(link, timeout=20.0) as page:
         assert page.status == 200
         assert b"rerun" in page.read().lower()
