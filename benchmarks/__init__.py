@@ -1,4 +1,4 @@
-"""Cost of the solver, beside the strongest other program: one part a file, `python -m benchmarks` runs them all.
+"""Benchmarks of the solver beside the strongest other program: one part a file, all run by `python -m benchmarks`.
 
 A part is a function `run(quick, repetitions, progress)` that gives a `report.Part`. Everything is measured on one
 thread; the libraries below read their number of threads when they are loaded, so it is set here.

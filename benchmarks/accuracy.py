@@ -33,7 +33,7 @@ COLORS = {OURS: "#0072B2", DEFAULT_JOINT.name: "#CC79A7", ACCURATE.name: "#D55E0
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One way to compute the second."""
+    """One program with its model, mesh and step."""
 
     program: str
     elements: int
@@ -43,7 +43,7 @@ class Choice:
     setting: Setting | None  # of Exudyn
 
     def prepare(self, exudyn: Any, out: list[FloatArray]) -> Callable[[], None]:
-        """Build the system; what is returned runs it and puts the joint's place (3,) in m into `out`."""
+        """Build the system; the returned function runs it and writes the joint's place (3,) in m into `out`."""
         solver = {"step": self.step, "spectral_radius": self.spectral_radius}
         if self.setting is None:
             solver["tolerance"] = self.tolerance
@@ -94,7 +94,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _choices(quick: bool, with_exudyn: bool) -> list[Choice]:
-    """The grids."""
+    """Grids of meshes and steps for each program."""
     meshes, steps = (QUICK_MESHES, QUICK_STEPS) if quick else (MESHES, STEPS)
     radii, tolerances = ((0.7,), (1e-8,)) if quick else ((0.5, 0.7, 0.9), (1e-8, 1e-5))
     choices = [Choice(OURS, *grid, None) for grid in product(meshes, steps, radii, tolerances)]
@@ -109,7 +109,7 @@ def _choices(quick: bool, with_exudyn: bool) -> list[Choice]:
 def _measure(
     choices: list[Choice], exudyn: Any, reference: FloatArray, repetitions: int, progress: Progress
 ) -> list[Point]:
-    """Run all choices in rounds; one that fails is left out of what follows."""
+    """Run all choices in rounds; a failing choice is left out of later rounds."""
     timings: dict[Choice, list[Timing]] = {choice: [] for choice in choices}
     errors: dict[Choice, float] = {}
     turns = [choice for _ in range(repetitions) for choice in choices]
@@ -125,13 +125,13 @@ def _measure(
 
 
 def _place(mesh: dict[str, Any]) -> FloatArray:
-    """Place (3,) in m of the joint at the end, tightly converged."""
+    """Place (3,) in m of the joint at the end, converged to a tight tolerance."""
     simulation = Simulation(seed_example(mesh["elements"], step=mesh["step"], tolerance=TIGHT))
     return simulation.advance_to(TIME).carriages["carriage"].position
 
 
 def _meets(point: Point, points: list[Point]) -> bool:
-    """Whether it is accurate enough, and so is every smaller step that differs in nothing else."""
+    """Whether a choice is accurate enough, also with every smaller step."""
 
     def alike(choice: Choice) -> tuple:
         return choice.program, choice.elements, choice.spectral_radius, choice.tolerance
@@ -188,7 +188,7 @@ def _by_mesh(points: list[Point]) -> list[dict[str, Value]]:
 
 
 def _pictures(points: list[Point]) -> dict[str, bytes]:
-    """Error over processor time for every choice, with the best of each program joined; nothing without matplotlib."""
+    """Error over processor time of all choices, the best of each program joined; nothing without matplotlib."""
     try:
         import matplotlib as mpl  # noqa: PLC0415 - optional
     except ImportError:

@@ -1,4 +1,4 @@
-"""Scenarios that are measured: the example of the paper, and a rope of a kilometre with many carriages."""
+"""Measured scenarios: the example of the paper, and a rope of 1 km with many carriages."""
 
 from __future__ import annotations
 

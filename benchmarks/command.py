@@ -1,4 +1,4 @@
-"""The command: which parts, how much of each, and where the tables go."""
+"""Command of the benchmarks: parts, extent of each, and directory of the tables."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ not be measured or written; 2 wrong arguments
 
 
 def positive(text: str) -> int:
-    """A whole number above zero."""
+    """Parse an integer above zero."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} given; allowed are whole numbers from 1")
     return int(text)
 
 
 def duration(text: str) -> float:
-    """A finite number above zero."""
+    """Parse a finite duration above zero."""
     try:
         value = float(text)
     except ValueError:
@@ -88,14 +88,14 @@ def duration(text: str) -> float:
 
 
 def part_name(text: str) -> str:
-    """The name of a part."""
+    """Parse the name of a part."""
     if text not in PARTS:
         raise argparse.ArgumentTypeError(f"{text!r} is no part; allowed are {', '.join(PARTS)}")
     return text
 
 
 def main() -> int:
-    """Run the parts that were asked for."""
+    """Run the requested parts."""
     width = max(map(len, PARTS))
     described = "\n".join(f"  {name:<{width}}  {text}" for name, (_, text) in PARTS.items())
     parser = argparse.ArgumentParser(

@@ -1,4 +1,4 @@
-"""Time until an emergency stop is answered: under floods of messages, bombs, worlds that are loaded, a full disk."""
+"""Time to the answer of an emergency stop under load: message floods, bombs, loading of worlds, a full disk."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ LOADS = {  # process of `benchmarks.hostile` beside the twin; "" for none
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """Call it at a steady rate under one load after the other."""
+    """Call the emergency stop at a steady rate under one load after the other."""
     try:
         import rclpy  # noqa: F401, PLC0415 - an extra
     except ImportError as error:
@@ -89,7 +89,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 class _Caller:
-    """Calls at a steady rate, in a thread that waits for nothing else."""
+    """Thread that calls the emergency stop at a steady rate."""
 
     def __init__(self) -> None:
         import rclpy  # noqa: PLC0415 - of the extra ros
@@ -121,7 +121,7 @@ class _Caller:
         self._context.try_shutdown()
 
     def call(self, count: int, rate: float) -> list[float]:
-        """Latencies (s) of so many calls at a rate (Hz), of those that were answered."""
+        """Latencies (s) of answered calls among a number of calls at a rate (Hz)."""
         found: list[float] = []
         thread = threading.Thread(target=self._call, args=(count, rate, found))
         thread.start()
@@ -144,7 +144,7 @@ class _Caller:
 
 
 def _measured(caller: _Caller, seconds: float) -> dict[str, Value]:
-    """A row of the table."""
+    """Row of the table for one load."""
     timer = BareTimer(PERIOD, None)
     timer.begin()
     count = round(RATE * seconds)
@@ -167,7 +167,7 @@ def _measured(caller: _Caller, seconds: float) -> dict[str, Value]:
 
 @contextmanager
 def _twin(disk: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """A twin in a process of its own, which logs there, and may load scenarios from there."""
+    """Twin in a separate process, with logs and loadable scenarios in a directory."""
     command = [sys.executable, "-m", "cable_twin.ros.sim", SCENARIO, "--record-directory", str(disk / "logs")]
     process = subprocess.Popen(
         [*command, "--scenario-directories", str(disk)],
@@ -188,7 +188,7 @@ def _twin(disk: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def _hostile(load: str, disk: Path) -> Iterator[None]:
-    """The process of a load, for a while."""
+    """Process of a load for a while."""
     if not load:
         yield
         return
@@ -207,7 +207,7 @@ def _hostile(load: str, disk: Path) -> Iterator[None]:
 
 @contextmanager
 def _disk(directory: Path) -> Iterator[tuple[Path, bool]]:
-    """A small file system, and whether it is one: only root may mount it."""
+    """Small file system, and whether it could be mounted, which needs root."""
     disk = directory / "disk"
     disk.mkdir()
     mount: Callable[..., Any] = lambda *command: subprocess.run(command, check=False, capture_output=True)  # noqa: E731
@@ -220,7 +220,7 @@ def _disk(directory: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _fill(disk: Path) -> None:
-    """Leave no room."""
+    """Fill the disk completely."""
     with (disk / "filler").open("wb", buffering=0) as filler:
         try:
             while True:

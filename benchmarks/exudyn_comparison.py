@@ -1,4 +1,4 @@
-"""Cost of a step, ours and Exudyn's: same mesh, step, spectral radius, start and machine, in turn in one process."""
+"""Cost of a step here and in Exudyn: equal mesh, step, spectral radius and start, in turn in one process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NOTES = [
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One system that both programs run."""
+    """System that both programs run."""
 
     name: str
     scenario: Scenario
@@ -51,7 +51,7 @@ def cases(quick: bool) -> list[Case]:
 
 
 class Contestant:
-    """One program on one case; remembers what the last run gave."""
+    """One program on one case, with the result of its last run."""
 
     def __init__(self, case: Case, exudyn: Any = None, setting: Setting | None = None) -> None:
         self._case, self._exudyn, self._setting = case, exudyn, setting
@@ -59,7 +59,7 @@ class Contestant:
         self.iterations = 0
 
     def prepare(self) -> Callable[[], None]:
-        """Build the system at its start; what is returned runs it."""
+        """Build the system at its start; the returned function runs it."""
         simulation = Simulation(self._case.scenario)
         if self._setting is None:
             return lambda: self._run_ours(simulation)
@@ -114,7 +114,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _summary(case: Case, rows: list[dict[str, Value]]) -> dict[str, Value]:
-    """One line for a case: ours, and how much faster than each setting of Exudyn."""
+    """Summary of a case in one line: cost here, and the ratio for each setting of Exudyn."""
     ours, *others = rows
     return {
         "case": case.name,

@@ -1,4 +1,4 @@
-"""A scenario of ours as a model of Exudyn: same mesh, same elements, same rigid bodies, same start at rest.
+"""Model of a scenario in Exudyn: equal mesh, elements, rigid bodies, and start at rest.
 
 Exudyn's `ANCFCable2D` is the same element as ours: cubic in the position, strain |r_x| - 1, material curvature. It is
 planar in x and y, where ours is in x and z, and turns the other way round. Every carriage hangs from the cable by an
@@ -54,7 +54,7 @@ def load_exudyn() -> Any:
 
 
 class ExudynModel:
-    """One scenario in Exudyn, to be run once.
+    """Planar scenario in Exudyn, for a single run.
 
     Args:
         exudyn: the module, as `load_exudyn` gives it.
@@ -107,7 +107,7 @@ class ExudynModel:
         return self._system.sys["dynamicSolver"].it.newtonStepsCount
 
     def positions(self) -> dict[str, FloatArray]:
-        """Joint (3,) in m of each carriage now, in our axes."""
+        """Present position (3,) in m of each joint, in the axes of this package."""
         output = self._exudyn.OutputVariableType.Position
         places = {name: self._system.GetObjectOutput(joint, output) for name, joint in self._joints.items()}
         return {name: np.array([x, 0.0, y]) for name, (x, y, _) in places.items()}
@@ -194,7 +194,7 @@ class ExudynModel:
 
 
 class SpatialModel(ExudynModel):
-    """One scenario in space in Exudyn, to be run once: `ANCFCable` and `ObjectJointSliding`, axes as ours.
+    """Spatial scenario in Exudyn for a single run, by `ANCFCable` and `ObjectJointSliding`.
 
     The joint leaves all turns free, where ours keeps the heading along the rope; a vehicle whose three moments of
     inertia are alike moves alike.
@@ -203,12 +203,12 @@ class SpatialModel(ExudynModel):
     AXES = (0, 1, 2)
 
     def shape(self) -> FloatArray:
-        """Nodes (nodes, 3) in m now."""
+        """Present positions (nodes, 3) in m of the nodes."""
         output = self._exudyn.OutputVariableType.Position
         return np.array([self._system.GetNodeOutput(node, output) for node in self._nodes])
 
     def positions(self) -> dict[str, FloatArray]:
-        """Upper pivot (3,) in m of each carriage now."""
+        """Present position (3,) in m of the upper pivot of each carriage."""
         output = self._exudyn.OutputVariableType.Position
         return {
             name: np.array(self._system.GetObjectOutputBody(body, output, localPosition=pivot))
@@ -246,7 +246,7 @@ class SpatialModel(ExudynModel):
 
 
 def nodal_shape(simulation: Simulation, axes: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Nodes of the cable now: `axes` of places (nodes, 2) in m and of slopes r_x, exact as each element is a cubic."""
+    """Present nodes of the cable: `axes` of places (nodes, 2) in m and of slopes r_x, exact for cubic elements."""
     cable = simulation.scenario.cable
     length = cable.unstrained_length / cable.elements
     points = simulation.cable_positions(np.linspace(0.0, cable.unstrained_length, 3 * cable.elements + 1))[:, axes]

@@ -1,4 +1,4 @@
-"""Ours beside Exudyn's three-dimensional cable: gravity, and side forces that set in at the start."""
+"""Cost and motion here and in Exudyn's three-dimensional cable: gravity, and suddenly applied side forces."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NOTES = [
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One rope of a kilometre."""
+    """Rope of 1 km."""
 
     elements: int
     vehicles: int
@@ -45,12 +45,12 @@ class Case:
 
     @property
     def name(self) -> str:
-        """In tables."""
+        """Name in tables."""
         return f"1 km, {self.elements} elements, {'one moving vehicle' if self.vehicles else 'bare'}"
 
 
 def pushed(case: Case) -> Simulation:
-    """At rest under its weight, with the side forces just set in."""
+    """Rope at rest under its weight, with side forces just applied."""
     rest = {**ropeway(case.elements, max(case.vehicles, 1)).model_dump(exclude_unset=True), "space": 3}
     if not case.vehicles:
         rest["carriages"] = {}
@@ -65,7 +65,7 @@ def pushed(case: Case) -> Simulation:
 
 
 class Contestant:
-    """One program on one case; remembers where the last run ended."""
+    """One program on one case, with the state at the end of its last run."""
 
     def __init__(self, case: Case, exudyn: Any = None, setting: Setting | None = None) -> None:
         self._case, self._exudyn, self._setting = case, exudyn, setting
@@ -74,7 +74,7 @@ class Contestant:
         self.iterations = 0
 
     def prepare(self) -> Callable[[], None]:
-        """Build the system at its start; what is returned runs it."""
+        """Build the system at its start; the returned function runs it."""
         simulation = pushed(self._case)
         if self._setting is None:
             return lambda: self._run_ours(simulation)
@@ -145,7 +145,7 @@ def _distances(case: Case, contestants: dict[str, Contestant]) -> dict[str, Valu
 
 
 def _faults(times: dict[str, Value], distances: dict[str, Value], quick: bool) -> list[str]:
-    """Limits that are missed, a line each; times of a quick run are of one turn and not looked at."""
+    """Exceeded limits, a line each; times of a quick run are not judged."""
     found = [
         f"exudyn_space: {distances['case']}: {key} is {distances[key]:.3g}, allowed: {distances['allowed [mm]']:g}"
         for key in ("ropes apart [mm]", "vehicles apart [mm]")

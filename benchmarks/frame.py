@@ -63,7 +63,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _ratios(name: str, times: Mapping[str, Sequence[float]], frames: float) -> dict[str, Value]:
-    """The row of one ropeway; ratios are medians over the turns."""
+    """Row of one ropeway; ratios are medians over the turns."""
     beyond = {
         kind: statistics.median(
             (own - solver) / unit

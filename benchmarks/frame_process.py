@@ -1,4 +1,4 @@
-"""A process that runs one scenario a piece at a time and says what each piece took of the processor, in all threads.
+"""Process that runs one scenario piece by piece and reports the processor time of each in all threads.
 
 It is started with the sources of any version of the package on its path; `solver` needs nothing of it that is new.
 
@@ -71,7 +71,7 @@ KINDS: dict[str, Runner] = {"solver": run_solver, "off": run_without_logs, "all"
 
 
 def main() -> None:
-    """Serve until the input ends."""
+    """Serve until the end of the input."""
     from cable_twin.scenario import load_scenario  # noqa: PLC0415
     from cable_twin.simulation import Simulation  # noqa: PLC0415
 

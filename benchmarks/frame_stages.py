@@ -70,7 +70,7 @@ def stages_table(effort: Effort, progress: Progress) -> tuple[list[Table], list[
 
 
 def _round(scenario: str, drive: str, speed: float, count: int) -> dict[str, Timing]:
-    """Every stage over the same frames."""
+    """Run every stage over equal frames."""
     times = [(index + 1) * PERIOD for index in range(count)]
     stages: dict[str, Timing] = {}
     ahead, simulation = (_under_way(scenario, drive, speed, on_demand=alone) for alone in (True, False))
@@ -182,4 +182,4 @@ def _publisher(table: tuple[Topic, ...]) -> Iterator[Callable[[Messages], None] 
 
 
 def _ignore(data: bytes) -> None:
-    """Take a message and do nothing with it."""
+    """Ignore a message."""

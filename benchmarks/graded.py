@@ -1,4 +1,4 @@
-"""Graded meshes beside even ones: what they cost, and how far key figures and the shape of the rope are apart.
+"""Cost of graded meshes over uniform ones, and the differences of key figures and rope shapes.
 
 What they cost is measured on one strand where the unit has one: the scenarios of `test/one_strand`, with the elements
 and kinks of the lifts. The trip: under way from rest, an emergency stop, and what comes after it. What all meshes
@@ -93,7 +93,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _costs(name: str, effort: Effort, sources: Any, done: Any) -> float:
-    """Solver time of the graded mesh over that of the unit, median over turns."""
+    """Solver time of the graded mesh over that of the reference commit, median over turns."""
     ratios = []
     with (
         contestants(("yardstick",), CASES[name], sources) as unit,
@@ -112,7 +112,7 @@ def _one_strand(name: str) -> Path:
 
 
 def _like_the_unit(name: str) -> Case:
-    """The case as the unit has it, with the elements and the kinks that the ropeway has now."""
+    """Case with the elements and kinks that the ropeway has now, in the form of the reference commit."""
     if not _one_strand(name).is_file():
         return CASES[name]
     scenario = load_scenario(name)
@@ -169,7 +169,7 @@ def _difference(name: str, mesh: str, trip: Trip, other: Trip) -> dict[str, Valu
 
 
 def _faults(row: Mapping[str, Value], difference: Mapping[str, Value]) -> list[str]:
-    """Limits that are missed, a line each."""
+    """Exceeded limits, a line each."""
     cost = next(key for key in row if key.startswith("of the cost"))
     found = [
         f"graded: {row['scenario']}: {key} is {row[key]:.3g}, allowed: {most:g}"

@@ -1,4 +1,4 @@
-"""Loads against an emergency stop: `python -m benchmarks.hostile LOAD DIRECTORY`, until it is ended."""
+"""Loads during an emergency stop: `python -m benchmarks.hostile LOAD DIRECTORY`, until ended."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORLDS = "seed_example", "single_span"
 
 
 def main() -> None:
-    """Be a load."""
+    """Run a load."""
     import rclpy  # noqa: PLC0415 - an extra
 
     load, directory = sys.argv[1], Path(sys.argv[2])
@@ -36,7 +36,7 @@ def _begin() -> None:
 
 
 def _flood(node: Any, _: Path) -> None:
-    """Messages of all kinds, at a rate that is kept on the average."""
+    """Send messages of all kinds at a constant mean rate."""
     from sensor_msgs.msg import JointState  # noqa: PLC0415 - an extra
 
     from cable_twin.messages import JointState as Wire  # noqa: PLC0415
@@ -64,7 +64,7 @@ def _flood(node: Any, _: Path) -> None:
 
 
 def _bombs(node: Any, directory: Path) -> None:
-    """Aliases without end, a pipe and a device, one after the other as the parameter `scenario`."""
+    """Set the parameter `scenario` to alias bombs, a pipe and a device in turn."""
     lines = ["a0: &a0 [1, 2, 3]", *(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12))]
     (directory / "bomb.yaml").write_text("\n".join(lines) + "\n")
     os.mkfifo(directory / "pipe.yaml")
@@ -74,7 +74,7 @@ def _bombs(node: Any, directory: Path) -> None:
 
 
 def _worlds(node: Any, _: Path) -> None:
-    """Sound scenarios in turn: the twin ends and begins anew each time."""
+    """Load valid scenarios in turn: the twin restarts each time."""
     _load(node, list(WORLDS))
 
 
@@ -96,7 +96,7 @@ def _load(node: Any, names: list[str]) -> None:
 
 
 def _readers(_: Any, directory: Path) -> None:
-    """Processes that subscribe reliably to the topics with most bytes, and then stop."""
+    """Run processes that subscribe reliably to the largest topics, and then stop reading."""
     command = [sys.executable, "-m", "benchmarks.hostile", "reader", str(directory)]
     started = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(READERS)]
     for process in started:

@@ -1,4 +1,4 @@
-"""Steps of the environment for learning beside the plain Python API, on one core."""
+"""Cost of steps in the environment for learning over the plain Python API, on one core."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The live twin against the clock: frames that came late, beside those of a bare timer in the same minutes.
+"""Punctuality of the live twin: late frames beside those of a bare timer in equal minutes.
 
 `sim` runs in a process of its own, with all logs, as a user starts it; commands that change go to it over DDS, and
 lateness is what its diagnostics count. A bare timer in another process waits for the same period and does nothing: what
@@ -73,7 +73,7 @@ class Result:
 
     @property
     def unexplained(self) -> int:
-        """Frames that were missed while nothing beside the twin missed one."""
+        """Number of frames missed by the twin while no bare timer missed one."""
         return unexplained(self.seconds, PERIOD * 1e3)
 
 
@@ -104,7 +104,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def measure(scenario: str, minutes: float, progress: Progress) -> Result:
-    """Start the twin and the timers, and count from the first report on.
+    """Start the twin and the timers, and count from the first report.
 
     Raises:
         BenchmarkError: the twin does not start or ends early.
@@ -152,7 +152,7 @@ def measure(scenario: str, minutes: float, progress: Progress) -> Result:
 
 
 def unexplained(seconds: Sequence[Second], period: float) -> int:
-    """Frames that the twin missed while nothing beside it missed one, in the second before and after included.
+    """Number of frames missed by the twin while no bare timer did, within a second before or after.
 
     Args:
         seconds: one after the other.
@@ -167,7 +167,7 @@ def unexplained(seconds: Sequence[Second], period: float) -> int:
 
 
 def faults(result: Result) -> list[str]:
-    """Limits that are missed, a line each."""
+    """Exceeded limits, a line each."""
     found = []
     if result.unexplained:
         found.append(f"{result.unexplained} missed frames that no stall of the machine explains")
@@ -189,7 +189,7 @@ def faults(result: Result) -> list[str]:
 
 
 def _lateness(result: Result) -> list[dict[str, Value]]:
-    """One row for the twin and one for the bare timer."""
+    """Table rows of lateness for the twin and the bare timer."""
     return [
         {
             "process": name,
@@ -203,7 +203,7 @@ def _lateness(result: Result) -> list[dict[str, Value]]:
 
 
 def _interval(name: str) -> str:
-    """A bin of the diagnostics as it is read, as "0.5 to 1 ms"."""
+    """Name of a bin of the diagnostics in words, such as "0.5 to 1 ms"."""
     return name.replace("_", " ")
 
 
@@ -237,7 +237,7 @@ def _worst(seconds: Sequence[Second]) -> list[dict[str, Value]]:
 
 
 def _pictures(result: Result) -> dict[str, bytes]:
-    """Both histograms of lateness beside each other, in parts of all frames; nothing without matplotlib."""
+    """Histograms of lateness beside each other, as shares of all frames; nothing without matplotlib."""
     try:
         import matplotlib as mpl  # noqa: PLC0415 - optional
     except ImportError:

@@ -1,4 +1,4 @@
-"""The processes of the live benchmark: the twin as a user starts it, and timers that do nothing but wait."""
+"""Processes of the live benchmark: the twin as started by users, and timers that only wait."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STAMP = struct.Struct("<2I")  # of a message that begins with a header
 
 
 def bare_timer(period: float, core: int | None, connection: Connection) -> None:
-    """Wait for one absolute deadline after the other; to every message answer what happened since the last one.
+    """Wait for one deadline after the other; each message is answered by the lateness since the last one.
 
     The first message begins it.
 
@@ -59,7 +59,7 @@ def bare_timer(period: float, core: int | None, connection: Connection) -> None:
 
 
 class BareTimer:
-    """A bare timer in a process of its own."""
+    """Bare timer in a separate process."""
 
     def __init__(self, period: float, core: int | None) -> None:
         spawning = multiprocessing.get_context("spawn")
@@ -68,7 +68,7 @@ class BareTimer:
         self._process.start()
 
     def begin(self) -> None:
-        """Begin to count, at once: the process has long been started."""
+        """Begin to count; the process has been started before."""
         self._ours.send("begin")
         self._ours.recv()
 
@@ -78,18 +78,18 @@ class BareTimer:
         return float(self._ours.recv())
 
     def summary(self) -> dict[str, float]:
-        """Read all of its output; end the process."""
+        """Read the results and end the process."""
         self._ours.send(None)
         return self._ours.recv()
 
     def close(self) -> None:
-        """End the process, if it still runs."""
+        """End the process, if still running."""
         if self._process.is_alive():
             self._process.terminate()
 
 
 def processor_seconds(process: int) -> float:
-    """User and system time (s) of a process with all its threads since it began."""
+    """User and system time (s) of a process with all its threads so far."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -103,10 +103,10 @@ def memory(process: int, key: str) -> float:
 
 
 class Twin:
-    """`sim` in a process of its own and a node that commands it and takes its diagnostics."""
+    """Process of `sim`, and a node that commands it and takes its diagnostics."""
 
     def __init__(self, scenario: str, directory: Path) -> None:
-        """Start it in the domain of ROS_DOMAIN_ID, or one of 20 to 99; what to drive comes from the scenario."""
+        """Start `sim` in the domain of ROS_DOMAIN_ID, or one of 20 to 99; driven names come from the scenario."""
         try:
             import rclpy  # noqa: PLC0415 - the bare timer's process must not load it
             from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415
@@ -190,7 +190,7 @@ class Twin:
         self.commands_sent += 1
 
     def _on_joint_states(self, data: bytes) -> None:
-        """Age of a frame where it is taken, as `ros2 topic delay` has it."""
+        """Record the age of a frame on arrival, as `ros2 topic delay` does."""
         now = time.time_ns()
         stamp = STAMP.unpack_from(data, 4)
         self.delays.add(max((now - stamp[0] * SECOND - stamp[1]) / SECOND, 0.0))

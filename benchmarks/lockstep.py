@@ -1,4 +1,4 @@
-"""Frames a second of a paused twin that is stepped by its service, beside the Python API with the same messages."""
+"""Frame rate of a paused twin stepped by its service, beside the Python API with equal messages."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NODE, STARTING = "/cable_twin", 300.0  # s, where it compiles
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """Step each scenario by one call for many frames, and by a call a frame."""
+    """Step each scenario by one call for many frames, and by one call for each frame."""
     try:
         import rclpy  # noqa: PLC0415 - an extra
     except ImportError as error:
@@ -84,14 +84,14 @@ def _row(scenario: str, rounds: list[list[float]]) -> dict[str, Value]:
 def _rates(
     step: Callable[[int], object], frames: int, processor: Callable[[], float] = time.process_time
 ) -> tuple[float, float]:
-    """Frames a second of the clock and of the processor."""
+    """Frames per second of wall time and of processor time."""
     started, used = time.perf_counter(), processor()
     step(frames)
     return frames / (time.perf_counter() - started), frames / max(processor() - used, 1e-9)
 
 
 def _api(node: Any, scenario: str) -> tuple[Callable[[int], None], Callable[[int], None]]:
-    """Frames of the plain API, and with its messages built and published."""
+    """Frame rates of the plain API, and of the API with its messages built and published."""
     from cable_twin.ros.endpoints import Endpoints  # noqa: PLC0415 - of the extra ros
 
     simulation = Simulation(load_scenario(scenario))
@@ -112,7 +112,7 @@ def _api(node: Any, scenario: str) -> tuple[Callable[[int], None], Callable[[int
 
 
 class _Twin:
-    """A paused twin in a process of its own, to be stepped."""
+    """Paused twin in a separate process."""
 
     def __init__(self, node: Any, scenario: str, domain: int) -> None:
         from std_srvs.srv import Trigger  # noqa: PLC0415 - of the extra ros
@@ -128,7 +128,7 @@ class _Twin:
         self._client = node.create_client(Trigger, f"{NODE}/step")
 
     def calls(self, count: int) -> None:
-        """Step by a frame, one call after the other."""
+        """Step frame by frame, one call after the other."""
         import rclpy  # noqa: PLC0415 - of the extra ros
 
         for _ in range(count):
@@ -137,7 +137,7 @@ class _Twin:
 
 @contextmanager
 def _twin(node: Any, scenario: str, domain: int) -> Iterator[_Twin]:
-    """Start a twin and end it."""
+    """Context of a started twin."""
     from cable_twin.ros.client.twin_client import TwinError  # noqa: PLC0415 - of the extra ros
 
     twin = _Twin(node, scenario, domain)

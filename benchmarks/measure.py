@@ -1,4 +1,4 @@
-"""Measurement of time: wall time of single calls, medians over rounds in which all contestants take turns."""
+"""Time measurement: wall time of single calls, medians over rounds in which all contestants take turns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_SHARE = 0.9  # of a processor; with less, something else was running
 
 
 class BenchmarkError(RuntimeError):
-    """A measurement could not be made; one line says why."""
+    """Failed measurement; the reason in one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Timing:
 
     @property
     def share(self) -> float:
-        """Part of the wall time in which the thread had a processor."""
+        """Share of the wall time in which the thread had a processor."""
         return self.processor / self.wall
 
 
@@ -81,21 +81,21 @@ def interleave(
 
 
 def median(timings: list[Timing]) -> Timing:
-    """Medians of wall and processor time, each by itself."""
+    """Medians of wall time and of processor time."""
     return Timing(
         statistics.median(timing.wall for timing in timings), statistics.median(timing.processor for timing in timings)
     )
 
 
 def environment_of_user() -> dict[str, str]:
-    """Environment for a process that is measured as users start it: this checkout, and as many threads as it likes."""
+    """Environment of a process as started by users: this checkout, any number of threads."""
     paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
     kept = {key: value for key, value in os.environ.items() if key not in ONE_THREAD}
     return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def note_on_load(timings: list[Timing]) -> str:
-    """One line on whether the machine was free while this was measured."""
+    """Note in one line on other load of the machine during the measurement."""
     share = min(timing.share for timing in timings)
     line = f"The measured thread had a processor for at least {share:.0%} of the time (median of each case)"
     return (
@@ -106,7 +106,7 @@ def note_on_load(timings: list[Timing]) -> str:
 
 
 def machine() -> dict[str, str]:
-    """Machine and versions that the figures belong to."""
+    """Description of machine and versions."""
     packages = ("cable_twin", "numba", "numpy", "exudyn")
     return {
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
@@ -117,7 +117,7 @@ def machine() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """Name of the processor as Linux tells it."""
+    """Name of the processor by Linux."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

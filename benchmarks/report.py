@@ -1,4 +1,4 @@
-"""Tables on the screen, in Markdown and in JSON, all from the same rows."""
+"""Reports of benchmarks on the screen, in Markdown and in JSON, from common rows."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Part:
 
 
 def text(value: Value) -> str:
-    """A cell: three significant digits."""
+    """Text of a cell with three significant digits."""
     if value is None:
         return ""
     if isinstance(value, str):
@@ -94,7 +94,7 @@ def print_part(part: Part, console: Console) -> None:
 
 
 def _beside(table: Table) -> RichTable:
-    """A row each row."""
+    """Table with a row for each row."""
     shown = RichTable(title=escape(table.title), title_justify="left")
     for key in table.rows[0]:
         words = any(isinstance(row[key], str) for row in table.rows)
@@ -107,7 +107,7 @@ def _beside(table: Table) -> RichTable:
 
 
 def _below(table: Table, rows: list[dict[str, Value]]) -> RichTable:
-    """A column each row, for a terminal that is narrower than the table."""
+    """Table with a column for each row, for a terminal narrower than the table."""
     shown = RichTable(title=escape(table.title), title_justify="left", show_header=False)
     shown.add_column(min_width=HEADING)
     for row in rows:
@@ -118,7 +118,7 @@ def _below(table: Table, rows: list[dict[str, Value]]) -> RichTable:
 
 
 def _fits(shown: RichTable, console: Console) -> bool:
-    """Whether it has room without a word that is cut."""
+    """Whether a table fits the terminal without cut words."""
     ample = console.options.update(width=BOUNDLESS)
     return Measurement.get(console, ample, shown).minimum <= console.width
 
@@ -138,7 +138,7 @@ def read(directory: Path) -> dict[str, Any]:
 
 
 def merge(earlier: Mapping[str, Any], parts: Mapping[str, Part], order: list[str]) -> dict[str, Any]:
-    """Put what was measured now over what there was from earlier runs."""
+    """Earlier results, replaced by new ones where measured."""
     records = {**earlier, **{name: part.record() for name, part in parts.items()}}
     return {name: records[name] for name in order if name in records}
 
@@ -161,7 +161,7 @@ def write(directory: Path, records: Mapping[str, Any], parts: Mapping[str, Part]
 
 
 def _markdown(record: Mapping[str, Any]) -> str:
-    """One part as a section."""
+    """Markdown section of one part."""
     lines = [f"\n## {record['title']}\n"]
     for table in record["tables"]:
         keys = list(table["rows"][0])

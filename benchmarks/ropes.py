@@ -122,7 +122,7 @@ def _exponent(counts: list[int], costs: list[float]) -> float:
 
 
 def _lift(chairs: int, duration: float) -> Callable[[], None]:
-    """The chairlift under way with so many chairs evenly round its loop, which are together as heavy as its own."""
+    """The chairlift under way with a number of chairs evenly round its loop, of unchanged total mass."""
     share = 28.0 / chairs
     changed = {"count": chairs, "bodies.chair.mass": 250.0 * share, "bodies.chair.inertia": 250.0 * share}
     changed |= {"payload.capacity": 300.0 * share, "payload.leaving.return": 300.0 * share}
@@ -137,7 +137,7 @@ def _pantograph(duration: float) -> Callable[[], None]:
 
 
 def _faults(exponents: dict[str, float], costs: dict[tuple[int, str], float], pace: float) -> list[str]:
-    """Limits that are missed, a line each."""
+    """Exceeded limits, a line each."""
     found = [
         f"ropes: exponent over {what} is {value:.3g}, allowed: {MOST_EXPONENT:g}"
         for what, value in exponents.items()

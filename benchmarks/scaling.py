@@ -66,7 +66,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _exponents(kind: str, counts: list[int], costs: list[float]) -> dict[str, Value]:
-    """Fitted exponents of one series; the fit over the upper half leaves out what a step costs in any case."""
+    """Fitted exponents of one series; a fit over its upper half leaves out constant costs."""
     x, y = np.log(counts), np.log(costs)
     half = len(counts) // 2
     return {

@@ -1,4 +1,4 @@
-"""Cost of space: each shipped ropeway as it is and with `space: 3`, on the same mesh and step, in turn."""
+"""Cost of space: each shipped ropeway as shipped and with `space: 3`, on equal mesh and step, in turn."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOTES = [
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """One turn in both."""
+    """Times of one turn, in the plane and in space."""
 
     plane: Timing
     space: Timing
@@ -56,7 +56,7 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _under_way(name: str, dim: int) -> Simulation:
-    """A ropeway that has been told to move, its kernels compiled."""
+    """Simulation of a ropeway under way, with compiled kernels."""
     trip = TRIPS[name]
     simulation = Simulation(load_scenario(name, {"space": dim}))
     if trip.speed:
@@ -66,7 +66,7 @@ def _under_way(name: str, dim: int) -> Simulation:
 
 
 def _piece(simulation: Simulation) -> Timing:
-    """Go on for a piece."""
+    """Simulate a piece of the run."""
     end = simulation.time + PIECE
     return timed(lambda: simulation.advance_to(end))
 
@@ -86,7 +86,7 @@ def _row(name: str, simulation: Simulation, turns: list[Turn]) -> dict[str, Valu
 
 
 def _faults(row: dict[str, Value]) -> list[str]:
-    """Limits that are missed, a line each."""
+    """Exceeded limits, a line each."""
     cost, pace = float(row["space, times the plane"] or 0.0), float(row["space, times real time"] or 0.0)
     found = []
     if cost > MOST_COST:

@@ -1,4 +1,4 @@
-"""Start of a fresh process: import, cold start with nothing compiled, warm start; and what it holds in memory."""
+"""Start of a fresh process: import, cold start with empty kernel cache, warm start; and its memory."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Start = Callable[[dict[str, str]], Result]
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """Start processes in turn; `quick` leaves out the cold starts, which compile everything."""
+    """Start processes in turn; `quick` leaves out the cold starts, which compile all kernels."""
     starts: dict[str, Start] = {
         "Python alone": lambda environment: _start("pass", environment),
         "import cable_twin": lambda environment: _start("import cable_twin", environment),
@@ -76,12 +76,12 @@ def run(effort: Effort, progress: Progress) -> Part:
 
 
 def _environment(kernels: str | None) -> dict[str, str]:
-    """Environment of a user; `kernels` is the directory of compiled kernels, None for the user's own."""
+    """Environment of a user; `kernels` is the directory of compiled kernels, None for that of the user."""
     return environment_of_user() | ({} if kernels is None else {"NUMBA_CACHE_DIR": kernels})
 
 
 def _start(code: str, environment: dict[str, str]) -> Result:
-    """Run `code`, statements on one line, in a fresh interpreter.
+    """Run one line of Python in a fresh interpreter.
 
     Raises:
         BenchmarkError: the code failed.
@@ -112,7 +112,7 @@ def _start_simulate(name: str, environment: dict[str, str]) -> Result:
 
 
 def _start_sim(environment: dict[str, str]) -> Result:
-    """Start `sim` with all logs, end it once simulated time runs.
+    """Start `sim` with all logs and end it once simulated time runs.
 
     Raises:
         BenchmarkError: it ended before.

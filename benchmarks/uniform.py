@@ -1,4 +1,4 @@
-"""Even meshes beside the unit: what the solver alone costs where nothing of the model is new since then."""
+"""Solver cost on uniform meshes over that of the reference commit, without features added since."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST = 1.03  # of the unit
 
 
 def run(effort: Effort, progress: Progress) -> Part:
-    """Ratio of the two, median over turns."""
+    """Ratio of both solver times, median over turns."""
     turns = 3 if effort.quick else TURNS * effort.repetitions
     task = progress.add_task("even meshes and the unit", total=len(UNIFORM) * turns)
     rows: list[dict[str, Value]] = []

@@ -1,4 +1,4 @@
-"""Processes of this checkout and of the commit that is the unit, which take turns at pieces of one ropeway.
+"""Processes of this checkout and of the reference commit, which simulate pieces of one ropeway in turn.
 
 The unit is the solver of one commit, which stays the same when later work makes the solver faster; its sources come out
 of the history of this checkout.
@@ -24,7 +24,7 @@ YARDSTICK = "757d35a"  # commit whose solver is the unit
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One ropeway under way."""
+    """Ropeway under way, for both contestants."""
 
     scenario: str
     drive: str
@@ -45,7 +45,7 @@ CASES = {
 
 
 class Contestant:
-    """A process that runs pieces of a case."""
+    """Process that simulates pieces of a case."""
 
     def __init__(self, kind: str, case: Case, sources: Path, python: str = sys.executable) -> None:
         environment = {**environment_of_user(), "PYTHONPATH": str(sources)}
@@ -55,17 +55,17 @@ class Contestant:
         )
 
     def wait(self) -> None:
-        """Until it has started."""
+        """Wait until the process has started."""
         self._answer()
 
     def run(self, duration: float) -> float:
-        """Processor time (s) of a piece (s)."""
+        """Processor time (s) of a piece with a duration (s)."""
         assert self._process.stdin is not None
         print(duration, file=self._process.stdin, flush=True)
         return float(self._answer())
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
 
@@ -78,7 +78,7 @@ class Contestant:
 
 @contextmanager
 def contestants(kinds: Sequence[str], case: Case, yardstick: Path) -> Iterator[dict[str, Contestant]]:
-    """Processes of one case that are ready to run."""
+    """Started processes of one case."""
     with ExitStack() as stack:
         running = {}
         for kind in kinds:
@@ -91,7 +91,7 @@ def contestants(kinds: Sequence[str], case: Case, yardstick: Path) -> Iterator[d
 
 @contextmanager
 def yardstick_sources() -> Iterator[tuple[Path, str]]:
-    """Sources whose solver is the unit, and a note on them: those of a commit, or of this checkout without history."""
+    """Sources of the reference commit, or of this checkout without history, and a note on them."""
     archive = subprocess.run(
         ["git", "-C", str(ROOT), "archive", YARDSTICK, "cable_twin", "config", "resource"],
         capture_output=True,

@@ -42,11 +42,11 @@ Law = Callable[[Motion], "float | None"]  # speed (m/s) along the rope, None whe
 
 
 class ExperimentError(Exception):
-    """Why an experiment cannot go on, in one line."""
+    """Reason in one line for the end of an experiment."""
 
 
 class Link:
-    """One carriage of a running twin.
+    """Connection to one carriage of a running twin.
 
     Args:
         name: of the carriage.
@@ -94,7 +94,7 @@ class Link:
                 )
 
     def _missing(self) -> list[str]:
-        """Parts of a twin that have not come yet."""
+        """Names of needed data that the twin has not sent yet."""
         there = {
             "no listener to joint_commands": self._publisher.get_subscription_count(),
             "no scenario": self.scenario,
@@ -104,11 +104,11 @@ class Link:
 
     @property
     def ended(self) -> bool:
-        """Whether a signal has come."""
+        """Whether an ending signal has been received."""
         return self._ending.is_set()
 
     def run(self, law: Law) -> bool:
-        """Drive by a law until it is over, and stop; returns whether it was not ended by a signal.
+        """Drive by a control law to its end, and stop; returns False after an ending signal.
 
         Raises:
             ExperimentError: the twin does not answer any more, or refuses.
@@ -130,11 +130,11 @@ class Link:
         return self._over
 
     def listen(self, message_type: Any, topic: str, take: Callable[[Any], None]) -> None:
-        """Have messages of one more topic of the twin taken, while the law is followed."""
+        """Take messages of one more topic of the twin during the control law."""
         self._node.create_subscription(message_type, f"{self._twin}/{topic}", take, 50)
 
     def close(self) -> None:
-        """Tell the twin to stop, and leave."""
+        """Stop the carriage and end the connection."""
         from rclpy.duration import Duration  # noqa: PLC0415
 
         if self._law is not None:
@@ -164,7 +164,7 @@ class Link:
         self._send(speed)
 
     def _pitches(self, states: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-        """Pitch and its rate of each body: the sums of the joints from the rope down to it."""
+        """Pitch and pitch rate of each body, summed over the joints from the rope down."""
         pitches, pitch, rate = {}, 0.0, 0.0
         for body in self.scenario["carriages"][self.name]["bodies"] if self.scenario else ():
             joint = states[f"{self.name}_{body}"]
@@ -191,13 +191,13 @@ class SpeedPlan:
 
     @classmethod
     def through(cls, legs: Sequence[tuple[float, float]]) -> SpeedPlan:
-        """Go through legs of (duration in s, speed in m/s at the end), from rest."""
+        """Speed plan from rest through legs of (duration in s, speed in m/s at the end)."""
         times = np.cumsum([0.0, *(duration for duration, _ in legs)])
         return cls(times, np.array([0.0, *(speed for _, speed in legs)]), np.ones(1), np.zeros(1))
 
     @classmethod
     def trapezoid(cls, distance: float, speed: float, acceleration: float, jerk: float) -> SpeedPlan:
-        """Go a distance (m, either sign) at a speed (m/s) and an acceleration (m/s^2).
+        """Speed plan over a distance (m, either sign) at a speed (m/s) and an acceleration (m/s^2).
 
         The cruise is long enough for a drive with this jerk (m/s^3) to change from ramp to ramp; on a short way the
         speed is lower.
@@ -210,7 +210,7 @@ class SpeedPlan:
         return cls.through([(ramp, top), (cruise, top), (ramp, 0.0)])
 
     def shaped(self, frequencies: NDArray[np.float64]) -> SpeedPlan:
-        """Convolve with two halves, half a period apart, for each angular frequency (rad/s).
+        """Speed plan convolved with two halves, half a period apart, for each angular frequency (rad/s).
 
         Neither of them is left swinging (zero-vibration input shaping: Singer and Seering 1990); the distance stays.
         """
@@ -222,7 +222,7 @@ class SpeedPlan:
 
     @property
     def duration(self) -> float:
-        """Time (s) to its end."""
+        """End time (s) of the plan."""
         return float(self.times[-1] + self.delays.max())
 
     def speed(self, when: float) -> float:
@@ -230,12 +230,12 @@ class SpeedPlan:
         return float(self.weights @ np.interp(when - self.delays, self.times, self.speeds, left=0.0, right=0.0))
 
     def acceleration(self, when: float) -> float:
-        """Acceleration (m/s^2) at a time (s): that of the next hundredth of a second."""
+        """Acceleration (m/s^2) at a time (s), as mean over the next hundredth of a second."""
         return (self.speed(when + 0.01) - self.speed(when)) / 0.01
 
 
 def swing_frequencies(bodies: Mapping[str, Mapping[str, Any]], gravity: float) -> NDArray[np.float64]:
-    """Angular frequencies (rad/s), slowest first, of a chain of bodies that hangs from a point at rest.
+    """Angular frequencies (rad/s), slowest first, of a chain of bodies hanging from a point at rest.
 
     Small pitches about straight down: M q'' + K q = 0 with the lever (m) of each pitch on each centre of mass.
 
@@ -257,7 +257,7 @@ def swing_frequencies(bodies: Mapping[str, Mapping[str, Any]], gravity: float) -
 
 
 def parser(name: str, description: str, epilog: str) -> OneLineParser:
-    """Options that all experiments have."""
+    """Parser of the options common to all experiments."""
     result = OneLineParser(name, description, epilog)
     result.add_argument("name", nargs="?", default="cabin", help="carriage to drive; default: cabin")
     result.add_argument("--node", default="/cable_twin", help="name of the twin; default: /cable_twin")
@@ -272,7 +272,7 @@ def parser(name: str, description: str, epilog: str) -> OneLineParser:
 
 
 def positive(unit: str) -> Callable[[str], float]:
-    """Type of an option: a finite number above zero, in a unit."""
+    """Parser of an option with a finite number above zero, in a unit."""
 
     def convert(text: str) -> float:
         try:
@@ -287,7 +287,7 @@ def positive(unit: str) -> Callable[[str], float]:
 
 
 def limits_of(link: Link, options: argparse.Namespace) -> tuple[float, float]:
-    """Acceleration (m/s^2) and jerk (m/s^3, or infinite) that the drive is capable of.
+    """Acceleration (m/s^2) and jerk (m/s^3, or infinite) of the drive.
 
     Raises:
         ExperimentError: the speed is over the limit, or the drive has no limit of acceleration.
@@ -303,7 +303,7 @@ def limits_of(link: Link, options: argparse.Namespace) -> tuple[float, float]:
 
 
 def distance_to(link: Link, destination: float) -> float:
-    """Distance (m) from where the carriage stands to an arc length (m).
+    """Distance (m) from the present place of the carriage to an arc length (m).
 
     Raises:
         ExperimentError: it does not stand, or the place is not on the rope.
@@ -323,7 +323,7 @@ def check_place(link: Link, place: float) -> None:
 
 
 def main(options: argparse.Namespace, command: str, experiment: Callable[[Link, argparse.Namespace], Law]) -> int:
-    """Run an experiment; 0 after its end or Ctrl-C, 1 when it cannot be done.
+    """Run an experiment; returns 0 after its end or Ctrl-C, 1 after a failure.
 
     Args:
         options: as given.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draw the markers of a recorded run as RViz does, seen from the side in parallel lines: whole and around a vehicle.
+"""Drawing of the markers of a recorded run like in RViz, from the side: whole and around a vehicle.
 
 Needs matplotlib. Example, for the newest run of `sim`:
 
@@ -39,7 +39,7 @@ def rotation(q: Any) -> np.ndarray:
 
 
 def place_of(marker: Any, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) in m of a marker, seen by its pose, as (n, 2) in the picture."""
+    """Points (n, 3) in m of a marker, by its pose, as (n, 2) in the picture."""
     position = marker.pose.position
     return (points @ rotation(marker.pose.orientation).T + [position.x, position.y, position.z]) @ VIEW
 
@@ -67,7 +67,7 @@ def draw(axes: Any, marker: Any) -> None:
 
 
 def markers_at(run: Path, time: float) -> list[Any]:
-    """The markers of a run at a simulated time (s), or the last ones before it.
+    """Markers of a run at a simulated time (s), or the last ones before.
 
     Raises:
         ValueError: there are none.
@@ -84,7 +84,7 @@ def markers_at(run: Path, time: float) -> list[Any]:
 
 
 def main() -> int:
-    """Draw; 0 done, 1 it cannot be done."""
+    """Draw the markers; returns 0, or 1 after a failure."""
     parser = argparse.ArgumentParser(prog="draw_markers.py", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("run", type=Path, help="directory of a run of `sim`")
     parser.add_argument("--time", type=float, default=1e9, metavar="S", help="simulated time (s); default: the end")

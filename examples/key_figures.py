@@ -1,4 +1,4 @@
-"""Key figures from Python: of a run that is commanded, and of a line at rest with its vehicle at many places.
+"""Key figures from Python: of a commanded run, and of a static line with its vehicle at many places.
 
 .venv/bin/python examples/key_figures.py [SCENARIO]
 """
@@ -29,14 +29,14 @@ def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:
 
 
 def at_rest(name: str, places: int) -> Line:
-    """Calculate the line at rest with its vehicle at so many places."""
+    """Calculate the static line with its vehicle at a number of places."""
     line = plan_line(load_scenario(name), places, None)
     calculate(line)
     return line
 
 
 def main(name: str = "aerial_tramway", target: str = "cabin") -> None:
-    """Print the figures with a limit of a run, and the highest tension at each place of a line."""
+    """Print the limited key figures of a run, and the highest tension at each place of a line."""
     for figure in run(name, target, 2.0, 8.0):
         if figure.limit is not None:
             verdict = "kept" if figure.kept else "EXCEEDED"

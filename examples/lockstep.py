@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A controller in lockstep with the twin: no frame goes by that it has not answered, however slow it is.
+"""Controller in lockstep with the twin: every frame waits for the controller, however slow.
 
 The twin is paused. In turn, a command is sent and waited for on `applied_commands`, so that it is in force; `~/step`
 takes a frame; its `joint_states` are read. A command acts on the very next frame, there is no other dead time, and the
@@ -24,11 +24,11 @@ TWIN = "/cable_twin"
 
 
 class LockstepError(Exception):
-    """Why the twin cannot be stepped, in one line."""
+    """Reason in one line for a twin that cannot be stepped."""
 
 
 class Lockstep:
-    """A paused twin that is stepped frame by frame.
+    """Paused twin stepped frame by frame.
 
     Attributes:
         state: newest message of `joint_states`.
@@ -36,7 +36,7 @@ class Lockstep:
     """
 
     def __init__(self, node: Node, patience: float) -> None:
-        """Pause the twin and take its first frame; every answer may take `patience` (s of the clock)."""
+        """Pause the twin and take its first frame; `patience` (s of the clock) limits every answer."""
         self._node, self._patience, self._applied = node, patience, 0
         self.state: JointState | None = None
         self.reference: JointState | None = None
@@ -53,13 +53,13 @@ class Lockstep:
         self.step()
 
     def command(self, **speeds: float) -> None:
-        """Give carriages or drives their speeds (m/s), and wait until that is in force."""
+        """Command speeds (m/s) of carriages or drives, and wait until they take effect."""
         before = self._applied
         self._commands.publish(JointState(name=list(speeds), velocity=list(speeds.values())))
         self._until(lambda: self._applied > before, "a command that takes effect, see refused_commands")
 
     def step(self) -> None:
-        """Take a frame, and wait for what it shows."""
+        """Step one frame, and wait for its data."""
         self.state = self.reference = None
         self._call(self._step, Trigger.Request())
         self._until(lambda: self.state and self.reference, "joint_states")
@@ -71,7 +71,7 @@ class Lockstep:
         return state.position[row], state.velocity[row], state.effort[row], follows
 
     def resume(self) -> None:
-        """Let time run again."""
+        """Resume simulated time."""
         self._call(self._pause, SetBool.Request(data=False))
 
     def _call(self, client: Any, request: Any) -> None:
@@ -101,7 +101,7 @@ class Lockstep:
 
 
 def main() -> int:
-    """Drive to a place as fast as it can be stopped from there, and print the way."""
+    """Drive to a place at the highest speed with a stop there, and print the motion."""
     parser = argparse.ArgumentParser(prog="lockstep.py", description="Drive a carriage to a place in lockstep.")
     parser.add_argument("name", help="carriage, or drive of a moving cable")
     parser.add_argument("--to", type=float, required=True, metavar="M", help="place (m) to go to")

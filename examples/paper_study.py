@@ -96,7 +96,7 @@ STYLE = {
 
 @dataclass(slots=True)
 class Run:
-    """One mesh with one elastic model, simulated."""
+    """Simulated run of one mesh with one elastic model."""
 
     model: str
     elements: int
@@ -177,7 +177,7 @@ def draw_behaviour(runs: list[Run], path: Path) -> None:
 
 
 def _draw_pose(axes: Axes, scenario: Scenario, snapshot: Snapshot, color: FloatArray) -> None:
-    """Draw cable, joint and bodies of one moment."""
+    """Draw cable, joint and bodies at one moment."""
     carriage = snapshot.carriages[CARRIAGE]
     after = int(np.searchsorted(snapshot.cable.arc_lengths, carriage.arc_length))
     cable = np.insert(snapshot.cable.positions, after, carriage.position, axis=0)[:, PLANE]
@@ -204,7 +204,7 @@ def _draw_pose(axes: Axes, scenario: Scenario, snapshot: Snapshot, color: FloatA
 
 
 def _place(points: FloatArray, body: BodyState) -> FloatArray:
-    """Return (n, 2) m in x and z of points in a body's axes; pitch turns x towards -z."""
+    """Points (n, 2) in m, x and z, of points in a body's axes; pitch turns x towards -z."""
     cos, sin = np.cos(body.pitch), np.sin(body.pitch)
     return np.array([body.x, body.z]) + points @ np.array([(cos, -sin), (sin, cos)])
 
@@ -283,13 +283,13 @@ def _finish(figure: Figure, title: str, handles: list, note: str, path: Path) ->
 
 
 def _table_times(times: FloatArray) -> list[int]:
-    """Return the indices of the times that are printed: every half second and the last."""
+    """Indices of the printed times: every half second and the last."""
     every = round(TABLE_INTERVAL / FRAME)
     return [*range(every, len(times) - 1, every), len(times) - 1]
 
 
 def table(runs: list[Run], reference: Run) -> str:
-    """Return where Point 1 is and how far from the reference, a line for each run and time."""
+    """Place of Point 1 and its distance from the reference, a line for each run and time."""
     lines = [f"{'elastic model':<15}{'elements':>8}{'time [s]':>10}{'x [m]':>10}{'z [m]':>10}{'distance [mm]':>15}"]
     lines.append("-" * len(lines[0]))
     for run in [reference, *runs]:
@@ -303,7 +303,7 @@ def table(runs: list[Run], reference: Run) -> str:
 
 
 def study(elements: list[int], duration: float, output: Path, *, recordings: bool = True) -> list[Path]:
-    """Run every mesh with both models, print the table and return the files that were written.
+    """Run every mesh with both models and print the table; returns the written files.
 
     Args:
         elements: Meshes.
@@ -334,7 +334,7 @@ def study(elements: list[int], duration: float, output: Path, *, recordings: boo
 
 
 def _duration(text: str) -> float:
-    """Return a duration in s."""
+    """Parse a duration in s."""
     value = float(text)
     if not FRAME * POSES <= value <= 60.0:
         raise argparse.ArgumentTypeError(f"{text} s given, allowed are {FRAME * POSES:g} to 60 s")
@@ -342,7 +342,7 @@ def _duration(text: str) -> float:
 
 
 def _elements(text: str) -> int:
-    """Return a number of elements."""
+    """Parse a number of elements."""
     value = int(text)
     if not 4 <= value < REFERENCE_ELEMENTS:
         raise argparse.ArgumentTypeError(

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the pictures of README.md and docs/ anew, each by the commands that stand beside it there.
+"""Pictures of README.md and docs/, made by the commands beside them.
 
     python -m examples.pictures                        all but those of docs/benchmarks.md, which need a quiet machine
     python -m examples.pictures softer_brake gondola   some of them
@@ -35,7 +35,7 @@ LINKS = ("config", "docs", "examples")
 
 
 class Picture(NamedTuple):
-    """A picture of the documentation."""
+    """Picture of the documentation."""
 
     page: str  # file name of the page whose commands make it
     commands: str
@@ -43,12 +43,12 @@ class Picture(NamedTuple):
 
 
 def pages() -> list[Path]:
-    """README.md and all pages of docs/."""
+    """Paths of README.md and all pages of docs/."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def pictures() -> dict[str, Picture]:
-    """Pictures that blocks of commands make, by name.
+    """Pictures made by blocks of commands, by name.
 
     Raises:
         ValueError: two blocks make the same one.
@@ -69,7 +69,7 @@ def pictures() -> dict[str, Picture]:
 
 
 def run(commands: str, directory: Path, docs: Path) -> str:
-    """Run a block in an empty directory, and return what it printed.
+    """Run a block of commands in an empty directory; returns its output.
 
     Args:
         commands: of bash.
@@ -95,7 +95,7 @@ def run(commands: str, directory: Path, docs: Path) -> str:
 
 
 def sign(picture: Path, commands: str, output: str) -> None:
-    """Keep in a picture which commands made it and what they printed."""
+    """Store the commands of a picture and their output in its file."""
     notes = PngInfo()
     notes.add_itxt("commands", commands, zip=True)
     notes.add_itxt("output", output, zip=True)
@@ -105,7 +105,7 @@ def sign(picture: Path, commands: str, output: str) -> None:
 
 
 def signature(picture: Path) -> Mapping[str, str]:
-    """Texts that `sign` wrote: "commands" and "output"."""
+    """Texts stored by `sign`: "commands" and "output"."""
     with Image.open(picture) as image:
         image.load()
         return dict(image.info)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A controller in forty lines of plain rclpy: drives a carriage to a place, speed proportional to the distance left.
+"""Controller in forty lines of plain rclpy: drives a carriage to a place, speed proportional to the distance left.
 
 It answers each `joint_states` with a command that carries the stamp of that state, so that `applied_commands` shows the
 dead time of the loop, which it prints in the end. Run it beside `sim`: position_controller.py cabin 90
@@ -16,7 +16,7 @@ GAIN, FASTEST, NEAR = 0.4, 4.0, 0.05  # 1/s; m/s; m and m/s
 
 
 class PositionController(Node):
-    """Answers states with speeds."""
+    """Controller that answers each state with a speed."""
 
     def __init__(self, name: str, place: float) -> None:
         super().__init__("position_controller")
@@ -26,7 +26,7 @@ class PositionController(Node):
         self.create_subscription(JointState, "/cable_twin/joint_states", self.on_state, 10)
 
     def on_state(self, state: JointState) -> None:
-        """Command a speed (m/s), and end where the place is reached."""
+        """Command a speed (m/s), and end at the place."""
         row = state.name.index(self.name)
         left = self.place - state.position[row]
         arrived = abs(left) < NEAR and abs(state.velocity[row]) < NEAR
@@ -38,7 +38,7 @@ class PositionController(Node):
             raise SystemExit
 
     def on_applied(self, applied: JointState) -> None:
-        """Note how long (s) after its state a command took effect."""
+        """Record the delay (s) between a state and the effect of the command."""
         if stamp := self.sent.pop(applied.velocity[0] if applied.velocity else None, None):
             now = applied.header.stamp
             self.dead_times.append(now.sec - stamp.sec + 1e-9 * (now.nanosec - stamp.nanosec))

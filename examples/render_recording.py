@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Render a rerun recording (.rrd) to PNG at given simulated times, on a machine without a screen.
+"""Rendering of a rerun recording (.rrd) to PNG at given simulated times, without a screen.
 
 A rerun viewer is started without a window, on the local interface only, and drawn by whatever Vulkan driver there
 is; Mesa's software driver is enough. Example:
@@ -36,7 +36,7 @@ MAGIC = b"RRF"  # at the start of a recording
 
 
 class RenderError(Exception):
-    """A picture could not be made; the message says what to do."""
+    """Failed rendering; the message contains a remedy."""
 
 
 def viewer_environment() -> dict[str, str]:
@@ -124,7 +124,7 @@ def _connect(process: subprocess.Popen, port: int, output: IO[bytes]) -> ViewerC
 
 
 def render(recording: Path, times: list[float], output: Path, size: str) -> list[Path]:
-    """Render `recording` at `times` (s) and return the PNG files, one a time.
+    """Render `recording` at `times` (s); returns the PNG files.
 
     Args:
         recording: The .rrd file.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Control experiment (b): the same trip with the swing of the vehicle damped, by shaping speed from `joint_states`.
+"""Control experiment (b): a trip with damped swing of the vehicle, by shaping speed from `joint_states`.
 
 The law, with the pitch q (rad) and its rate (rad/s) of the hanger, t in s:
 
@@ -47,7 +47,7 @@ example, with `sim` running in another terminal:
 
 
 def experiment(link: Link, options: argparse.Namespace) -> Law:
-    """Plan the shaped trip; the law follows it with feedback."""
+    """Plan the shaped trip; the control law follows the plan with feedback."""
     bodies = link.scenario["carriages"][link.name]["bodies"]
     if not bodies:
         raise ExperimentError(f"'{link.name}' has no body that could swing")

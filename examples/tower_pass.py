@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Control experiment (c): pass a place along the rope as fast as the vehicle stays calm there.
+"""Control experiment (c): passing a place along the rope at the highest speed with a calm vehicle.
 
 The twin's own model, run ahead without ROS, is asked how much the vehicle swings and accelerates around the place for
 a row of passing speeds; the fastest that keeps both limits is driven on the live twin, and what came of it is compared
@@ -54,17 +54,17 @@ examples, with `sim` running in another terminal:
 
 @dataclass(frozen=True, slots=True)
 class Calm:
-    """The largest of each while the carriage is within the window around the place."""
+    """Largest swing and acceleration of the carriage within the window around the place."""
 
     swing: float  # deg, of the last body
     acceleration: float  # m/s^2, of its centre of mass
 
     def keeps(self, options: argparse.Namespace) -> bool:
-        """Whether it is within the limits given."""
+        """Whether all given limits are kept."""
         return self.beyond(options) <= 1.0
 
     def beyond(self, options: argparse.Namespace) -> float:
-        """Share of its limit that swing or acceleration takes, the larger one."""
+        """Used share of the limit of swing or acceleration, the larger of both."""
         return max(self.swing / options.swing_limit, self.acceleration / options.acceleration_limit)
 
     def __str__(self) -> str:
@@ -72,7 +72,7 @@ class Calm:
 
 
 def find_place(link: Link, options: argparse.Namespace) -> tuple[float, float]:
-    """Arc length (m) of the place and half the length (m) around it that counts.
+    """Arc length (m) of the place and half the length (m) of the window around it.
 
     Raises:
         ExperimentError: there is no tower of that name.
@@ -125,7 +125,7 @@ def trip(link: Link, options: argparse.Namespace, passing: float) -> SpeedPlan:
 
 
 def predict(link: Link, options: argparse.Namespace, plan: SpeedPlan) -> Calm:
-    """Run the model ahead from where the carriage stands."""
+    """Simulate the model ahead from the present place of the carriage."""
     assert link.motion is not None
     scenario = load_scenario(link.scenario, {f"carriages.{link.name}.arc_length": link.motion.arc_length})
     simulation = Simulation(scenario, samples=2)
@@ -144,7 +144,7 @@ def predict(link: Link, options: argparse.Namespace, plan: SpeedPlan) -> Calm:
 
 
 def choose(link: Link, options: argparse.Namespace) -> tuple[float, SpeedPlan, Calm]:
-    """Find the fastest passing speed (m/s) that keeps the limits, or the calmest where none does."""
+    """Find the highest passing speed (m/s) that keeps the limits, or the calmest where none does."""
     tried = []
     candidates = np.linspace(options.speed, min(options.slowest, options.speed), CANDIDATES)
     console = Console(stderr=True)
@@ -167,7 +167,7 @@ def choose(link: Link, options: argparse.Namespace) -> tuple[float, SpeedPlan, C
 
 
 def experiment(link: Link, options: argparse.Namespace) -> Law:
-    """Choose the passing speed; the law follows the plan and reports what came of it."""
+    """Choose the passing speed; the control law follows the plan and reports the result."""
     bodies = link.scenario["carriages"][link.name]["bodies"]
     if not bodies:
         raise ExperimentError(f"'{link.name}' has no body that could swing")
@@ -195,7 +195,7 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
 
 
 def place(text: str) -> float | str:
-    """Type of an option: an arc length above 0 m, or a name."""
+    """Parse a place from an option: an arc length above 0 m, or a name."""
     try:
         float(text)
     except ValueError:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Control experiment (a): drive a carriage to a place with a trapezoid of speed, as fast as its drive allows.
+"""Control experiment (a): trip of a carriage to a place with a trapezoidal speed, as fast as its drive allows.
 
 The law: speed over time is a ramp, a cruise and a ramp, v(t), planned from the distance. Nothing is measured on the
 way, so the vehicle swings as the ramps leave it.
@@ -21,7 +21,7 @@ example, with `sim` running in another terminal:
 
 
 def experiment(link: Link, options: argparse.Namespace) -> Law:
-    """Plan the trapezoid; the law follows it, and holds the carriage while it swings out."""
+    """Plan the trapezoid; the control law follows the plan, and holds the carriage until its swing has decayed."""
     acceleration, jerk = limits_of(link, options)
     plan = SpeedPlan.trapezoid(distance_to(link, options.to), options.speed, acceleration, jerk)
     print(f"trapezoid_driver.py: {plan.duration:.1f} s with ramps of {acceleration:g} m/s^2", flush=True)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Control experiment (d): a trip whose speed goes down with the wind, and that stands still where it is too strong.
+"""Control experiment (d): trip at a speed reduced with the wind, and stopped in too strong a wind.
 
 The law, with the horizontal wind w (m/s) of the topic `air/wind`, the highest of the last 10 s, and the roll of the
 vehicle from its pose, likewise:
@@ -52,31 +52,31 @@ example, with `sim windy_tramway` running in another terminal, and `drive --wind
 
 
 class Peak:
-    """The highest of what was measured in the last `HELD` seconds."""
+    """Highest measurement of the last `HELD` seconds."""
 
     def __init__(self) -> None:
         self._measured: deque[tuple[float, float]] = deque()
 
     @property
     def known(self) -> bool:
-        """Whether anything was measured."""
+        """Whether any measurement exists."""
         return bool(self._measured)
 
     def take(self, time: float, value: float) -> None:
-        """Take a value at a time (s); what is lower and older is of no use any more."""
+        """Take a measurement at a time (s); lower and older ones are dropped."""
         while self._measured and self._measured[-1][1] <= value:
             self._measured.pop()
         self._measured.append((time, value))
 
     def at(self, time: float) -> float:
-        """The highest at a time (s), 0 where nothing was measured; the last one holds on."""
+        """Highest measurement at a time (s), 0 without any; the last one stays."""
         while len(self._measured) > 1 and self._measured[0][0] < time - HELD:
             self._measured.popleft()
         return max((value for _, value in self._measured), default=0.0)
 
 
 class WindLaw:
-    """The speed for a wind, and what is said about it.
+    """Control law of the speed by the wind, with its messages.
 
     Args:
         options: as given.
@@ -95,14 +95,14 @@ class WindLaw:
         self._said = -1.0  # m/s
 
     def allowed(self, wind: float) -> float:
-        """Speed (m/s) that a wind (m/s) allows, but for a stop."""
+        """Speed (m/s) allowed by a wind (m/s), stops left out."""
         full, stop = self._options.full_speed_wind, self._options.stop_wind
         share = min(max((wind - full) / (stop - full), 0.0), 1.0)
         slow = min(self._options.slow_speed, self._options.speed)
         return slow if self.careful else self._options.speed + share * (slow - self._options.speed)
 
     def stands(self, wind: float, roll: float) -> bool:
-        """Whether wind (m/s) or roll (rad) is too strong, or was so lately."""
+        """Whether wind (m/s) or roll (rad) is too strong now, or was recently."""
         share = max(wind / self._options.stop_wind, math.degrees(roll) / self._options.roll_limit)
         if share >= 1.0:
             self._calm_since = math.nan
@@ -131,7 +131,7 @@ class WindLaw:
         return math.copysign(min(allowed, ending), left)
 
     def judged(self, name: str, message: Any) -> None:
-        """Take in what the twin says of its key figures: whether one of the swing of this vehicle is near its limit."""
+        """Take in key figures of the twin: swing of this vehicle near its limit."""
         for status in message.status:
             values = {item.key: item.value for item in status.values}
             quantity, _, rest = values["id"].partition("/")  # quantity/subject/statistic
@@ -153,7 +153,7 @@ class WindLaw:
 
 
 def experiment(link: Link, options: argparse.Namespace) -> Law:
-    """Listen to wind, roll and key figures; the law goes by them."""
+    """Subscribe to wind, roll and key figures, which the control law follows."""
     from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - as rclpy in control_experiment
     from geometry_msgs.msg import PoseStamped, Vector3Stamped  # noqa: PLC0415
 

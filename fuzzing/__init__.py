@@ -1,4 +1,4 @@
-"""Hostile input: what comes from files and from other processes, made up and mutated, fed to the real program.
+"""Fuzzers: hostile files and messages, generated and mutated, as input of the real program.
 
 A fuzzer is a module beside this file with these functions (`first` is optional), and a row in `FUZZERS`:
 
@@ -31,7 +31,7 @@ FUZZERS = {  # module: what it feeds to which part of the program
 
 @dataclass(frozen=True)
 class Case:
-    """One input, which is a file."""
+    """One input of a fuzzer, stored as a file."""
 
     content: bytes
     suffix: str  # of the file's name

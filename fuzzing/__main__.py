@@ -1,4 +1,4 @@
-"""The command: which fuzzers, for how long; see `python -m fuzzing --help`."""
+"""Command of the fuzzers: their names and durations; see `python -m fuzzing --help`."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ given_texts = st.one_of(
 
 @cache
 def originals() -> list[bytes]:
-    """Sound bags: those of a start, and those that go on from an attached state."""
+    """Valid bags from a start, and valid bags from an attached state."""
     from cable_twin.offline.simulate import main  # noqa: PLC0415 - only where cases are made
 
     with tempfile.TemporaryDirectory() as directory:
@@ -53,13 +53,13 @@ def originals() -> list[bytes]:
 
 
 def first() -> list[Case]:
-    """A sound bag, and the start of one, in which nothing is."""
+    """First cases: a valid bag, and a bag without any frame."""
     sound = originals()[0]
     return [Case(sound, ".mcap"), Case(sound[:20], ".mcap")]
 
 
 def cases() -> st.SearchStrategy[Case]:
-    """Sound bags with some changes, or what looks like one and is made to harm."""
+    """Valid bags with some changes, and malicious files."""
     originals()
     return _cases()
 
@@ -79,7 +79,7 @@ def _cases(draw: Callable[..., Any]) -> Case:
 
 @st.composite
 def _changed_numbers(draw: Callable[..., Any], content: bytes) -> bytes:
-    """Offsets, lengths and counts of the index, or of the heads of records, changed, its checksum left out."""
+    """Bag with changed offsets, lengths and counts in its index or record heads, without a checksum."""
     data = bytearray(content)
     with suppress(struct.error):
         footer = len(data) - len(MCAP0_MAGIC) - 20
@@ -96,7 +96,7 @@ def _changed_numbers(draw: Callable[..., Any], content: bytes) -> bytes:
 
 @st.composite
 def _bombs(draw: Callable[..., Any]) -> bytes:
-    """Chunks that say too little or unpack to too much, one within the other, or many times."""
+    """Bag with chunks of wrong sizes, or unpacking to too much, nested or repeated."""
     size = draw(st.sampled_from((2**20, 2**26, 2**28)))
     fill = draw(st.sampled_from((b"\x00", b"\x05\x16" + bytes(7 + 22), b"\x80\x00" + bytes(7), b"\xff")))
     data = _packed(fill, size)
@@ -126,7 +126,7 @@ def _without_index(content: bytes) -> bytes:
 
 @st.composite
 def _written_anew(draw: Callable[..., Any], content: bytes, way: str) -> bytes:
-    """The same by mcap's own writer, with what `way` names changed."""
+    """Bag rewritten by mcap's own writer, with a change named by `way`."""
     reader, output = make_reader(BytesIO(content)), BytesIO()
     whole, compression = draw(st.booleans()), draw(st.sampled_from(list(CompressionType)))
     writer = Writer(
@@ -185,7 +185,7 @@ def _text_message(text: str) -> bytes:
 
 
 def _state(draw: Callable[..., Any], attachment: Attachment) -> bytes:
-    """An attached state with some numbers changed, or its bytes."""
+    """Attached state with some changed numbers or bytes."""
     if draw(st.booleans()):
         return bytes(draw(changed_bytes(attachment.data, (b"PK\x03\x04", b"\x00" * 64))))
     arrays = dict(np.load(BytesIO(attachment.data)))
@@ -201,7 +201,7 @@ def _state(draw: Callable[..., Any], attachment: Attachment) -> bytes:
 
 
 def prepare() -> None:
-    """Load what simulates, reads and draws."""
+    """Load the modules that simulate, read and draw."""
     from cable_twin.offline import replay, review, simulate  # noqa: F401, PLC0415
     from cable_twin.scenario import load_scenario  # noqa: PLC0415
     from cable_twin.simulation import Simulation  # noqa: PLC0415
@@ -211,7 +211,7 @@ def prepare() -> None:
 
 
 def run(file: Path) -> str:
-    """Look at it, copy what is readable, look at the copy, simulate it again, and its commands for a moment."""
+    """Review a bag, repair it and review the copy, replay it, and repeat its commands for a moment."""
     from cable_twin.offline import replay, review, simulate  # noqa: PLC0415
 
     with tempfile.TemporaryDirectory() as directory:

@@ -24,7 +24,7 @@ MEMORY, TRACEBACK, READY = "memory", "traceback", "ready"  # kinds of answers, b
 
 
 def main() -> None:
-    """Run cases until the input ends."""
+    """Run cases until the end of the input."""
     module, limit, directory = sys.argv[1], int(sys.argv[2]), Path(sys.argv[3])
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     output = os.open(directory / "output", os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
@@ -44,12 +44,12 @@ def main() -> None:
 
 
 def _addresses() -> int:
-    """Bytes of addresses that this process has already."""
+    """Address space (bytes) that this process uses already."""
     return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
 def _answer(run: Callable[[Path], str], file: Path) -> list[str]:
-    """Kind and text of one case."""
+    """Kind and text of the outcome of one case."""
     try:
         kind = run(file)
     except MemoryError:
@@ -64,7 +64,7 @@ def _answer(run: Callable[[Path], str], file: Path) -> list[str]:
 
 
 def place_of(text: str) -> str:
-    """Where a traceback ends within this project, and with which error: what tells one finding from another."""
+    """Innermost line of this project in a traceback, and its error, which identify a finding."""
     lines = text.partition("\nprinted:")[0].strip().splitlines()
     places = [line.strip() for line in lines if line.lstrip().startswith('File "') and str(ROOT) in line]
     last = places[-1].replace(str(ROOT) + "/", "") if places else ""

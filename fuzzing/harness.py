@@ -1,4 +1,4 @@
-"""Runs the cases of a fuzzer in a child process with limits, counts what came of them, and keeps what it finds."""
+"""Harness of the fuzzers: runs cases in a child process with limits, counts outcomes, and keeps findings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Finding:
-    """A case that the program does not hold against."""
+    """Case in which the program fails."""
 
     kind: str  # one of FINDINGS
     place: str  # where, as `place_of` says it
@@ -62,12 +62,12 @@ class Counts:
 
     @property
     def runs(self) -> int:
-        """Cases so far."""
+        """Number of cases so far."""
         return self.kinds.total()
 
 
 class Child:
-    """The process in which cases run, started again after its death."""
+    """Child process that runs cases, restarted after its death."""
 
     def __init__(self, module: str, limits: Limits, directory: Path) -> None:
         self._module, self._limits, self._directory = module, limits, directory
@@ -75,7 +75,7 @@ class Child:
         self._rest = b""  # of an answer
 
     def run(self, file: Path) -> tuple[str, str]:
-        """Kind and text of a case."""
+        """Run a case; returns kind and text of its outcome."""
         if self._process is None and (failed := self.start()):
             return START, failed
         assert self._process is not None
@@ -87,7 +87,7 @@ class Child:
 
     @property
     def peak(self) -> int:
-        """Bytes of memory that it, or a process that it has started, has had at most; 0 where it has ended."""
+        """Highest memory (bytes) of the process and its children; 0 after its end."""
         if self._process is None:
             return 0
         pid, found = self._process.pid, [0]
@@ -98,14 +98,14 @@ class Child:
         return max(found)
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         if self._process is not None:
             self._process.kill()
             self._process.communicate()
             self._process = None
 
     def start(self) -> str:
-        """Have it ready; gives why that cannot be, or nothing."""
+        """Start the process and wait until ready; returns the reason of a failure, empty otherwise."""
         command = [sys.executable, "-m", "fuzzing.child", self._module, str(self._limits.memory), str(self._directory)]
         paths = [str(ROOT), *filter(None, sys.path)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
@@ -117,7 +117,7 @@ class Child:
         return "" if kind == READY else f"{kind}: {text}"
 
     def _answer(self, seconds: float) -> tuple[str, str]:
-        """Wait for an answer; what takes too long is ended, but not where the compiler takes it."""
+        """Wait for the outcome of a case; a case beyond its time is ended, but for the time of compilation."""
         process, waited = self._process, 0.0
         assert process is not None
         assert process.stdout is not None
@@ -142,13 +142,13 @@ class Child:
         return HANG, f"no answer in {waited:g} s\n{stacks}{printed}"
 
     def _delay(self) -> float:
-        """Seconds (s) for which its main thread has waited for a core that others have."""
+        """Time (s) for which the main thread has waited for a core used by others."""
         with suppress(OSError, IndexError):
             return int(Path(f"/proc/{self._process.pid}/schedstat").read_text().split()[1]) * 1e-9
         return 0.0
 
     def _stacks(self) -> str:
-        """Where its threads are now."""
+        """Stacks of all threads of the process."""
         assert self._process is not None
         file = self._directory / "stacks"
         size = file.stat().st_size if file.exists() else 0
@@ -169,7 +169,7 @@ class Child:
         return SIGNAL, f"{name}\n{text}"
 
     def _printed(self) -> str:
-        """The last of what it has printed."""
+        """Last part of the output of the process."""
         with suppress(OSError):
             printed = (self._directory / "output").read_bytes()[-2000:].decode(errors="replace").strip()
             return f"\nprinted:\n{printed}" if printed else ""
@@ -240,7 +240,7 @@ def fuzz(
 
 
 def replay(module: str, file: Path, limits: Limits | None = None) -> tuple[str, str]:
-    """Run one case; gives its kind and text."""
+    """Run one case; returns kind and text of its outcome."""
     with tempfile.TemporaryDirectory(prefix="cable_twin_fuzzing_") as directory:
         child = Child(module, limits or Limits(), Path(directory))
         try:
@@ -252,7 +252,7 @@ def replay(module: str, file: Path, limits: Limits | None = None) -> tuple[str, 
 def _draw(
     strategy: SearchStrategy[Case], number: int, goes_on: Callable[[], bool], take: Callable[[Case], None]
 ) -> None:
-    """Have hypothesis draw cases and take them, batch after batch, until the time is over."""
+    """Run cases drawn by hypothesis, batch after batch, until the time is over."""
     batch = 0
     while goes_on():
 
@@ -274,7 +274,7 @@ def _draw(
 
 
 def _keep(counts: Counts, kind: str, text: str, files: list[Path], directory: Path) -> None:
-    """Keep the first finding of each kind and place, with the cases before it where it ended the child."""
+    """Keep the first finding of each kind and place, with the earlier cases where it ended the process."""
     place = place_of(text) if kind in (TRACEBACK, MEMORY) else _stack_place(text)
     if any((one.kind, one.place) == (kind, place) for one in counts.findings):
         return
@@ -290,7 +290,7 @@ def _keep(counts: Counts, kind: str, text: str, files: list[Path], directory: Pa
 
 
 def _stack_place(text: str) -> str:
-    """The innermost lines of this project in the stack of the thread that took the signal."""
+    """Innermost lines of this project in the stack of the interrupted thread."""
     first, _, stack = text.partition("\n")
     _, current, below = stack.partition("Current thread")
     lines = (below.partition("\n\n")[0] if current else stack).splitlines()

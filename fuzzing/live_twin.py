@@ -1,4 +1,4 @@
-"""A running twin for fuzzers, and what has to hold whatever it is sent: it lives, answers and says no traceback."""
+"""Running twin for fuzzers, with its invariants under any input: alive, answering, finite numbers, no traceback."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ HARMLESS = frozenset(b"\n\t")
 
 
 class TwinEndedError(AssertionError):
-    """The twin has ended."""
+    """End of the twin."""
 
 
 class NoAnswerError(AssertionError):
-    """The twin does not answer an emergency stop, or sends no frames."""
+    """Emergency stop without an answer, or no frames from the twin."""
 
 
 class PrintedError(AssertionError):
-    """The twin has printed a traceback, or a control character."""
+    """Traceback or control character in the output of the twin."""
 
 
 class NotFiniteError(AssertionError):
-    """The twin has published a number that is not finite."""
+    """Non-finite number on a topic of the twin."""
 
 
 class LiveTwin:
-    """`sim` in a process of its own, started again where it has ended, and a node that talks to it.
+    """Process of `sim`, restarted after its end, and a node that talks to it.
 
     Args:
         arguments: of `sim`, the scenario first.
@@ -78,7 +78,7 @@ class LiveTwin:
         self._start()
 
     def call(self, kind: Any, service: str, **fields: Any) -> Any:
-        """Call a service below the node; returns its answer."""
+        """Call a service below the name of the node; returns its answer."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, f"{NODE}/{service}")
         client = self._clients[service]
@@ -87,24 +87,24 @@ class LiveTwin:
         return self.until(lambda: future.done() and future.result(), service)
 
     def release(self) -> None:
-        """Call the emergency stop to release it, and wait for the answer."""
+        """Release the emergency stop, and wait for the answer."""
         self.until(self._stop.service_is_ready, "emergency_stop")
         future = self._stop.call_async(self._stop_request(data=False))
         self.until(future.done, "emergency_stop")
 
     def check(self) -> None:
-        """Raise where something does not hold any more."""
+        """Raise an error for a violated invariant."""
         self.release()
         self._look()
 
     def spin(self, seconds: float) -> None:
-        """Take messages for so long (s)."""
+        """Take messages for a time (s)."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def until(self, condition: Callable[[], Any], what: str, seconds: float = ANSWERED) -> Any:
-        """Take messages until a condition holds; returns what it gave."""
+        """Take messages until a condition holds; returns its result."""
         since, delayed = time.monotonic(), self._delay()
         while not (found := condition()):
             if self._process.poll() is not None:
@@ -115,7 +115,7 @@ class LiveTwin:
         return found
 
     def _delay(self) -> float:
-        """Seconds (s) for which its threads have waited for a core that others have, of the one that waited most."""
+        """Longest time (s) for which a thread of the twin has waited for a core used by others."""
         found = [0.0]
         for thread in Path(f"/proc/{self._process.pid}/task").glob("*/schedstat"):
             with suppress(OSError):
@@ -137,7 +137,7 @@ class LiveTwin:
         self.until(lambda: b" runs at " in self._output.read_bytes(), "the twin", STARTED)
 
     def _look(self) -> None:
-        """Look at process, memory and output since the last call."""
+        """Check process, memory and output since the last call."""
         ended = self._process.poll()
         new = self._output.read_bytes()[self._read :]
         self._read += len(new)

@@ -1,4 +1,4 @@
-"""Messages on the topics that bring commands, sound, strange and damaged, one by one and by the hundred, to `sim`."""
+"""Valid, extreme and damaged messages on the command topics of `sim`, single ones and hundreds at once."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ names = st.one_of(
 
 @st.composite
 def cases(draw: Callable[..., Any]) -> Case:
-    """The name of a topic, how often, and the bytes of a message, behind each other."""
+    """Name of a topic, number of repetitions, and the bytes of a message."""
     topic, times = draw(st.sampled_from(TOPICS)), draw(st.sampled_from((1, 1, 1, 1, 10, 300)))
     data = draw(_messages(topic))
     way = draw(st.sampled_from(("whole", "whole", "changed", "other topic", "noise")))
@@ -84,7 +84,7 @@ def _sound(name: str) -> str:
 
 @cache
 def twin() -> LiveTwin:
-    """Twin that takes the messages."""
+    """Twin that receives the messages."""
     return LiveTwin(
         [SCENARIO, "--rerun", "none", "--keep-size", "200", "--split-size", "50"], ("joint_states", "applied_commands")
     )
@@ -92,7 +92,7 @@ def twin() -> LiveTwin:
 
 @cache
 def publishers() -> dict[str, Any]:
-    """One for each topic, which the twin takes from."""
+    """Publisher by topic, matched with the twin."""
     from geometry_msgs.msg import Vector3Stamped  # noqa: PLC0415
     from sensor_msgs.msg import JointState  # noqa: PLC0415
 
@@ -104,7 +104,7 @@ def publishers() -> dict[str, Any]:
 
 
 def _publish(topic: str, data: bytes) -> None:
-    """Send one message; a writer whose readers get no core for a while has no room for it, and it is tried again."""
+    """Send one message, repeated while the writer has no room for it."""
     from rclpy._rclpy_pybind11 import RCLError  # noqa: PLC0415
 
     left = TRIES
@@ -117,14 +117,14 @@ def _publish(topic: str, data: bytes) -> None:
 
 
 def prepare() -> None:
-    """Start it."""
+    """Start the twin."""
     for topic, publisher in publishers().items():
         twin().until(publisher.get_subscription_count, topic)
     twin().check()
 
 
 def run(file: Path) -> str:
-    """Send it, and look whether the twin takes a command, answers and is sound."""
+    """Send a case, and check that the twin takes a command, answers and keeps its invariants."""
     head, _, data = file.read_bytes().partition(b"\n")
     topic, times = head.decode().split()
     applied, frames = (twin().received[name] for name in ("applied_commands", "joint_states"))

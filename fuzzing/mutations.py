@@ -1,4 +1,4 @@
-"""Strategies that several fuzzers share: strange values, changes to nested data, and changes to bytes."""
+"""Common strategies of the fuzzers: extreme values, changes of nested data, and changes of bytes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ MILD = st.sampled_from((0, 0.1, 0.5, 0.9, 0.999, 1.001, 1.1, 2, 10, 100, -1))
 
 
 def places_in(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Paths of all that is in nested dicts and lists."""
+    """Paths of all items in nested dicts and lists."""
     inner = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in inner:
         yield (*path, key)
@@ -45,7 +45,7 @@ def places_in(data: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]
 
 @st.composite
 def changed(draw: Callable[..., Any], data: Any, most: int = 4) -> Any:
-    """Nested data with some changes: values replaced, scaled, left out, doubled, or put where another one is."""
+    """Nested data with some values replaced, scaled, removed, doubled or moved."""
     data = deepcopy(data)
     for _ in range(draw(st.integers(1, most))):
         if not (places := list(places_in(data))):
@@ -73,7 +73,7 @@ def changed(draw: Callable[..., Any], data: Any, most: int = 4) -> Any:
 
 @st.composite
 def tuned(draw: Callable[..., Any], data: Any, most: int = 3) -> Any:
-    """Nested data with some of its numbers changed within reason, which most checks let through."""
+    """Nested data with some moderately changed numbers, which most checks accept."""
     data = deepcopy(data)
     places = [place for place in places_in(data) if type(_at(data, place)) in (int, float)]
     for *path, last in draw(st.lists(st.sampled_from(places), min_size=1, max_size=most)):
@@ -92,7 +92,7 @@ def _at(data: Any, path: Sequence[Any]) -> Any:
 
 @st.composite
 def changed_bytes(draw: Callable[..., Any], content: bytes, words: Sequence[bytes] = (b"\x00",)) -> bytes:
-    """Bytes with some flipped, cut out, doubled, or with words of the format put in."""
+    """Bytes with some flipped, removed, doubled, or with inserted words of the format."""
     data = bytearray(content)
     for _ in range(draw(st.integers(1, 6))):
         place = draw(st.integers(0, len(data)))

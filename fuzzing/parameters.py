@@ -1,4 +1,4 @@
-"""Parameters that are set, scenarios that are loaded by them, and calls of all services, in any order, to `sim`."""
+"""Parameters, scenarios loaded by them, and calls of all services, in any order, to `sim`."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ strings = st.one_of(plain, st.sampled_from(PATHS), st.sampled_from((SCENARIO, "n
 
 @st.composite
 def cases(draw: Callable[..., Any]) -> Case:
-    """Some operations, one after the other, as JSON."""
+    """Sequence of operations, as JSON."""
     return Case(json.dumps(draw(st.lists(_operations(), min_size=1, max_size=4))).encode(), ".json")
 
 
@@ -105,7 +105,7 @@ def _parameters(draw: Callable[..., Any]) -> list[Any]:
 
 @cache
 def twin() -> LiveTwin:
-    """Twin that takes the operations; beside it are the files that they name."""
+    """Twin that receives the operations, beside the files they name."""
     made = Path.cwd() / "scenarios"
     shutil.rmtree(made, ignore_errors=True)  # of a process before
     made.mkdir()
@@ -116,12 +116,12 @@ def twin() -> LiveTwin:
 
 
 def prepare() -> None:
-    """Start it."""
+    """Start the twin."""
     twin().check()
 
 
 def run(file: Path) -> str:
-    """Carry out all operations, and look whether the twin runs on, answers and is sound."""
+    """Carry out a sequence of operations, and check that the twin runs, answers and keeps its invariants."""
     taken = [_do(operation) for operation in json.loads(file.read_text(encoding="utf-8"))]
     set_bool = import_module("std_srvs.srv").SetBool
     twin().call(set_bool, "pause", data=False)
@@ -132,7 +132,7 @@ def run(file: Path) -> str:
 
 
 def _do(operation: dict[str, Any]) -> bool:
-    """Carry out one operation; returns whether the twin took it."""
+    """Carry out one operation; returns whether the twin has accepted it."""
     services = import_module("rcl_interfaces.srv")
     if "call" in operation:
         kind, switched = SERVICES[operation["call"]]
@@ -162,7 +162,7 @@ def _do(operation: dict[str, Any]) -> bool:
 
 
 def _located(name: str, kind: str, value: Any) -> tuple[str, str, Any]:
-    """Parameter with the whole path of a file that lies beside the twin."""
+    """Parameter with the full path of a file beside the twin."""
     if isinstance(value, str) and value in ("pipe.yaml", "link.yaml"):
         value = str(Path.cwd() / "scenarios" / value)
     return name, kind, value

@@ -27,13 +27,13 @@ OPTIONS = "--duration", "0.03", "--record", "off"
 
 @cache
 def shipped(name: str) -> Any:
-    """The content of a scenario that comes with the package."""
+    """Content of a shipped scenario."""
     return YAML(typ="safe", pure=True).load((CONFIG / f"{name}.yaml").read_text(encoding="utf-8"))
 
 
 @st.composite
 def cases(draw: Callable[..., Any]) -> Case:
-    """Shipped scenarios with changes, and a bomb of aliases now and then."""
+    """Shipped scenarios with changes, and sometimes a bomb of aliases."""
     name = draw(st.sampled_from(NAMES))
     way = draw(st.sampled_from(("tuned", "tuned", "tuned", "tuned", "data", "data", "text", "bomb", "deep")))
     if way == "tuned":
@@ -51,13 +51,13 @@ def cases(draw: Callable[..., Any]) -> Case:
 
 @st.composite
 def bombs(draw: Callable[..., Any]) -> bytes:
-    """A few lines whose aliases stand for a great many values."""
+    """YAML texts of few lines whose aliases stand for very many values."""
     kind = draw(st.sampled_from(("list", "map", "merge")))
     return bomb(kind, levels=draw(st.integers(2, 30)), width=draw(st.integers(2, 20))).encode()
 
 
 def bomb(kind: str, *, levels: int, width: int) -> str:
-    """YAML of so many lines, each with so many aliases of the one before: lists, maps or merge keys."""
+    """YAML text of lines with many aliases of the previous line each: lists, maps or merge keys."""
     lines = [f"a0: &a0 {'[1, 2, 3]' if kind == 'list' else '{x: 1}'}"]
     for level in range(1, levels):
         before = [f"*a{level - 1}"] * width
@@ -71,7 +71,7 @@ def bomb(kind: str, *, levels: int, width: int) -> str:
 
 
 def written(data: Any) -> bytes:
-    """YAML of nested data; whole numbers of more digits than Python writes are cut."""
+    """YAML text of nested data; integers of too many digits are cut."""
     stream = StringIO()
     yaml = YAML(typ="safe", pure=True)
     yaml.width = 4096
@@ -93,7 +93,7 @@ def _plain(data: Any) -> Any:
 
 
 def prepare() -> None:
-    """Load the kernels that the shipped scenarios need."""
+    """Load the kernels of the shipped scenarios."""
     from cable_twin.offline import simulate  # noqa: PLC0415 - the parent needs no program
 
     for name in ("seed_example", "chairlift", "windy_tramway", "jig_back"):
@@ -101,7 +101,7 @@ def prepare() -> None:
 
 
 def run(file: Path) -> str:
-    """Run it as a user does."""
+    """Run a scenario by the command `simulate`."""
     from cable_twin.offline import simulate  # noqa: PLC0415
 
     return DONE if simulate.main([str(file), *OPTIONS]) != simulate.UNUSABLE else REFUSED

@@ -1,4 +1,4 @@
-"""Scripts of commands, as YAML and as CSV, to runs of a ropeway in a plane and of one in space."""
+"""Scripts of commands, as YAML and as CSV, to simulations in a plane and in space."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ HEADER = ("time", "name", "speed", "force", "payload", "wind", "wind_z", "wind_y
 
 @st.composite
 def cases(draw: Callable[..., Any]) -> Case:
-    """Rows of the example with changes, as data or as text."""
+    """Rows of the example script with changes, as data or as text."""
     rows = draw(st.lists(st.sampled_from(EXAMPLE), min_size=1, max_size=5))
     way = draw(st.sampled_from(("data", "data", "data", "text", "cells", "cells text", "bomb")))
     if way == "data":
@@ -62,7 +62,7 @@ def _cell(value: Any) -> str:
 
 @cache
 def simulations() -> list[tuple[Any, Any]]:
-    """Simulations to which scripts are given, each with the state from which they begin."""
+    """Simulations for scripts, each with its initial state."""
     from cable_twin.scenario import load_scenario  # noqa: PLC0415 - the parent needs no program
     from cable_twin.simulation import Simulation  # noqa: PLC0415
 
@@ -78,7 +78,7 @@ def prepare() -> None:
 
 
 def run(file: Path) -> str:
-    """Read and check it as `simulate --script` does, and run it where it is allowed."""
+    """Read and check a script like `simulate --script`, and run an accepted one."""
     from cable_twin.offline.script import ScriptError, check_script, commands_ahead, read_script  # noqa: PLC0415
     from cable_twin.offline.scripted_run import simulate  # noqa: PLC0415
 

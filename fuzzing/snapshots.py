@@ -1,4 +1,4 @@
-"""Files of a full state with changed numbers, shapes, headers and bytes, to a simulation that goes on from there."""
+"""Snapshot files with changed numbers, shapes, headers and bytes, to a simulation that continues from them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WHOLE = (-(2**63), -(2**31), -1000, -2, -1, 0, 1, 2, 3, 5, 100, 1000, 2**31, 2**
 
 @cache
 def originals() -> list[dict[str, Any]]:
-    """Arrays of sound files, some steps after the start."""
+    """Arrays of valid snapshot files, some steps after the start."""
     from cable_twin.scenario import load_scenario  # noqa: PLC0415 - only where cases are made
     from cable_twin.simulation import Simulation  # noqa: PLC0415
 
@@ -38,7 +38,7 @@ def originals() -> list[dict[str, Any]]:
 
 
 def first() -> list[Case]:
-    """A sound file, and the start of one."""
+    """First cases: a valid file, and a file from the start."""
     stream = BytesIO()
     np.savez(stream, **originals()[0])
     return [Case(stream.getvalue(), ".npz"), Case(stream.getvalue()[:100], ".npz")]
@@ -46,7 +46,7 @@ def first() -> list[Case]:
 
 @st.composite
 def cases(draw: Callable[..., Any]) -> Case:
-    """A sound file with some changes."""
+    """Valid file with some changes."""
     arrays = dict(draw(st.sampled_from(originals())))
     way = draw(st.sampled_from(("numbers", "numbers", "numbers", "numbers", "shapes", "header", "bytes")))
     names = sorted(set(arrays) - {"header"})
@@ -104,7 +104,7 @@ def _changed_shape(draw: Callable[..., Any], name: str, array: Any) -> dict[str,
 
 @cache
 def simulations() -> list[Any]:
-    """Simulation of each scenario, for the files of that scenario."""
+    """Simulation by scenario, for the files of that scenario."""
     from cable_twin.scenario import load_scenario  # noqa: PLC0415
     from cable_twin.simulation import Simulation  # noqa: PLC0415
 
@@ -118,7 +118,7 @@ def prepare() -> None:
 
 
 def run(file: Path) -> str:
-    """Go on from a file as `simulate --snapshot` does, and look at what is published."""
+    """Continue from a file like `simulate --snapshot`, and check the published numbers."""
     from cable_twin.key_figures import KeyFigures  # noqa: PLC0415
     from cable_twin.scenario import ScenarioError  # noqa: PLC0415
     from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""A control experiment: a twin, a controller that drives its cabin and damps its swing, and the recording of both.
+"""Launch of a control experiment: a twin, a controller with damped swing, and the recording of both.
 
 ros2 launch cable_twin control.launch.py to:=160 speed:=5
 """
@@ -21,7 +21,7 @@ ARGUMENTS = {  # default, and what it is
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Arguments, the twin with its logs, the controller; all of it ends with the controller."""
+    """Describe the arguments, the twin with its logs, and the controller, whose end ends all."""
     source = PathJoinSubstitution([FindPackageShare("cable_twin"), "launch", "sim.launch.py"])
     passed = ("scenario", "record_directory", "rviz")
     controller = ExecuteProcess(

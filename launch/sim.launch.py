@@ -1,4 +1,4 @@
-"""A twin with its logs, and RViz where it is asked for.
+"""Launch of a twin with its logs, and of RViz on request.
 
 ros2 launch cable_twin sim.launch.py scenario:=chairlift rviz:=true
 """
@@ -29,7 +29,7 @@ SHOWN = ("markers", "robot_description", "cable_path", "cable")  # what the layo
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Arguments, the twin, RViz."""
+    """Describe the arguments, the twin, and RViz."""
     namespace = LaunchConfiguration("namespace")
     own = [name for name in ARGUMENTS if name not in ("namespace", "rviz")]
     twin = Node(

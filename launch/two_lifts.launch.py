@@ -1,4 +1,4 @@
-"""Two twins beside each other, each in a namespace, a tree of frames and a directory of logs of its own.
+"""Launch of two twins, each with its own namespace, tree of frames and log directory.
 
 ros2 launch cable_twin two_lifts.launch.py valley:=gondola summit:=chairlift
 """
@@ -13,7 +13,7 @@ LIFTS = {"valley": "aerial_tramway", "summit": "chairlift"}  # namespace and def
 
 
 def generate_launch_description() -> LaunchDescription:
-    """A scenario for each namespace, and the twin of each."""
+    """Describe a scenario argument for each namespace, and both twins."""
     source = PathJoinSubstitution([FindPackageShare("cable_twin"), "launch", "sim.launch.py"])
     shared = ("record", "rviz")
     return LaunchDescription(

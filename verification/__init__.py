@@ -1,4 +1,4 @@
-"""The verification cases: what the mechanics must give, where that comes from, and how close it must be.
+"""Verification cases of the mechanics: expected results with their source and tolerance.
 
 A case is a function marked with `case` in one of the modules beside this file. The tests run them all, and
 `python -m verification` writes them as a table into `docs/verification.md`.
@@ -41,7 +41,7 @@ MODULES = (
 
 @dataclass(frozen=True)
 class Result:
-    """One number of a case beside what it must be."""
+    """Number of a case beside its expected value."""
 
     quantity: str
     unit: str
@@ -51,12 +51,12 @@ class Result:
 
     @property
     def error(self) -> float:
-        """Distance from what is expected, in the unit."""
+        """Absolute difference from the expected value, in the unit."""
         return abs(self.got - self.expected)
 
     @property
     def passed(self) -> bool:
-        """Whether it is close enough; a number that is none is not."""
+        """Whether the error is within the tolerance; never for NaN."""
         return self.error <= self.tolerance
 
 
@@ -87,6 +87,6 @@ def case(
 
 
 def load_cases(modules: Iterable[str] = MODULES) -> list[Case]:
-    """Cases of all or some modules in their order; with the JIT off, those that can be run without it."""
+    """Cases of all or some modules in their order; with the JIT off, those that run without compiled kernels."""
     loaded = {importlib.import_module(f"verification.{module}").__name__ for module in modules}
     return [one for one in CASES if one.run.__module__ in loaded and (JIT or not one.needs_jit)]

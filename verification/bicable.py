@@ -69,7 +69,7 @@ def lift(*, count: int = 4, first: float | None = None, loaded: bool = True, han
 
 
 def off_rails(simulation: Simulation) -> list[int]:
-    """Rows of the carriers that both ropes carry alone."""
+    """Rows of the carriers beyond the station rails, carried by both ropes alone."""
     c, ropes = simulation.snapshot.columns, list(simulation.scenario.ropes)
     ends = np.array([simulation.scenario.ropes[ropes[int(rope)]].unstrained_length for rope in c.vehicle_rope])
     between = (c.arc_length > RAILS) & (c.arc_length < ends - RAILS)
@@ -77,13 +77,13 @@ def off_rails(simulation: Simulation) -> list[int]:
 
 
 def track_of(simulation: Simulation, row: int) -> str:
-    """Name of the rope on which a carrier is."""
+    """Name of the track rope with a carrier."""
     return list(simulation.scenario.ropes)[int(simulation.snapshot.columns.vehicle_rope[row])]
 
 
 @case("bicable lift at rest, pull of the clamps", "F·t = m g sin θ on a rope that is a rail without friction")
 def bicable_clamps() -> Iterator[Result]:
-    """Each cabin of the shipped lift that is on the line, full or empty: the one that is farthest off."""
+    """Clamp forces of each cabin on the line, full or empty: the largest error."""
     simulation = Simulation(load_scenario("bicable"))
     c, carriers = simulation.snapshot.columns, simulation.scenario.carriers
     empty, off = sum(body.mass for body in carriers.bodies.values()) if carriers else 0.0, []
@@ -97,7 +97,7 @@ def bicable_clamps() -> Iterator[Result]:
 
 @case("bicable lift at rest, slack carriers", "the weight of a strand is carried by bullwheels, clamps and carriers")
 def slack_carriers() -> Iterator[Result]:
-    """The one beside which a cabin is clamped is slack, and pulls with nothing; others are tight."""
+    """Slack clamps beside a carrier pull with nothing; others are tight."""
     simulation = Simulation(load_scenario(lift(first=HANGERS[1] * STRAND / LENGTH + 2.0, hangers=True)))
     c, pulls = simulation.snapshot.columns, simulation.snapshot.columns.connector_force
     held, rods = 0.0, simulation.scenario.connectors
@@ -124,13 +124,13 @@ def slack_carriers() -> Iterator[Result]:
 
 
 def sheave_way(simulation: Simulation) -> float:
-    """Unstrained rope (m) that has gone over the drive bullwheel."""
+    """Unstrained rope (m) that has passed over the drive bullwheel."""
     return float(simulation.snapshot.columns.sheave_position[0])
 
 
 @case("bicable lift, laps with a stop and back", "kinematics: rope is neither made nor lost", needs_jit=True, long=True)
 def bicable_laps() -> Iterator[Result]:
-    """Unstrained rope on the loop, and between riders of one strand, and clamps that are closed."""
+    """Unstrained rope on the loop and between riders of one strand, and closed clamps, over a lap."""
     simulation = Simulation(load_scenario(lift(count=6)), samples=2)
     spacing, lost, moved, gap, halvings = simulation.scenario.spacing, 0.0, 0.0, 0.0, 0
     loop = sum(simulation.scenario.ropes[name].unstrained_length for name in STRANDS)

@@ -1,4 +1,4 @@
-"""Cases of carriages on a rope that gives way: ellipse, moving force, several of them, slack rope."""
+"""Cases of carriages on a deformable rope: ellipse, moving force, several carriages, slack rope."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LENGTH, AXIAL, STRAIN = 100.0, 1e7, 0.01  # m, N and -, of the string that a car
 
 
 def particle(mass: float, arc_length: float, **more: Any) -> dict[str, Any]:
-    """A carriage that is one point."""
+    """Carriage of one point mass."""
     bodies = {"body": {"mass": mass, "inertia": 0.01, "upper_pivot": [0.0, 0.0], "size": [0.0, 0.0]}}
     return {"arc_length": arc_length, "bodies": bodies, **more}
 
@@ -47,7 +47,7 @@ def light_rope(carriages: dict[str, Any], *, elements: int = 192, step: float = 
 
 @case("particle on a string", "ellipse with the supports as foci", needs_jit=True)
 def ellipse() -> Iterator[Result]:
-    """Let go aside, it keeps to the ellipse x = a sin φ, z = -b cos φ; its period follows from energy."""
+    """Point mass released aside on the ellipse x = a sin φ, z = -b cos φ; its period follows from energy."""
     a, c = ROPE / 2.0, SPAN / 2.0
     b = np.sqrt(a**2 - c**2)
     for amplitude in (0.4, 0.15):
@@ -173,7 +173,7 @@ def passing_nodes() -> Iterator[Result]:
 
 @case("two carriages", "mirror symmetry", needs_jit=True)
 def two_carriages() -> Iterator[Result]:
-    """Let go at equal distances from the middle, passing nodes together, on one element when they meet."""
+    """Carriages released at equal distances from mid-span, meeting on one element."""
     cars = {"left": particle(0.5, 1.2), "right": particle(0.5, ROPE - 1.2)}
     simulation = light_rope(cars, elements=48)
     worst, least, shared = 0.0, ROPE, False

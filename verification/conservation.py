@@ -1,4 +1,4 @@
-"""Cases of what a motion keeps or loses: energy, momentum, amplitude."""
+"""Cases of conserved and lost quantities: energy, momentum, amplitude."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ FREE_CHAIN: dict[str, Any] = {
 def thrown_cable(
     step: float, gravity: float, elements: int = 8, hinges: dict[str, float] | None = None, **solver: Any
 ) -> Simulation:
-    """A cable with nothing that holds it, thrown and turning, with a carriage of two bodies free to slide on it.
+    """Unsupported cable, thrown and rotating, with a carriage of two bodies sliding freely.
 
     `hinges` has what is above each body, `solver` what else that section of the scenario is to hold.
     """
@@ -205,7 +205,7 @@ def thrown_cable(
 
 @case("momentum of a thrown cable", "Newton: no force, no change", needs_jit=True)
 def momentum_is_kept() -> Iterator[Result]:
-    """Free at both ends, with a carriage of two bodies that slides on it."""
+    """Cable free at both ends, with a sliding carriage of two bodies."""
     drifts = []
     for step in (5e-4, 2.5e-4):
         simulation = thrown_cable(step, 0.0)

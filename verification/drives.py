@@ -1,4 +1,4 @@
-"""Cases of what acts along the cable: drive, friction, end stops, on a taut light rope that is straight to 0.1 mm."""
+"""Cases along a taut light rope, straight to 0.1 mm: drive, friction, end stops."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def friction_on_a_slope() -> Iterator[Result]:
 
 @case("viscous friction on a slope", "terminal speed m g sin / c", needs_jit=True)
 def viscous_slope() -> Iterator[Result]:
-    """Within a hundred thousandth of it after ten time constants m/c."""
+    """Terminal speed to 1e-5 after ten time constants m/c."""
     angle, viscous = radians(30.0), 20.0
     simulation = slope(angle, 90.0, friction={"viscous": viscous})
     expected = -MASS * GRAVITY * sin(angle) / viscous
@@ -144,7 +144,7 @@ def jerk_limited() -> Iterator[Result]:
 
 @case("driven joint at the end of its track", "v²/2a", needs_jit=True)
 def driven_to_the_end() -> Iterator[Result]:
-    """Driven at the upper end it stops before the end stop by itself; an emergency stop takes v²/2a."""
+    """Drive reference ending before the end stop; an emergency stop over v²/2a."""
     limits = {"acceleration": 0.5, "emergency_deceleration": 2.0}
     simulation = slope(
         radians(20.0), 80.0, drive={"mode": "speed", "limits": limits}, end_stop={"stroke": 0.5}, step=2e-3
@@ -167,7 +167,7 @@ def driven_to_the_end() -> Iterator[Result]:
 
 @case("force along the cable", "a = F/m - g sin", needs_jit=True)
 def driven_by_force() -> Iterator[Result]:
-    """A given force, and a drive that has less force than its acceleration needs."""
+    """Given force, and a drive with less force than its acceleration needs."""
     angle = radians(20.0)
     weight = MASS * GRAVITY * sin(angle)
     simulation = slope(angle, 20.0, drive={"mode": "force"})
@@ -193,7 +193,7 @@ def driven_by_force() -> Iterator[Result]:
 
 @case("end stop", "a buffer gives back no energy", needs_jit=True)
 def end_stop() -> Iterator[Result]:
-    """A free carriage runs down 20 m into the stop; then it comes back less far each time."""
+    """Free carriage running down 20 m into the end stop, and its decreasing rebounds."""
     angle = radians(20.0)
     simulation = slope(angle, 20.0, end_stop={"stroke": 1.0})
     start = simulation.energy()

@@ -1,4 +1,4 @@
-"""Hours of operation in minutes: does the twin's memory grow, does it fall behind, is its log complete?
+"""Hours of operation in minutes: memory, lateness and complete log of a twin.
 
 Starts the node `sim` at a multiple of real time (single_span on 24 elements), drives its cabin up and down from
 another process, and looks at its memory and its diagnostics once a second. Eight hours at 40 times real time:
@@ -58,7 +58,7 @@ class Endurance:
     log_size: int  # bytes
 
     def lines(self) -> list[str]:
-        """A table."""
+        """Text of a table."""
         first, last = self.memory
         return [
             f"simulated {self.hours:.2f} h in {self.wall_time:.0f} s, {self.factor:.1f} times real time; "
@@ -72,7 +72,7 @@ class Endurance:
 
 
 class Operator:
-    """Drives the cabin between the stations, and hears the diagnostics."""
+    """Operator that drives the cabin between the stations and receives the diagnostics."""
 
     def __init__(self, domain: int, process: int) -> None:
         import rclpy  # noqa: PLC0415 - --help works without it
@@ -98,13 +98,13 @@ class Operator:
         self._heard = 0
 
     def work(self, seconds: float, until: Callable[[], Any]) -> None:
-        """Take what comes."""
+        """Take messages and give commands."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline and not until():
             self._executor.spin_once(timeout_sec=0.05)
 
     def close(self) -> None:
-        """Leave the domain."""
+        """Leave the ROS domain."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -132,7 +132,7 @@ class Operator:
 
 
 def run(hours: float, factor: float, directory: Path, domain: int, on_time: Callable[[float], None]) -> Endurance:
-    """Operate a twin for so long.
+    """Operate a twin for a time (s).
 
     Args:
         hours: of simulated time.
@@ -206,7 +206,7 @@ def run(hours: float, factor: float, directory: Path, domain: int, on_time: Call
 
 
 def main() -> int:
-    """Run it and print what it showed; 1 when frames are missing."""
+    """Run the test and print its results; returns 1 when frames are missing."""
     parser = argparse.ArgumentParser(
         prog="python -m verification.endurance", description="Operate a twin for hours of simulated time."
     )

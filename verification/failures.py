@@ -1,4 +1,4 @@
-"""What is lost when the machine under a running twin fails: a kill, a power cut, a disk that fills up or stalls.
+"""Losses by failures of the machine under a running twin: kill, power cut, full or stalling disk.
 
 Each case starts the node `sim` on a disk of its own: an ext4 file system in a file, mounted over a loop device, which
 can be filled, stalled (`fsfreeze`), broken and switched off. A second process listens to the topics meanwhile. This
@@ -53,10 +53,10 @@ class Loss:
 
 
 class Disk:
-    """A small disk that can fail."""
+    """Small disk that can fail."""
 
     def __init__(self, directory: Path, stall_time: float = STALL) -> None:
-        """Make it and mount it below a directory; raises OSError where this machine does not let us."""
+        """Create the disk and mount it below a directory; raises OSError where not permitted."""
         self.image = directory / "disk.img"
         self.root = directory / "disk"
         self.stall_time = stall_time  # s
@@ -67,7 +67,7 @@ class Disk:
         self._run("mount", "-o", "loop,errors=remount-ro", str(self.image), str(self.root))
 
     def fill(self) -> None:
-        """Leave no block free."""
+        """Fill the disk completely."""
         with (self.root / "ballast").open("wb", buffering=0) as stream, suppress(OSError):
             for size in (2**20, 2**12):
                 with suppress(OSError):
@@ -75,12 +75,12 @@ class Disk:
                         pass
 
     def stall(self) -> None:
-        """Let every write wait for a while, in the background."""
+        """Delay every write for a while, in the background."""
         self._run("fsfreeze", "--freeze", str(self.root))
         subprocess.Popen(["sh", "-c", f"sleep {self.stall_time}; fsfreeze --unfreeze '{self.root}'"])
 
     def cut_power(self) -> None:
-        """Lose all that was not written through, and refuse everything from now on."""
+        """Lose all data not written through, and refuse everything from now on."""
         descriptor = os.open(self.root, os.O_RDONLY)
         try:
             fcntl.ioctl(descriptor, SHUT_DOWN, array.array("I", [WITHOUT_JOURNAL]))
@@ -88,17 +88,17 @@ class Disk:
             os.close(descriptor)
 
     def become_read_only(self) -> None:
-        """Fail as a worn-out disk does: the kernel finds an error and takes no more writes."""
+        """Fail as a worn-out disk: the kernel finds an error and refuses writes."""
         device = Path(self._run("findmnt", "-n", "-o", "SOURCE", str(self.root)).strip()).name
         Path(f"/sys/fs/ext4/{device}/trigger_fs_error").write_text("worn out")
 
     def mount_again(self, *options: str) -> None:
-        """Switch it off and on."""
+        """Mount the disk again after the failure."""
         self.release()
         self._run("mount", "-o", ",".join(("loop", *options)), str(self.image), str(self.root))
 
     def release(self) -> None:
-        """Unmount it."""
+        """Unmount the disk."""
         self._run("umount", str(self.root))
 
     @staticmethod
@@ -110,7 +110,7 @@ class Disk:
 
 
 class Listener:
-    """Hears the frames of a twin in another process and drives its cabin."""
+    """Receiver of the frames of a twin in another process, and driver of its cabin."""
 
     def __init__(self, domain: int) -> None:
         import rclpy  # noqa: PLC0415 - the cases without it can be listed
@@ -129,22 +129,22 @@ class Listener:
         self._node.create_timer(0.05, lambda: publisher.publish(command))
 
     def listen(self, seconds: float, until: Callable[[], Any] = lambda: False) -> None:
-        """Take what comes for a while."""
+        """Take messages for a while."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline and not until():
             self._executor.spin_once(timeout_sec=0.02)
 
     def rate_after(self, moment: float) -> float:
-        """Frames in a second (Hz) of the clock after a moment."""
+        """Frames per second (Hz) of the clock after a moment."""
         later = [clock for clock, _ in self.heard if clock > moment]
         return (len(later) - 1) / (later[-1] - later[0]) if len(later) > 1 else 0.0
 
     def newest(self, moment: float) -> int:
-        """Stamp (ns) of the last frame heard until a moment."""
+        """Stamp (ns) of the last frame received until a moment."""
         return max(stamp for clock, stamp in self.heard if clock <= moment)
 
     def close(self) -> None:
-        """Leave the domain."""
+        """Leave the ROS domain."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -217,7 +217,7 @@ def measure(
     listening: float = 3.0,
     stall: float = STALL,
 ) -> Loss:
-    """Run a twin, let it happen, and look at what is left.
+    """Run a twin, cause a failure, and read the remaining data.
 
     Args:
         failure: one of `FAILURES`.
@@ -276,14 +276,14 @@ def measure(
 
 
 def _said(output: str) -> str:
-    """First warning or error of the node about its bag, without time and name of the node."""
+    """First warning or error of the node about its bag, without time and node name."""
     words = ("log stopped", "nothing is recorded", "disk does not keep up")
     lines = [line for line in output.splitlines() if any(word in line for word in words)]
     return lines[0].partition("[cable_twin]: ")[2] if lines else ""
 
 
 def _look(loss: Loss, root: Path, newest: int, whole: bool) -> None:
-    """Read what is left on the disk, with our own commands and with rosbags."""
+    """Read the data on the disk, by this package and by rosbags."""
     runs = [path for path in root.iterdir() if path.is_dir() and path.name != "lost+found"]
     if not runs:
         return
@@ -317,7 +317,7 @@ def _run_module(module: str, *arguments: str) -> subprocess.CompletedProcess[str
 
 
 def _count_with_rosbags(bag: Path) -> int:
-    """Messages that somebody else's reader finds."""
+    """Number of messages read by rosbags."""
     from rosbags.highlevel import AnyReader  # noqa: PLC0415
 
     with AnyReader([bag]) as reader:
@@ -325,7 +325,7 @@ def _count_with_rosbags(bag: Path) -> int:
 
 
 def row(loss: Loss) -> str:
-    """One row of the table."""
+    """Table row of one loss."""
     rate = "-" if loss.rate is None else f"{loss.rate:.1f}"
     lost = "all, nothing is recorded" if loss.lost is None else f"{loss.lost:.0f}"
     replayed = {None: "-", True: "agree", False: "**differ**"}[loss.replayed]
@@ -334,7 +334,7 @@ def row(loss: Loss) -> str:
 
 
 def main() -> int:
-    """Print the table; 1 when more than a second is lost of a log."""
+    """Print the table; returns 1 when more than a second of a log is lost."""
     print("| failure | the node says | frames after it [Hz] | lost [ms] | `review`, `replay` | rosbags |")
     print("| --- | --- | --- | --- | --- | --- |")
     code = 0

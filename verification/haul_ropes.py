@@ -1,4 +1,4 @@
-"""Cases of what a haul rope does to the track rope on which its carriage rolls: nothing along it."""
+"""Cases of a haul rope beside its track rope: no force along the track rope."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def carried(tension: float, height: float) -> float:
 
 @case("haul rope and track rope at rest", "T (1 + T/2EA) - rho g z the same at both ends; m g sin", needs_jit=True)
 def at_rest() -> Iterator[Result]:
-    """The tension differs from one end to the other by the weight of the rope alone; the station has the pull.
+    """Tension difference of both ends equal to the weight of the rope; the pull is on the station.
 
     What is left is that of a kink, which is rounded over an element.
     """
@@ -67,7 +67,7 @@ def at_rest() -> Iterator[Result]:
 
 @case("haul rope against friction", "m g sin + μ m g cos; against a drive on the carriage", needs_jit=True)
 def against_friction() -> Iterator[Result]:
-    """At a constant speed up a straight slope: what the track rope has along itself is the friction, and no more."""
+    """Constant speed up a straight slope: only friction acts along the track rope."""
     slope, friction = radians(20.0), 0.03
     weight, resisting = MASS * GRAVITY * sin(slope), friction * MASS * GRAVITY * cos(slope)
     along = np.array([cos(slope), 0.0, sin(slope)])
@@ -83,7 +83,7 @@ def against_friction() -> Iterator[Result]:
 
 @case("haul rope of a track rope that moves along itself", "energy is conserved", needs_jit=True)
 def sliding_track() -> Iterator[Result]:
-    """The sheave stops at once; carriage, both ropes and counterweight swing, and what one loses another has."""
+    """Sudden stop of the sheave: energy exchange of carriage, both ropes and counterweight."""
     limits = {"acceleration": 0.5, "emergency_deceleration": 60.0}
     simulation = span(
         hauled({"axial_stiffness": 1e6, "mass_per_length": 1.0}, limits=limits), spectral_radius=0.9, step=1e-3

@@ -1,4 +1,4 @@
-"""Cases of what a ropeway bears besides itself: payload, ice, wind; and its height above the ground."""
+"""Cases of loads on a ropeway besides its own weight: payload, ice, wind; and its height above the ground."""
 
 from __future__ import annotations
 

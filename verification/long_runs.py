@@ -1,4 +1,4 @@
-"""Long runs of the shipped ropeways: what may not happen in them, and whether all energy is accounted for.
+"""Long runs of the shipped ropeways: excluded events, and a complete energy balance.
 
 A full trip of the tramway with an emergency stop over its tower; an hour of the chairlift, a closed loop, with starts,
 stops, emergency stops and a reversal, in which no rope may be lost; trips of the jig-back with an emergency stop while
@@ -136,7 +136,7 @@ def air_losses(simulation: Simulation) -> float:
 
 @dataclass
 class Balance:
-    """Where the energy of a run comes from and goes to, all in J, by the trapezoidal rule from frame to frame."""
+    """Energy supplied and dissipated in a run, all in J, by the trapezoidal rule from frame to frame."""
 
     simulation: Simulation
     work: float = 0.0  # of the drive
@@ -151,7 +151,7 @@ class Balance:
         self._start = self.simulation.energy().total
 
     def advance(self, frame: float) -> None:
-        """Go on by one frame (s)."""
+        """Add one frame (s)."""
         simulation = self.simulation
         if simulation.drives:
             before, energies = simulation.state.attached.copy(), carrier_energies(simulation)
@@ -193,7 +193,7 @@ def tramway_trip() -> tuple[Simulation, list[Event], float, float]:
 
 
 def events() -> dict[int, tuple[str, float]]:
-    """Every ten minutes: a service stop, an emergency stop; the fourth ten minutes go backwards. By second."""
+    """Stops by second: every ten minutes a service stop and an emergency stop; reversal in the fourth ten minutes."""
     found: dict[int, tuple[str, float]] = {}
     for number in range(6):
         begin, speed = 600 * number, -2.5 if number == 3 else 2.5
@@ -241,7 +241,7 @@ class Extremes:
         self.track, self.slackest, self.haul = 0.0, inf, 0.0  # N
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take in one frame."""
+        """Add one frame."""
         for row, name in enumerate(snapshot.layout.carriages):
             cabin = snapshot.carriages[name]
             self.ways[row] = max(self.ways[row], abs(cabin.arc_length - self._places[row]))
@@ -292,12 +292,12 @@ def trip(name: str, changes: dict[str, Any], goes_on: bool, share: float, shown:
 
 
 def drive_stop(share: float, shown: Callable[..., None]) -> str:
-    """The drive stops it; after the release it goes on to the stations."""
+    """Emergency stop by the drive; after the release on to the stations."""
     return trip("jig_back_drive_stop", {}, True, share, shown)
 
 
 def track_rope_stop(share: float, shown: Callable[..., None]) -> str:
-    """The track-rope brakes stop it, and hold."""
+    """Emergency stop by the track-rope brakes, which then hold."""
     return trip("jig_back_track_rope_stop", FAILED, False, share, shown)
 
 

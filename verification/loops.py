@@ -71,7 +71,7 @@ def loop(
 
 
 def wheels(simulation: Simulation) -> Any:
-    """Motion of the bullwheels, as the kernels have it: a view."""
+    """Motion of the bullwheels, as a view of the kernels' data."""
     return simulation._engine.loop.motion  # type: ignore[attr-defined]
 
 
@@ -157,7 +157,7 @@ ROPE = np.sqrt(60e6 * 6.0), np.sqrt(60e6 / 6.0)  # kg/s, m/s: impedance and spee
 
 
 def chain(masses: tuple[float, float], carriage: float, links: int = 1500) -> FloatArray:
-    """Lowest frequencies (Hz) of two wheels and both strands between them as a ring of springs and masses.
+    """Lowest frequencies (Hz) of two wheels and both strands as a ring of springs and masses.
 
     With the mass of a `carriage` (kg), of a wheel that moves and does not turn, beside one that is held.
     """
@@ -300,7 +300,7 @@ def rope_of(simulation: Simulation) -> float:
 
 
 def spacing_error(simulation: Simulation) -> float:
-    """By how much the unstrained rope (m) between two carriers of a strand is off the spacing, at most."""
+    """Largest error of the unstrained rope (m) between two carriers of a strand."""
     worst = 0.0
     for part in simulation._parts:
         on = np.sort(part.state.joints.position[part.riding])
@@ -377,7 +377,7 @@ def hydraulics() -> Iterator[Result]:
 
 @case("strand of a loop", "a cable that moves along itself as a whole", needs_jit=True)
 def as_one_cable() -> Iterator[Result]:
-    """Both bullwheels driven alike: each strand is a single moving cable, of another engine. 10 s, one start."""
+    """Both bullwheels driven alike against each strand as a single moving cable: 10 s, one start."""
     limits = {"acceleration": 0.4, "jerk": 0.5}
     given = {"mass_per_length": 6.0, "bending_stiffness": 3e3, "elements": 40, "damping_time": 0.004}
     simulation = loop(limits=limits, rope=given, back={"drive": {"name": "second", "limits": limits}})
@@ -405,7 +405,7 @@ def as_one_cable() -> Iterator[Result]:
 
 @case("loop in space", "the same in a plane", needs_jit=True)
 def in_space() -> Iterator[Result]:
-    """With chairs, 3 s from rest."""
+    """Loop with chairs in a plane and in space, 3 s from rest."""
     seen = []
     for top in ((200.0, 60.0), (200.0, 0.0, 60.0)):
         simulation = loop(

@@ -1,4 +1,4 @@
-"""Meshes: closed forms and orders hold on graded ones, and what a carriage feels of elements and where they change."""
+"""Meshes: closed forms and orders on graded ones, and forces of carriages passing elements and changes of length."""
 
 from __future__ import annotations
 

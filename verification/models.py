@@ -1,4 +1,4 @@
-"""Models and measures that the cases in motion share."""
+"""Common models and measures of the cases in motion."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def chairlift(**changes: Any) -> Simulation:
 
 @contextmanager
 def changing(simulation: Simulation) -> Iterator[State]:
-    """The state as a copy to write into, put back in the end."""
+    """Context of a writable copy of the state, restored at its end."""
     full = simulation.capture()
     yield full.state
     simulation.restore(full)
@@ -145,12 +145,12 @@ def changing(simulation: Simulation) -> Iterator[State]:
 
 @lru_cache(maxsize=1)
 def _room(simulation: Simulation) -> tuple[State, Workspace]:
-    """State and workspace for all calls of kernels, as new ones take milliseconds to hand over."""
+    """State and workspace for all calls of kernels, as passing new ones takes milliseconds."""
     return simulation.capture().state, allocate_workspace(simulation.system)
 
 
 def for_kernels(simulation: Simulation) -> tuple[State, Workspace]:
-    """A copy of the present state and a workspace, until the next call."""
+    """Copy of the present state and a workspace, valid until the next call."""
     state, work = _room(simulation)
     write(simulation.state, state)
     return state, work

@@ -158,7 +158,7 @@ HALF_WAY = {"cabin_1": 521.1, "cabin_2": 521.1}  # m of the track ropes, half th
 
 
 def jig_back(loads: tuple[float, float], elements: int, **more: Any) -> Simulation:
-    """The shipped jig-back with cabins of so much payload (kg) half-way, without air."""
+    """Scenario of the shipped jig-back with cabins of given payloads (kg) half-way, without air."""
     changes: dict[str, Any] = {f"ropes.{rope}.elements": elements for rope in STRANDS}
     changes["drives.haul_rope.travel"] = None  # which is from where the cabins start
     for number, (name, load) in enumerate(zip(HALF_WAY, loads, strict=True), start=1):

@@ -1,4 +1,4 @@
-"""Cases of what turns in space: a body that spins freely, pendulums, the orders of both integrators."""
+"""Cases of rotation in space: free body, pendulums, orders of both integrators."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def free_body() -> Iterator[Result]:
 
 
 def swung(up: FloatArray, tangent: FloatArray) -> FloatArray:
-    """Axes of a body as columns that hangs from a rope: z to its pivot, the lateral one across the rope."""
+    """Axes of a hanging body as columns: z to its pivot, the lateral one across the rope."""
     left = np.cross(up, tangent)
     left /= np.linalg.norm(left)
     return np.stack([np.cross(left, up), left, up], axis=1)

@@ -1,4 +1,4 @@
-"""A long run with splitting and retention: is the disk bounded, does each kept file replay alone, is memory flat?
+"""Long run with splitting and retention: bounded disk use, replay of each kept file, constant memory.
 
 `simulate` as a user starts it, with a stop and a start every hour, its memory and its directory looked at all the time;
 then `replay` of every kept file alone. A day of the chairlift takes an hour or two on one core:
@@ -45,7 +45,7 @@ class Season:
     faults: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """A table."""
+        """Text of a table."""
         warm = [memory for at, memory in self.memory if at >= WARM * self.wall_time]
         quarter = max(len(warm) // 4, 1)
         first, last = (sum(part) / len(part) for part in (warm[:quarter], warm[-quarter:]))
@@ -61,7 +61,7 @@ class Season:
 
 
 def run(hours: float, frame_rate: float, directory: Path, changes: Sequence[str], progress: Progress) -> Season:
-    """Simulate, look, and replay what is left."""
+    """Simulate a long run, and replay the remaining files."""
     season = Season(hours, frame_rate)
     script = directory / "day.yaml"
     lines = [f"- {{time: 0, name: {DRIVE}, speed: {SPEED}}}"]
@@ -109,7 +109,7 @@ def run(hours: float, frame_rate: float, directory: Path, changes: Sequence[str]
 
 
 def _look(season: Season, process: int, at: float, logs: Path) -> None:
-    """Memory of the process and size of its directory now."""
+    """Present memory of the process and size of its directory."""
     try:
         pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     except (OSError, IndexError):
@@ -127,7 +127,7 @@ def _look(season: Season, process: int, at: float, logs: Path) -> None:
 
 
 def main() -> int:
-    """Run it and print what it gave; 1 where a file does not replay or the run failed."""
+    """Run the test and print its results; returns 1 where a file does not replay or the run failed."""
     parser = argparse.ArgumentParser(prog="python -m verification.season", description=__doc__.partition("\n")[0])
     parser.add_argument("--hours", type=float, default=24.0, help="of simulated time; default: %(default)g")
     parser.add_argument("--frame-rate", type=float, default=100.0, help="Hz; default: %(default)g")

@@ -31,7 +31,7 @@ def hauled(rope: dict[str, Any] | None = None, **drive: Any) -> dict[str, Any]:
 
 
 def stretches(simulation: Simulation, start: float, end: float, frame: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s) and how far (m) the carriage is ahead of the place that its sheave gives it."""
+    """Times (s) and distance (m) of the carriage ahead of the place given by its drum."""
     times = np.arange(start, end, frame)
     cars = [simulation.advance_to(float(time)).carriages["car"] for time in times]
     return times, np.array([car.arc_length - car.haul_rope.travel for car in cars if car.haul_rope])

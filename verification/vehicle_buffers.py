@@ -1,4 +1,4 @@
-"""Cases of vehicles that meet on one rope: momentum, restitution, a train, and one that leans on another."""
+"""Cases of vehicles meeting on one rope: momentum, restitution, a train, a vehicle leaning on another."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STRETCH = SPAN / UNSTRAINED  # speeds are along the unstrained rope
 
 
 def vehicle(arc_length: float, speed: float, mass: float, damping: float = 0.0) -> dict[str, Any]:
-    """A block around its joint, which does not swing."""
+    """Block around its joint, without swing."""
     block = {"mass": mass, "inertia": 10.0, "upper_pivot": [0.0, 0.0], "size": [LENGTH, LENGTH]}
     return {
         "arc_length": arc_length,
@@ -29,7 +29,7 @@ def vehicle(arc_length: float, speed: float, mass: float, damping: float = 0.0) 
 
 
 def level(vehicles: Sequence[dict[str, Any]], step: float = 1e-3, **solver: Any) -> Simulation:
-    """A level taut rope without gravity."""
+    """Level taut rope without gravity."""
     return beam(
         length=UNSTRAINED,
         mass_per_length=1.0,
@@ -123,7 +123,7 @@ def order() -> Iterator[Result]:
 
 @case("a vehicle leans on another", "m g sin of the rope's slope at its joint", needs_jit=True)
 def leaning() -> Iterator[Result]:
-    """On an incline the upper one, free and without friction at rest, lies on the lower one, which its drive holds."""
+    """Free upper vehicle without friction, resting on an incline against the lower one, held by its drive."""
     mass = 400.0
     lower, upper = vehicle(40.0, 0.0, mass, 1.0), vehicle(41.02, 0.0, mass, 1.0)
     simulation = beam(

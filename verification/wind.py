@@ -1,4 +1,4 @@
-"""Cases of a wind that is neither even nor steady: height, gusts, turbulence, eddies, drag by the axes of a body."""
+"""Cases of non-uniform and unsteady wind: height, gusts, turbulence, eddies, drag by the axes of a body."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def height() -> Iterator[Result]:
 
 @case("gusts", "IEC 61400-1, 6.3.2.2: extreme operating gust; CS-25.341: one minus cosine", needs_jit=True)
 def gusts() -> Iterator[Result]:
-    """A gust of 10 m/s each, of the scenario and as a command, which are the same."""
+    """Gust of 10 m/s from the scenario and as a command, equal to each other."""
     times, start, duration = np.arange(1, 1500) * 0.01, 2.0, 10.5
     t = np.clip(times - start, 0.0, duration)
     turn = 2.0 * pi * t / duration
