@@ -27,6 +27,7 @@ MODULES = (
     "tramway",
     "haul_ropes",
     "loads",
+    "random_loads",
     "meshes",
     "space",
     "rotation",
