@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.measure import ROOT, BenchmarkError, environment_of_user
-from cable_twin.mechanics.language.compilation import MECHANICS, cache_directory
+from cable_twin.mechanics.language.kernel_cache import MECHANICS, cache_directory
 
 YARDSTICK = "757d35a"  # commit whose solver is the unit
 

@@ -14,7 +14,8 @@ from rich.console import Console
 from twin_process import run_python, wait_until
 
 import cable_twin
-from cable_twin.mechanics.language.compilation import FROM_KERNELS, FROM_PYTHON, kept_kernels, kernel
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.kernel_cache import FROM_KERNELS, FROM_PYTHON, kept_kernels
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation, first_compilation
 from cable_twin.simulation.engine import Engine
@@ -149,7 +150,7 @@ def test_the_second_process_ends_well(name, tmp_path):
 
 
 def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
-    code = "from cable_twin.mechanics.language.compilation import keeps_kernels; print(keeps_kernels())"
+    code = "from cable_twin.mechanics.language.kernel_cache import keeps_kernels; print(keeps_kernels())"
     result = run_python("-c", code, variables={"NUMBA_CACHE_DIR": os.devnull})
     assert result.stdout == "False\n"
     (line,) = result.stderr.splitlines()

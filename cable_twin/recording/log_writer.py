@@ -19,10 +19,9 @@ from pathlib import Path
 from textwrap import indent
 from typing import Any
 
-from llvmlite.binding import get_host_cpu_name
-
 from cable_twin.basics.files import sync
 from cable_twin.frame.snapshot import Layout
+from cable_twin.mechanics.language.target import target
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.messages.columns import columns_metadata
 from cable_twin.recording.bag_metadata import BagFile, BagTopics
@@ -43,7 +42,7 @@ def program_metadata() -> dict[str, str]:
         "numpy_version": package_version("numpy"),
         "numba_version": package_version("numba"),
         "machine": f"{platform.system()} {platform.machine()}",
-        "cpu": get_host_cpu_name(),  # what the kernels were compiled for
+        "cpu": target().name,  # which the kernels are compiled for: a class of CPUs, or this one
     }
 
 

@@ -30,14 +30,8 @@ import numba
 from numba.core import event
 from numba.core.errors import NumbaError
 
-from cable_twin.mechanics.language.compilation import (
-    FROM_KERNELS,
-    FROM_PYTHON,
-    Kernel,
-    keeps_kernels,
-    kept_kernels,
-    title_of,
-)
+from cable_twin.mechanics.language.compilation import Kernel
+from cable_twin.mechanics.language.kernel_cache import FROM_KERNELS, FROM_PYTHON, keeps_kernels, kept_kernels, title_of
 from cable_twin.mechanics.language.specialization import known_fields, names_left
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.scenario import Scenario, parse_scenario

@@ -38,7 +38,6 @@ print(compiled(), compiled(), coefficients(1.0).gamma)
 
 
 BRIEF = """
-import numba
 from cable_twin.mechanics.language.compilation import brief_kernel, kernel
 
 @kernel
@@ -51,7 +50,7 @@ def outer(x):
 
 assert outer(3.0) == 7.0
 (compiled,) = outer._from_python.overloads.values()
-engine = numba.core.registry.cpu_target.target_context.codegen()._engine._ee
+engine = compiled.codegen._engine._ee
 (symbol,) = (one.fndesc.mangled_name for one in part._from_kernels.overloads.values())
 print(*(engine.get_function_address(name) != 0 for name in (compiled.fndesc.mangled_name, symbol)))
 """
@@ -86,7 +85,8 @@ def test_kernels_of_another_folder_follow_their_sources_and_leave_those_of_the_m
     folder = tmp_path / "figures"
     folder.mkdir()
     (folder / "program.py").write_text(
-        "from cable_twin.mechanics.language.compilation import MECHANICS, cache_directory, kernel\n"
+        "from cable_twin.mechanics.language.compilation import kernel\n"
+        "from cable_twin.mechanics.language.kernel_cache import MECHANICS, cache_directory\n"
         "from constants import FACTOR\n\n"
         "@kernel\ndef scaled(x):\n    return FACTOR * x\n\n"
         "print(scaled(2.0), cache_directory(MECHANICS))\n"

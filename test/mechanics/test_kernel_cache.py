@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cable_twin.mechanics.language.compilation import refuse_shared
+from cable_twin.mechanics.language.kernel_cache import refuse_shared
 from verification import JIT
 
 ROOT = Path(__file__).parents[2]

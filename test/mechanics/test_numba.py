@@ -12,11 +12,14 @@ from pathlib import Path
 import numba
 import pytest
 from numba.core import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompileResult
+from numba.core.compiler import CompileResult, Flags, _make_subtarget
 from numba.core.datamodel import default_manager
 
-from cable_twin.mechanics.language.compilation import _OPTIONS, MECHANICS, Kernel, kernel
+from cable_twin.mechanics.language.compilation import _OPTIONS, Kernel, kernel
+from cable_twin.mechanics.language.kernel_cache import MECHANICS
+from cable_twin.mechanics.language.target import target, target_context
 
 ROOT = Path(__file__).resolve().parents[2]
 LANGUAGE = MECHANICS / "language"
@@ -100,8 +103,30 @@ def test_what_parts_replace_is_there():
     assert hasattr(library, "_linking_libraries") and hasattr(library, "_shared_module"), ADVICE  # noqa: PT018
     assert len(library._codegen._function_pass_manager()) == 2, ADVICE
     assert callable(getattr(numba.core.registry.cpu_target.typing_context, "resolve_function_type", None)), ADVICE
+    assert callable(getattr(library, "get_asm_str", None)), ADVICE
     kept = list(inspect.signature(CompileResult._rebuild).parameters)
     assert kept[:5] == ["target_context", "libdata", "fndesc", "env", "signature"], ADVICE
+
+
+def test_a_context_takes_another_code_generator():
+    """`target` gives one of its own to a copy of numba's context; code is kept apart by what that is for."""
+    context = numba.core.registry.cpu_target.target_context
+    own = target_context()
+    assert own.codegen() is not context.codegen(), ADVICE
+    triple, cpu, features, *_ = own.codegen().magic_tuple()
+    assert (triple, cpu, features) == (context.codegen().magic_tuple()[0], target().cpu, target().features), ADVICE
+    assert _make_subtarget(own, Flags()).codegen() is own.codegen(), ADVICE
+
+
+def test_files_of_the_cache_are_known(tmp_path):
+    """`kernel_cache` has places and stamps of its own for the files in which numba keeps code."""
+    file = IndexDataCacheFile(str(tmp_path), "name", "fingerprint")
+    file.save(("key",), {"data": 1})
+    assert IndexDataCacheFile(str(tmp_path), "name", "fingerprint").load(("key",)) == {"data": 1}, ADVICE
+    assert IndexDataCacheFile(str(tmp_path), "name", "another one").load(("key",)) is None, ADVICE
+    assert ("key",) in file._load_index(), ADVICE
+    assert callable(getattr(CompileResultCacheImpl, "reduce", None)), ADVICE
+    assert list(inspect.signature(FunctionCache._index_key).parameters) == ["self", "sig", "codegen"], ADVICE
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="no kernels without the JIT")

@@ -15,9 +15,11 @@ class Sources:
     """
 
     def __init__(self, *folders: Path) -> None:
-        self._files = [file for folder in folders for file in sorted(folder.rglob("*.py"))]
+        named = [(file.relative_to(folder), file) for folder in folders for file in sorted(folder.rglob("*.py"))]
+        self._files = [file for _, file in named]
         self._stamps = self._read_stamps()  # before the content: an edit meanwhile is seen as one
-        self.fingerprint = hashlib.sha256(b"".join(file.read_bytes() for file in self._files)).hexdigest()[:12]
+        digests = (f"{name.as_posix()} {hashlib.sha256(file.read_bytes()).hexdigest()}" for name, file in named)
+        self.fingerprint = hashlib.sha256("\n".join(digests).encode()).hexdigest()[:12]
 
     def _read_stamps(self) -> list[tuple[int, int]]:
         return [(found.st_mtime_ns, found.st_size) for found in (file.stat() for file in self._files)]

@@ -10,7 +10,6 @@ sets each time that it meets one. That saves 3 to 6 % of a first compilation.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
 from itertools import chain
 from typing import Any
@@ -18,12 +17,9 @@ from uuid import uuid4
 
 import llvmlite.binding as llvm
 from numba import types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, compile_result
+from numba.core.compiler import CompilerBase, _make_subtarget
 from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.registry import cpu_target
-from numba.core.sigutils import normalize_signature
 from numba.core.typed_passes import (
     IRLegalization,
     NativeLowering,
@@ -41,8 +37,8 @@ from numba.core.untyped_passes import (
     TranslateByteCode,
 )
 
-from cable_twin.mechanics.language.fingerprint import Sources
 from cable_twin.mechanics.language.specialization import PutKnown
+from cable_twin.mechanics.language.target import target_context
 
 PLAIN = types.Number, types.Boolean, types.Array  # what an operation has no other meaning for, wherever it stands
 MODULES = "_operator", "builtins", "math"
@@ -119,7 +115,7 @@ class _Library(JITCodeLibrary):
     def finalize(self) -> None:
         """Link all parts, each once, and generate machine code."""
         libraries = dict.fromkeys(self._linking_libraries)
-        self._linking_libraries = [one for one in libraries if not isinstance(one, _PartLibrary)]
+        self._linking_libraries = [one for one in libraries if not isinstance(one, PartLibrary)]
         for bitcode in reversed(_parts_of(libraries)):  # callers first: what nobody calls is not taken in
             self._final_module.link_in(llvm.parse_bitcode(bitcode))
         super().finalize()
@@ -148,13 +144,14 @@ class _NoCode:
         """Ignore the environment of a part, which has no references to it."""
 
 
-class _PartLibrary(_Library):
+class PartLibrary(_Library):
     """Bitcode of a kernel and, separately, of all called kernels, linked into the kernel that Python calls.
 
     Attributes:
         parts: the bitcode of each, itself the last.
     """
 
+    KIND = "part"  # in what is kept of it
     codegen = _NoCode()  # type: ignore[assignment]
     parts: tuple[bytes, ...] = ()
 
@@ -163,7 +160,7 @@ class _PartLibrary(_Library):
         self._raise_if_finalized()
         libraries = dict.fromkeys(self._linking_libraries)
         for library in libraries:
-            if not isinstance(library, _PartLibrary):  # of numba itself
+            if not isinstance(library, PartLibrary):  # of numba itself
                 self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
@@ -188,10 +185,10 @@ class _PartLibrary(_Library):
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, ...]]:
         """Serialise the part for numba's cache files."""
         self._ensure_finalized()
-        return self.name, "part", self.parts
+        return self.name, self.KIND, self.parts
 
     @classmethod
-    def of(cls, codegen: Any, name: str, parts: tuple[bytes, ...]) -> _PartLibrary:
+    def of(cls, codegen: Any, name: str, parts: tuple[bytes, ...]) -> PartLibrary:
         """Restore a part from the output of `serialize_using_object_code`."""
         library = cls(codegen, name)
         library.parts, library._finalized = parts, True
@@ -200,7 +197,7 @@ class _PartLibrary(_Library):
 
 def _parts_of(libraries: Iterable[JITCodeLibrary]) -> tuple[bytes, ...]:
     """Bitcode of all parts among libraries and of the parts they call, each once, callees first."""
-    return tuple(dict.fromkeys(chain.from_iterable(one.parts for one in libraries if isinstance(one, _PartLibrary))))
+    return tuple(dict.fromkeys(chain.from_iterable(one.parts for one in libraries if isinstance(one, PartLibrary))))
 
 
 class WholeCompiler(CompilerBase):
@@ -210,6 +207,7 @@ class WholeCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[PassManager]:
         """Define the compiler passes, and a symbol name that no other process gives to other code."""
+        self.state.targetctx = _make_subtarget(target_context(), self.state.flags)
         self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         self.state.library.enable_object_caching()
         self.state.func_id.unique_id = uuid4().hex[:16]
@@ -229,68 +227,4 @@ class BriefCompiler(WholeCompiler):
 class PartCompiler(WholeCompiler):
     """Compiler of kernels called by kernels."""
 
-    library = _PartLibrary
-
-
-class _PartFile(CompileResultCacheImpl):
-    """Cache entry of a bitcode part in numba."""
-
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Rebuild the compilation result of a part from its cache entry."""
-        (name, _, parts), function, env, signature, *_ = payload
-        library = _PartLibrary.of(target_context.codegen(), name, parts)
-        return compile_result(
-            typing_context=target_context.typing_context,
-            target_context=target_context,
-            library=library,
-            environment=env,
-            entry_point=target_context.get_executable(library, function, env),
-            fndesc=function,
-            signature=signature,
-            objectmode=False,
-            reload_init=[],
-        )
-
-
-class KernelCache(FunctionCache):
-    """Cache of kernels called from Python, in a directory for one version of their sources."""
-
-    sources: Sources
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code, unless a source was edited since the start: the cache belongs to the old source."""
-        if self.sources.are_unchanged():
-            super().save_overload(sig, data)
-
-    def has(self, types: tuple[Any, ...]) -> bool:
-        """Return whether the cache holds code for arguments of these types."""
-        try:
-            return self._index_key(types, cpu_target.target_context.codegen()) in self._cache_file._load_index()
-        except Exception:  # as in `load_overload`, which tells
-            return False
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the code for these types; None for a file whose code differs from its index.
-
-        numba writes the index first, so that two starts at once of scenarios of different types may leave that. None
-        also once a source was edited since the start: this process may have read the new one.
-        """
-        if not self.sources.are_unchanged():
-            return None
-        try:
-            loaded = super().load_overload(sig, target_context)
-        except Exception as error:  # of pickle, or what garbage has made of it
-            logging.getLogger("cable_twin").warning(
-                "%s: damaged (%s): its kernel is compiled anew",
-                self._cache_file._index_path,
-                " ".join(str(error).split())[:200] or type(error).__name__,
-            )
-            self._cache_file.flush()  # nothing is in it then
-            return None
-        return loaded if loaded is None or loaded.signature.args == normalize_signature(sig)[0] else None
-
-
-class PartCache(KernelCache):
-    """Cache of bitcode parts."""
-
-    _impl_class = _PartFile  # type: ignore[assignment]
+    library = PartLibrary
