@@ -10,6 +10,7 @@ from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 
+from cable_twin.basics.cpu import hold_numpy_to_the_class
 from cable_twin.terminal.command_line import INTERRUPTED, faults_reported, interrupts_kept, left_at_once, tell
 
 PIPE_CLOSED = 128 + signal.SIGPIPE  # exit code, as of any command whose reader has gone
@@ -25,6 +26,7 @@ def __getattr__(command: str) -> Callable[[], int]:
 
 def _run(command: str) -> int:
     with left_at_once(command):
+        hold_numpy_to_the_class()
         module = import_module(f"cable_twin.offline.{command}")
     try:
         with interrupts_kept():

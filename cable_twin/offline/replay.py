@@ -47,11 +47,12 @@ MADE_BY = {  # what the bits of a result depend on: key of the metadata and how 
     "numpy_version": "numpy",
     "machine": "machine",
     "cpu": "CPU",
+    "arithmetic": "arithmetic",
 }
 EPILOG = f"""\
-On the machine that made a log, with the same versions, all samples agree to the last bit, and that is the default. A
-log made elsewhere is compared to {ELSEWHERE:g}: two numbers a and b agree where |a - b| is at most the tolerance times
-the largest of |a|, |b| and 1, each in its own unit.
+Where versions, target and arithmetic are those that made a log, as on another machine of the kind, all samples agree to
+the last bit, and that is the default. Any other log is compared to {ELSEWHERE:g}: two numbers a and b agree where
+|a - b| is at most the tolerance times the largest of |a|, |b| and 1, each in its own unit.
 
 exit codes: 0 every sample agrees, 1 some differ, 2 the log cannot be read or simulated, 130 ended by Ctrl-C
 
@@ -330,7 +331,7 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
 
 
 def made_here(log: Log) -> bool:
-    """Whether identical bits can be expected: equal versions, numba, numpy and kind of CPU."""
+    """Whether identical bits can be expected: equal versions, numba, numpy, target and arithmetic."""
     here = program_metadata()
     return all(log.metadata.get(key) == here[key] for key in MADE_BY)
 

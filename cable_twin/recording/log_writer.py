@@ -19,6 +19,7 @@ from pathlib import Path
 from textwrap import indent
 from typing import Any
 
+from cable_twin.basics.arithmetic import arithmetic
 from cable_twin.basics.files import sync
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.language.target import target
@@ -43,6 +44,7 @@ def program_metadata() -> dict[str, str]:
         "numba_version": package_version("numba"),
         "machine": f"{platform.system()} {platform.machine()}",
         "cpu": target().name,  # which the kernels are compiled for: a class of CPUs, or this one
+        "arithmetic": arithmetic(),
     }
 
 

@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from cable_twin.basics.cpu import hold_numpy_to_the_class
 from cable_twin.basics.printable import printable, printable_lines
 from cable_twin.ros.parameter_table import PARAMETERS
 from cable_twin.ros.startup import (
@@ -91,6 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; returns 0 after a clean end, 1 after a failed start or a fault."""
     arguments = ros_arguments(sys.argv[1:] if argv is None else argv)
     ending = Ending("sim")
+    hold_numpy_to_the_class()
     try:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         from rclpy.exceptions import ParameterException  # noqa: PLC0415

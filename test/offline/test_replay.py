@@ -7,13 +7,16 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from bags import NO_BAGS, alter, bag, unchanged
 from golden_log import GOLDEN
-from twin_process import run_module, write_quick_scenario
+from twin_process import run_module, run_python, write_quick_scenario
 
+from cable_twin.basics.cpu import CLASSES
 from cable_twin.frame.records import Command, CommandError
+from cable_twin.mechanics.language.target import target
 from cable_twin.messages import SCENARIO, MessageEncoder, decode, serialize, topics
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline.replay import main
@@ -239,11 +242,25 @@ def test_it_says_what_made_the_log(recorded, capsys):
     metadata = read_log(recorded).metadata
     assert (
         f"made by: cable_twin {metadata['package_version']}, numba {metadata['numba_version']}, numpy "
-        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, format {FORMAT_VERSION}"
+        f"{metadata['numpy_version']}, machine {metadata['machine']}, CPU {metadata['cpu']}, "
+        f"arithmetic {metadata['arithmetic']}, format {FORMAT_VERSION}"
     ) in output
     assert "here:" not in output
     assert re.search(r"scenario: quick, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
     assert re.search(r"commands: .*\d+ emergency_stop.* from \d+ python, sha256 [0-9a-f]{12}$", output, re.MULTILINE)
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled for a CPU")
+def test_a_log_replays_to_the_last_bit_on_another_cpu_of_the_class(recorded):
+    """Its kernels are those of this one: nothing is compiled."""
+    assert read_log(recorded).metadata["cpu"] == target().name
+    if target().name not in {known.target.name for known in CLASSES.values()}:
+        pytest.skip("this CPU is of no class")
+    result = run_python("-m", "cable_twin.offline.replay", recorded, variables={"NUMBA_CPU_NAME": "skylake"})
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "every sample agrees to the last bit" in result.stdout
+    assert "here:" not in result.stdout
+    assert "compil" not in result.stderr
 
 
 def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tmp_path, capsys):
