@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from fnmatch import fnmatchcase
 from functools import partial
-from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -16,21 +14,12 @@ from gymnasium import spaces
 from gymnasium.vector import AsyncVectorEnv
 
 from cable_twin.frame.commands import KINDS
+from cable_twin.frame.quantities import by_default, chosen, quantities
 from cable_twin.frame.records import Command, FloatArray
-from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation, SolverError
 
 ENDS_OF_CABLE = 2  # samples of the cable: the fewest
-
-
-class Quantity(NamedTuple):
-    """Observable number: unit, column in a row of a frame, and bounds."""
-
-    unit: str
-    column: float  # a whole number
-    low: float = -inf
-    high: float = inf
 
 
 class Observed(Mapping[str, float]):
@@ -53,97 +42,6 @@ class Observed(Mapping[str, float]):
 
     def __len__(self) -> int:
         return len(self._numbers)
-
-
-def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
-    """All observable quantities of a scenario, by name; the cable is observed at its ends."""
-    columns = layout.columns(np.arange(layout.size, dtype=np.float64))
-    length = scenario.cable.unstrained_length
-    found = {"time": Quantity("s", 0, 0.0)}
-    for row, name in enumerate(layout.vehicles):
-        found |= {
-            f"{name}/arc_length": Quantity("m", columns.arc_length[row], 0.0, length),
-            f"{name}/speed": Quantity("m/s", columns.speed[row]),
-            f"{name}/drive_force": Quantity("N", columns.drive_force[row]),
-            f"{name}/payload": Quantity("kg", columns.payload[row], 0.0),
-            f"{name}/attached": Quantity("-", columns.attached[row], 0.0, 1.0),
-            f"{name}/contact_force_x": Quantity("N", columns.contact_force[row, 0]),
-            f"{name}/contact_force_z": Quantity("N", columns.contact_force[row, 2]),
-        }
-    for row, name in enumerate(layout.bodies):
-        found |= {
-            f"{name}/x": Quantity("m", columns.body_position[row, 0]),
-            f"{name}/z": Quantity("m", columns.body_position[row, 2]),
-            f"{name}/pitch": Quantity("rad", columns.body_angles[row, 1]),
-            f"{name}/pitch_rate": Quantity("rad/s", columns.body_angular_velocity[row, 1]),
-        }
-    for row, name in enumerate(layout.drives):
-        found |= {
-            f"{name}/position": Quantity("m", columns.drive_position[row]),
-            f"{name}/speed": Quantity("m/s", columns.drive_speed[row]),
-            f"{name}/force": Quantity("N", columns.moving_cable_force[row]),
-        }
-    of_carriages = [row for name, row in layout.vehicle_rows.items() if name in layout.commanded]
-    commanded = [(row, "") for row in of_carriages] + [(row, "drive_") for row in range(len(layout.drives))]
-    for name, (row, prefix) in zip(layout.commanded, commanded, strict=True):
-        found |= {
-            f"{name}/{signal}": Quantity(unit, getattr(columns, f"{prefix}{signal}")[row])
-            for signal, unit in (
-                ("commanded_speed", "m/s"),
-                ("commanded_force", "N"),
-                ("reference_position", "m"),
-                ("reference_speed", "m/s"),
-            )
-        }
-    for row, name in enumerate(layout.supports):
-        found |= {
-            f"{name}/force_x": Quantity("N", columns.support_force[row, 0]),
-            f"{name}/force_z": Quantity("N", columns.support_force[row, 2]),
-            f"{name}/travel": Quantity("m", columns.support_travel[row]),
-            f"{name}/load": Quantity("N", columns.tower_load[row], 0.0),
-        }
-    for row, name in enumerate(layout.sheaves):
-        found |= {
-            f"{name}/tension_on": Quantity("N", columns.sheave_tension[row, 0]),
-            f"{name}/tension_off": Quantity("N", columns.sheave_tension[row, 1]),
-            f"{name}/slip": Quantity("m", columns.sheave_slip[row]),
-            f"{name}/travel": Quantity("m", columns.sheave_travel[row]),
-        }
-    for name, sample in layout.end_samples.items():
-        found[f"{name}/tension"] = Quantity("N", columns.rope_tension[sample])
-    return found
-
-
-def by_default(layout: Layout) -> tuple[str, ...]:
-    """Default quantities: motion of driven objects, and pitch of the bodies of carriages, with their rates."""
-    return (
-        *(f"{name}/{signal}" for name in layout.drives for signal in ("position", "speed")),
-        *(f"{name}/{signal}" for name in layout.carriages for signal in ("arc_length", "speed")),
-        *(
-            f"{name}/{body}/{signal}"
-            for name in layout.carriages
-            for body in layout.vehicles[name]
-            for signal in ("pitch", "pitch_rate")
-        ),
-    )
-
-
-def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapshot) -> dict[str, Quantity]:
-    """Quantities with names that match the patterns (`*` for any text), in the order of the patterns.
-
-    Raises:
-        ValueError: a pattern matches no quantity of this scenario.
-    """
-    has = {name: one for name, one in known.items() if np.isfinite(start.numbers[int(one.column)])}
-    found: dict[str, Quantity] = {}
-    for pattern in patterns:
-        fitting = {name: one for name, one in has.items() if fnmatchcase(name, pattern)}
-        if not fitting:
-            raise ValueError(f"observations: {pattern!r} given; allowed, with * for any text: {', '.join(has)}")
-        found |= {name: one for name, one in fitting.items() if name not in found}
-    if not found:
-        raise ValueError(f"observations: none given; allowed, with * for any text: {', '.join(has)}")
-    return found
 
 
 Reward = Callable[[Observed, FloatArray, Observed], float]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -12,8 +12,8 @@ from cable_twin.frame.records import Command, Energy
 from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
-from cable_twin.mechanics.language.declared import Kept, arrays_of, clone, write
-from cable_twin.mechanics.parameters import ALONE, CONTINUUM, System
+from cable_twin.mechanics.language.declared import Kept, Memory, arrays_of, clone, write
+from cable_twin.mechanics.parameters import ALONE, CONTINUUM, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.sections import allocate_sections
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Couplings, Rope
@@ -25,7 +25,7 @@ from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together,
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
 from cable_twin.mechanics.solution.stepping import integrator_named
-from cable_twin.mechanics.state import allocate_states, allocate_workspace
+from cable_twin.mechanics.state import Workspace, allocate_states, allocate_workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import (
     build_bullwheels,
@@ -44,11 +44,32 @@ from cable_twin.simulation.rope_couplings import (
     observe_clamps,
 )
 from cable_twin.simulation.ropeway import Ropeway, of_rope
+from cable_twin.simulation.same_model import check_same_parts, check_same_structure, sharing, with_rest_of
 from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.simulation.vehicle_contacts import with_buffers
-from cable_twin.simulation.vehicles import Vehicles, with_all_vehicles
+from cable_twin.simulation.vehicles import Vehicles, VehicleSettings, with_all_vehicles
 
 SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment of a rest
+
+
+class Start(NamedTuple):
+    """State and commands to which a reset goes back."""
+
+    before: Kept  # states of all ropes
+    moving: BundleState
+    commands: Mapping[str, Command]  # of drives of bullwheels
+    of_ropes: Sequence[Mapping[str, Command]]
+
+
+class Settings(NamedTuple):
+    """Settings of an engine beside its state: parameters with payloads, commands in force, loading, start."""
+
+    parameters: tuple[tuple[System, Any], ...]  # of each rope, and packed
+    stopped: bool
+    commands: Mapping[str, Command]  # of drives of bullwheels
+    of_ropes: tuple[Mapping[str, Command], ...]
+    vehicles: VehicleSettings
+    start: Start
 
 
 class Engine:
@@ -59,16 +80,26 @@ class Engine:
         commands: the last one in force of each drive of a bullwheel.
         vehicles: payloads of the vehicles of all ropes.
         moving: motion of what couples ropes.
+        couplings: parameters of that.
         integrator: the kernel that takes steps.
         at_rest: the kernels that find the rest.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        """Build the ropes and couplings of a scenario, before the search for equilibrium."""
-        self._scenario, self._names = scenario, list(scenario.cables)
+    def __init__(self, scenario: Scenario, like: Engine | None = None) -> None:
+        """Build the ropes and couplings of a scenario, before the search for equilibrium.
+
+        With another engine, its mesh, states and workspaces serve for this one as well, and the two take turns.
+
+        Raises:
+            OtherModelError: the scenario is no other values of that of the other engine.
+        """
+        if like is not None:
+            check_same_parts(scenario, like._scenario)
+        self._scenario: Scenario = scenario
+        self._names = list(scenario.cables)
         self._naming = of_rope if scenario.ropes else nullcontext  # in what is said of one of them
-        systems = build_ropes(scenario)
-        self.parts = _ropeways(scenario, list(systems.values()))
+        systems = build_ropes(scenario, None if like is None else like.meshes)
+        self.parts: list[Ropeway] = _ropeways(scenario, list(systems.values()), like)
         self.vehicles = Vehicles(scenario, self.parts)
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
@@ -89,16 +120,22 @@ class Engine:
             along=along_track(scenario, self.parts) if clamps.rope.size else [],
         )
         self._exerting = clamps.rope.size + 2 * connectors.length.size + pantographs.rope.size
-        self._works = [allocate_workspace(part.system) for part in self.parts]
-        for part in self.parts:
-            part.sections = allocate_sections(part.system, self._exerting)
+        if like is not None:
+            check_same_structure([couplings], [like.couplings])
+            couplings = sharing(couplings, like.couplings)
+        self.couplings: Couplings = couplings
+        self._works: list[Workspace] = like._works if like else [allocate_workspace(part.system) for part in self.parts]
+        for row, part in enumerate(self.parts):
+            own = allocate_sections(part.system, self._exerting) if like is None else like.parts[row].sections
+            part.sections = own
         ropes = [
             Rope(part.system, part.state, work, part.sections)
             for part, work in zip(self.parts, self._works, strict=True)
         ]
         self._sections = pack(self.parts[0].sections)
         self._coupled = couplings.any
-        self._ropes = Assembly(ropes, couplings if self._coupled else None)
+        shared = None if like is None else like._ropes
+        self._ropes: Assembly = Assembly(ropes, couplings if self._coupled else None, shared)
         self.bundle, self.moving = self._ropes.bundle, self._ropes.moving
         self._start: BundleState = self.moving
         self._states = [part.state for part in self.parts]
@@ -230,14 +267,22 @@ class Engine:
 
     def advance(self, steps: int) -> tuple[Any, ...]:
         """Take a number of solver steps, fewer if a bullwheel rolls back; returns the fields of `Outcome`."""
-        for row, part in enumerate(self.parts):
-            self._ropes.put(row, part.system)
+        self._put_parameters()
         outcome = self.integrator(*self.arguments(steps))
+        self.stop_rolled_back()
+        return outcome  # type: ignore[no-any-return]
+
+    def _put_parameters(self) -> None:
+        """Hand the present parameters of all ropes over to the kernels."""
+        for row, part in enumerate(self.parts):
+            self._ropes.put(row, part.packed_system)
+
+    def stop_rolled_back(self) -> None:
+        """Stop the ropes if a bullwheel has rolled back and no emergency stop is in force yet."""
         if self.loop.rolled_back and not self.parts[0].stopped:
             self.commands.clear()
             for part in self.parts:
                 part.stop()
-        return outcome  # type: ignore[no-any-return]
 
     def couple(self) -> None:
         """Write the forces from other ropes into the sections of each rope."""
@@ -302,9 +347,62 @@ class Engine:
         self._before = Kept(*self._states)
         for part, start in zip(self.parts, self._before.records, strict=True):
             part.start = start
-        self._start, self._first_commands = clone(self.moving), dict(self.commands)
-        self._first_of_ropes = [dict(part.commands) for part in self.parts]
+        self._start = clone(self.moving)
+        self._first_commands: Mapping[str, Command] = dict(self.commands)
+        self._first_of_ropes: Sequence[Mapping[str, Command]] = [dict(part.commands) for part in self.parts]
         self.vehicles.note_stations()
+
+    @property
+    def meshes(self) -> list[FloatArray]:
+        """Arc lengths (nodes,) in m of the nodes of each rope."""
+        return [part.system.cable.node_arc_length for part in self.parts]
+
+    @property
+    def memory(self) -> Memory:
+        """Block of memory with the states of all ropes."""
+        return self._states[0].memory
+
+    def go_to_start(self) -> None:
+        """Write the state of the start into the memory of ropes and couplings."""
+        write(self._before, self._states[0])
+        write(self._start, self.moving)
+
+    def carry_payloads(self) -> None:
+        """Put the payloads of the state into the parameters."""
+        self.vehicles.carry(self._states[0].payload)
+        self._put_parameters()
+
+    def rest_of(self, like: Engine) -> None:
+        """Take over the start of another engine, and what depends on its rest, in place of an own search for rest."""
+        for part, other in zip(self.parts, like.parts, strict=True):
+            part.system = with_rest_of(part.system, other.system)
+        self.bundle.wires.tension[:] = like.bundle.wires.tension
+        own = tuple((part.system, part.packed_system) for part in self.parts)
+        settings = like.settings()
+        self.take_over(settings._replace(parameters=own, vehicles=settings.vehicles._replace(carried=None)))
+        self.vehicles.carry(self._states[0].payload)
+
+    def settings(self) -> Settings:
+        """Settings beside the state, for `take_over` of this engine at the state of now."""
+        return Settings(
+            tuple((part.system, part.packed_system) for part in self.parts),
+            self.parts[0].stopped,
+            dict(self.commands),
+            tuple(dict(part.commands) for part in self.parts),
+            self.vehicles.settings(),
+            Start(self._before, self._start, self._first_commands, self._first_of_ropes),
+        )
+
+    def take_over(self, settings: Settings) -> None:
+        """Take over settings from another time, together with the state of that time."""
+        self._before, self._start, self._first_commands, self._first_of_ropes = settings.start
+        self.commands = dict(settings.commands)
+        each = zip(self.parts, settings.parameters, settings.of_ropes, self._before.records, strict=True)
+        for part, parameters, commands, start in each:
+            part.take(*parameters)
+            part.stopped, part.commands, part.start = settings.stopped, dict(commands), start
+        self.vehicles.take_over(settings.vehicles)
+        self._put_parameters()
 
     def kept_states(self) -> tuple[Kept, Kept]:
         """Copy of the states of all ropes with their vehicles, now and at the start."""
@@ -332,13 +430,20 @@ class Engine:
         self.commands = {name: full.commands[name] for name in self.loop.drives if name in full.commands}
 
 
-def _ropeways(scenario: Scenario, systems: list[System]) -> list[Ropeway]:
+def _ropeways(scenario: Scenario, systems: list[System], like: Engine | None) -> list[Ropeway]:
     """Ropeway of each rope with all vehicles, from systems of ropes with their own vehicles."""
     alone = [scenario.of_rope(name) for name in scenario.cables]
     whole = with_all_vehicles(scenario, alone, [with_buffers(*pair) for pair in zip(systems, alone, strict=True)])
     whole = leave_out_absent([system._replace(number=number) for number, system in enumerate(whole)])
     rows = {name: row for row, name in enumerate(scenario.vehicles)}
-    return [Ropeway(*one, rows) for one in zip(alone, whole, allocate_states(whole), strict=True)]
+    states = allocate_states(whole)
+    if like is not None:
+        others = [part.system for part in like.parts]
+        check_same_structure(whole, others)
+        whole = [sharing(*pair) for pair in zip(whole, others, strict=True)]
+        first, states = states, tuple(part.state for part in like.parts)
+        write(first[0], states[0])
+    return [Ropeway(*one, rows) for one in zip(alone, whole, states, strict=True)]
 
 
 def leave_out_absent(systems: list[System]) -> list[System]:

@@ -26,6 +26,11 @@ ROPE_POINTS = 10  # of an element, at which its clearance is taken
 LEAST = 1e-9  # of a length, by which a place may be off the rope: rounding
 
 
+def time_of(clock: int, step: float) -> float:
+    """Time (s) after `clock` steps (s), rounded to whole nanoseconds for an exact round trip through a log."""
+    return round(clock * step * 1e9) / 1e9
+
+
 class Queries:
     """Queries of the present state of a ropeway, without any change."""
 
@@ -141,12 +146,12 @@ class Queries:
         self._seen = None if self._on_demand else self._observe()
 
     def _observe(self) -> Snapshot:
-        time = self._time_at(int(self._ropeway.state.clock[0]))
-        return self._observer.snapshot(time, self._report)
+        return self._observer.snapshot(self.time, self._report)
 
-    def _time_at(self, clock: int) -> float:
-        """Time (s) after `clock` steps, rounded to whole nanoseconds for an exact round trip through a log."""
-        return round(clock * self._ropeway.system.solver.step * 1e9) / 1e9
+    @property
+    def time(self) -> float:
+        """Simulated time (s)."""
+        return time_of(int(self._ropeway.state.clock[0]), self._ropeway.system.solver.step)
 
     @cached_property
     def _lookouts(self) -> dict[str, Ground | Surroundings]:
@@ -189,7 +194,7 @@ class Observer:
     """
 
     def __init__(self, scenario: Scenario, engine: Engine, samples: int) -> None:
-        self._engine = engine
+        self._engine, self.samples = engine, samples
         self.layout = layout = Layout.of(scenario, samples)
         self._numbers = np.zeros(layout.size)
         self._columns = layout.columns(self._numbers)
@@ -202,6 +207,13 @@ class Observer:
             read = pack(part.state), pack(part.sections), pack(places)
             lateral = [*self.layout.laterals.values()][number]
             self._of_ropes.append((part, read, (lateral, pack(self.layout.columns_of(number, self._columns)))))
+
+    def arguments(self) -> tuple[tuple[Any, ...], FloatArray]:
+        """Arguments of the kernel `observe` for the first rope, and the row of numbers (n,) that it fills."""
+        if not self._of_ropes:
+            self._prepare()
+        part, read, written = self._of_ropes[0]
+        return (part.packed_system, *read, part.start.tower_load, *written), self._numbers
 
     def snapshot(self, time: float, report: SolverReport) -> Snapshot:
         """Read a snapshot from the present state.

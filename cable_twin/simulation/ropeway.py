@@ -263,7 +263,11 @@ class Ropeway:
 
     @system.setter
     def system(self, system: System) -> None:
-        self._system, self.packed_system = system, pack(system)
+        self.take(system, pack(system))
+
+    def take(self, system: System, packed: Any) -> None:
+        """Take other parameters, which have been packed before."""
+        self._system, self.packed_system = system, packed
 
 
 def drive(state: State, index: int, kind: str, value: float) -> None:

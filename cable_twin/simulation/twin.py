@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
+import numpy as np
+
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import (
     AppliedCommand,
@@ -20,15 +22,16 @@ from cable_twin.frame.records import (
     SolverReport,
 )
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.mechanics.parameters import Solver, System
+from cable_twin.mechanics.language.declared import Kept, write
+from cable_twin.mechanics.parameters import IntArray, Solver, System
 from cable_twin.mechanics.solution.runge_kutta import stable_step
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.command_handlers import take_effect
-from cable_twin.simulation.engine import Engine
+from cable_twin.simulation.engine import Engine, Settings
 from cable_twin.simulation.first_compilation import compiling_ahead, expect_kernels
-from cable_twin.simulation.queries import Observer, Queries, read_only
+from cable_twin.simulation.queries import Observer, Queries, read_only, time_of
 from cable_twin.simulation.ropeway import Ropeway
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames
@@ -72,8 +75,40 @@ class Simulation(Queries):
         on_demand: bool = False,
         meanwhile: Meanwhile | None = None,
     ) -> None:
+        self._set_up(scenario, Engine(scenario), samples, on_demand)
+        self._find_start(meanwhile)
+
+    def with_values(self, scenario: Scenario, *, rest: bool = True) -> Simulation:
+        """Simulation of other values of the scenario, on the compiled system, mesh and memory of this one.
+
+        The two take turns: the state of this one is overwritten, and whoever needs it keeps a copy.
+
+        Args:
+            scenario: with the same ropes, vehicles, supports and drives, meshes and solver.
+            rest: find its own static equilibrium; else it begins at the present state of this one, with the joint
+                compliance and the start of this one.
+
+        Raises:
+            OtherModelError: the scenario needs another mesh, other parts or another solver.
+            EquilibriumError: it has no rest.
+        """
+        other = Simulation.__new__(Simulation)
+        present = Kept(self._state), Kept(self._engine.moving)
+        other._set_up(scenario, Engine(scenario, self._engine), self._observer.samples, True)
+        if rest:
+            other._find_start(None)
+            return other
+        write(present[0], self._state)
+        write(present[1], self._engine.moving)
+        other._engine.rest_of(self._engine)
+        other._at_start = False
+        other._show(NOTHING_DONE)
+        return other
+
+    def _set_up(self, scenario: Scenario, engine: Engine, samples: int, on_demand: bool) -> None:
+        """Take a scenario and its engine, before the search for rest."""
         self.scenario = scenario
-        self._engine = Engine(scenario)
+        self._engine = engine
         self._parts = self._engine.parts
         self._ropeway, self._contacts = (
             self._parts[0],
@@ -85,6 +120,10 @@ class Simulation(Queries):
         self._shown = read_only(self._state)
         self._observer, self._on_demand = Observer(scenario, self._engine, samples), on_demand
         self.supports = self._observer.layout.supports
+
+    def _find_start(self, meanwhile: Meanwhile | None) -> None:
+        """Find the static equilibrium, and set out from it."""
+        scenario = self.scenario
         expect_kernels(self._engine)
         with compiling_ahead(scenario, self._engine):
             self._engine.find_rest()
@@ -127,6 +166,32 @@ class Simulation(Queries):
         return simulation
 
     @property
+    def engine(self) -> Engine:
+        """Ropes, vehicles and couplings, for an ensemble of simulations."""
+        return self._engine
+
+    @property
+    def observer(self) -> Observer:
+        """Reader of snapshots, for an ensemble of simulations."""
+        return self._observer
+
+    @property
+    def meeting_pairs(self) -> tuple[IntArray, IntArray]:
+        """Rows of vehicles that can meet, (pairs,) each: the one nearer to the start of the rope, and the other."""
+        before, after = zip(*(watch.pairs for watch in self._contacts), strict=True)
+        return np.concatenate(before), np.concatenate(after)
+
+    def take_over(self, settings: Settings, report: SolverReport) -> None:
+        """Take over the settings and the solver report of a state that has been written into memory."""
+        self._engine.take_over(settings)
+        self.show(report)
+
+    def show(self, report: SolverReport) -> None:
+        """Take over the solver report of a state that has been written into memory, with the settings as they are."""
+        self._at_start = False
+        self._show(report)
+
+    @property
     def system(self) -> System:
         """Parameters of the first rope and its vehicles, with payloads."""
         return self._ropeway.system
@@ -144,11 +209,6 @@ class Simulation(Queries):
     def parts(self) -> Mapping[str, Ropeway]:
         """Parameters and present state of each rope with its vehicles, by name; of one cable as "cable"."""
         return dict(zip(self.scenario.cables, self._parts, strict=True))
-
-    @property
-    def time(self) -> float:
-        """Simulated time (s)."""
-        return self._time_at(int(self._state.clock[0]))
 
     @property
     def step(self) -> float:
@@ -303,13 +363,7 @@ class Simulation(Queries):
         if pressed := penetration(self._parts, self._contacts):
             raise SolverError(f"{pressed}; the simulation keeps its state at {self.time:g} s")
         if not outcome.converged:
-            raise SolverError(
-                f"step {clock + outcome.steps + 1} (to {self._time_at(clock + outcome.steps + 1):g} s) failed: after "
-                f"{self.system.solver.max_halvings} halvings of {self.step:g} s the last Newton increment was "
-                f"{with_unit(outcome.increment, 'm', 3)}, largest on element {outcome.element}, "
-                f"an error of {self.system.solver.tolerance:g} m may be left; {undamped(self.system.solver)}"
-                f"the simulation keeps its state at {self.time:g} s"
-            )
+            raise SolverError(step_failure(self.system.solver, clock, outcome))
         return self.snapshot
 
 
@@ -356,6 +410,24 @@ def advance_in_batches(
     return total
 
 
+def step_failure(solver: Solver, clock: int, outcome: Outcome) -> str:
+    """Message about a failed solver step, in a line.
+
+    Args:
+        solver: of the simulation.
+        clock: steps done before those of the outcome.
+        outcome: of the steps up to the failed one.
+    """
+    failed = clock + outcome.steps + 1
+    return (
+        f"step {failed} (to {time_of(failed, solver.step):g} s) failed: after "
+        f"{solver.max_halvings} halvings of {solver.step:g} s the last Newton increment was "
+        f"{with_unit(outcome.increment, 'm', 3)}, largest on element {outcome.element}, "
+        f"an error of {solver.tolerance:g} m may be left; {undamped(solver)}"
+        f"the simulation keeps its state at {time_of(failed - 1, solver.step):g} s"
+    )
+
+
 def _joined(before: Outcome, last: Outcome) -> Outcome:
     """Sum of the outcomes of two calls of the integrator."""
     return last._replace(
@@ -377,6 +449,11 @@ def penetration(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -
     """Message about two vehicles pressed through each other, empty without such a pair."""
     lines = (watch.found(part.state) for part, watch in zip(parts, contacts, strict=True))
     return next((line for line in lines if line), "")
+
+
+def penetration_of(simulation: Simulation) -> str:
+    """Message about two vehicles of a simulation pressed through each other, empty without such a pair."""
+    return penetration(simulation._parts, simulation._contacts)
 
 
 def report_of(outcome: Outcome) -> SolverReport:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.geometry.bodies import body_outline
-from cable_twin.mechanics.parameters import System, VehicleBuffers
+from cable_twin.mechanics.parameters import IntArray, System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
 from cable_twin.scenario import Scenario, vehicle_buffer
@@ -53,6 +53,11 @@ class VehicleContacts:
                     f"carriages.{names[after]}.arc_length: given {places[after]!r}, within "
                     f"'{names[before]}' at {places[before]!r}; allowed: {with_unit(room, 'm', 3)} apart at least"
                 )
+
+    @property
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """Rows of vehicles that can meet, (pairs,) each: the one nearer to the start of the rope, and the other."""
+        return self._before, self._after
 
     def found(self, state: State) -> str:
         """Message about two vehicles pressed through each other, empty without such a pair."""

@@ -17,6 +17,7 @@ from cable_twin.mechanics.parameters import (
     BODY_FIELDS,
     DriveLimits,
     FloatArray,
+    IntArray,
     MovingCable,
     System,
     VehicleBuffers,
@@ -31,6 +32,15 @@ class Home(NamedTuple):
 
     rope: int
     row: int
+
+
+class VehicleSettings(NamedTuple):
+    """Settings of vehicles beside their state."""
+
+    carried: FloatArray | None  # (vehicles,) kg, payloads in the parameters
+    loading: dict[str, float]  # kg, payload at the end of loading, by name
+    stations: FloatArray  # (vehicles,) m, place of the station of each at the last look, NaN on the rope
+    ropes: IntArray  # (vehicles,) rope of each then
 
 
 def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Sequence[System]) -> list[System]:
@@ -176,6 +186,15 @@ class Vehicles:
         self.note_stations()
         self.carry(self._state.payload)
 
+    def settings(self) -> VehicleSettings:
+        """Settings beside the state: payloads in the parameters, loading, and stations at the last look."""
+        return VehicleSettings(self._carried, dict(self.loading), self._stations, self._ropes)
+
+    def take_over(self, settings: VehicleSettings) -> None:
+        """Take over settings from another time, together with the parameters and the state of that time."""
+        self._carried, loading, self._stations, self._ropes = settings
+        self.loading = dict(loading)
+
     def note_stations(self) -> None:
         """Record the present rope and station of each vehicle."""
         self._stations, self._ropes = self._stations_now(), self._state.vehicle_rope.copy()
@@ -192,7 +211,7 @@ class Vehicles:
     def load(self, masses: Mapping[str, float]) -> None:
         """Begin loading vehicles to `masses` (kg), each over the loading time of its scenario."""
         self.loading.update(masses)
-        self._put_in({name: mass for name, mass in masses.items() if self._room(name).loading_time == 0.0})
+        self.put_in({name: mass for name, mass in masses.items() if self._room(name).loading_time == 0.0})
 
     def load_on(self, time: float) -> None:
         """Continue all loading and unloading by `time` (s)."""
@@ -202,7 +221,7 @@ class Vehicles:
             most = room.capacity / room.loading_time * time
             loads[name] = min(max(wanted, carried - most), carried + most)
         if loads:
-            self._put_in(loads)
+            self.put_in(loads)
 
     def exchange(self) -> None:
         """Set the payload of each carrier that has come to or passed a station to the payload on departure."""
@@ -218,9 +237,9 @@ class Vehicles:
                     loads[name] = room.from_start if at_start else room.from_end
         self.note_stations()
         if loads:
-            self._put_in(loads)
+            self.put_in(loads)
 
-    def _put_in(self, loads: Mapping[str, float]) -> None:
+    def put_in(self, loads: Mapping[str, float]) -> None:
         """Set payloads of vehicles to `loads` (kg); loading ends for vehicles at their wanted payload."""
         before = self._parts[0].system.carriages.centre_offset
         for name, mass in loads.items():

@@ -58,6 +58,20 @@ def count_shown(console: Console, things: str, count: int) -> Iterator[Callable[
 
 
 @contextmanager
+def share_shown(console: Console, what: str) -> Iterator[Callable[[float], None]]:
+    """Show a bar over one long call; yields the callback for the share of it that is done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task, began = progress.add_task(what, total=1.0, visible=False), time.monotonic()
+
+        def show(share: float) -> None:
+            visible = time.monotonic() - began > PATIENCE * share and share < 1.0
+            progress.update(task, completed=share, visible=visible)
+
+        yield show
+
+
+@contextmanager
 def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterator[None]:
     """Context that shows the progress of compilation and of settling.
 

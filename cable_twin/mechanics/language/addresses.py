@@ -26,7 +26,7 @@ class Addresses:
     def __init__(self, rows: list[tuple[Any, ...]]) -> None:
         """Pack the records of a table, whose columns each hold records of one kind."""
         self._packed = [[pack(record) for record in row] for row in rows]
-        self.table: NDArray[np.int64] = np.array([[_address(one) for one in row] for row in self._packed], np.int64)
+        self.table: NDArray[np.int64] = np.array([[address(one) for one in row] for row in self._packed], np.int64)
 
     def write(self, row: int, column: int, record: Any) -> None:
         """Replace one record of the table.
@@ -38,10 +38,11 @@ class Addresses:
         if getattr(packed, "_numba_type_", None) != getattr(before, "_numba_type_", None):
             raise TypeError(f"{type(record).__name__}: type differs from the replaced record")
         self._packed[row][column] = packed
-        self.table[row, column] = _address(self._packed[row][column])
+        self.table[row, column] = address(self._packed[row][column])
 
 
-def _address(packed: Any) -> int:
+def address(packed: Any) -> int:
+    """Address of a packed record, which stays in place as long as somebody holds that."""
     if hasattr(packed, "address"):
         return int(packed.address)
     _UNPACKED[id(packed)] = packed

@@ -68,6 +68,14 @@ class Kernel:
         cache = self._from_python._cache
         return isinstance(cache, KernelCache) and cache.has(tuple(numba.typeof(pack(one)) for one in arguments))
 
+    def compiled_for(self, kinds: tuple[Any, ...]) -> Any:
+        """Result of compilation for calls from Python with arguments of these types of numba.
+
+        Raises:
+            KeyError: there was no such call yet.
+        """
+        return self._from_python.overloads[kinds]
+
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel, compiled on the first call for its argument types or loaded from the cache."""
         return self._from_python(*map(pack, arguments))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, inf
 from typing import Any
 
 import numpy as np
 
-from cable_twin.mechanics.parameters import IntArray, System
+from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.solution.bundle.elimination import lines_of, sequence_of
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
@@ -29,8 +30,16 @@ from cable_twin.scenario.sections.vehicles import Carriage
 TENSIONED = ("mass", "pull", "band", "rate", "buffer_stiffness", "buffer_damping")  # numbers of tensioning devices
 
 
-def build_ropes(scenario: Scenario) -> dict[str, System]:
-    """Build the constants of each rope with its vehicles, by name, with a mesh node at each connector."""
+def build_ropes(scenario: Scenario, meshes: Sequence[FloatArray] | None = None) -> dict[str, System]:
+    """Build the constants of each rope with its vehicles, by name, with a mesh node at each connector.
+
+    Args:
+        scenario: of all ropes.
+        meshes: arc lengths (nodes,) in m of the nodes of each rope, None for those of the scenario.
+    """
+    if meshes is not None:
+        both = zip(scenario.cables, meshes, strict=True)
+        return {name: build_system(scenario.of_rope(name), nodes=nodes) for name, nodes in both}
     marks: dict[str, list[float]] = {name: [] for name in scenario.cables}
     for rod in scenario.connectors.values():
         for rope, place in rod.ends:

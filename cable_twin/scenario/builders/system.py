@@ -22,12 +22,15 @@ TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
 BUFFER = 0.05  # m, compression of the buffers of a counterweight under its pull
 
 
-def build_system(scenario: Scenario, marks: FloatArray | None = None) -> parameters.System:
+def build_system(
+    scenario: Scenario, marks: FloatArray | None = None, nodes: FloatArray | None = None
+) -> parameters.System:
     """Build the constants of the mechanics of one rope.
 
     Args:
         scenario: a scenario from `load_scenario`, of one rope.
         marks: arc lengths (marks,) in m of additional nodes, such as those of connectors.
+        nodes: arc lengths (nodes,) in m of all nodes, instead of the mesh of the scenario.
 
     Returns:
         Cable, carriages and solver; the bodies are in the order of the file.
@@ -42,7 +45,8 @@ def build_system(scenario: Scenario, marks: FloatArray | None = None) -> paramet
         air=_build_air(scenario),
         solver=parameters.Solver(**numbers(parameters.Solver, scenario.solver)),
     )
-    nodes = nodes_of(scenario, system)
+    if nodes is None:
+        nodes = nodes_of(scenario, system)
     if marks is not None:
         nodes = with_marks(nodes, marks)
     return system._replace(cable=system.cable._replace(**parameters.mesh_fields(nodes)))

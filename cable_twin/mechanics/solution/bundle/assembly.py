@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import Known, pack
-from cable_twin.mechanics.language.declared import Kept, clone
+from cable_twin.mechanics.language.declared import Kept, clone, write
 from cable_twin.mechanics.parameters import DriveLimits, FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
 from cable_twin.mechanics.solution.bundle.elimination import lines_of, order_of
@@ -18,6 +18,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     Bullwheels,
     Bundle,
     BundleState,
+    BundleWork,
     Clamps,
     Connectors,
     Pantographs,
@@ -92,13 +93,19 @@ class Assembly:
         scratch: of the solver, for couplings.
     """
 
-    def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None) -> None:
-        """Assemble ropes, whose states are in one block; without couplings (None), kernels have nothing for them."""
+    def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None, like: Assembly | None = None) -> None:
+        """Assemble ropes, whose states are in one block; without couplings (None), kernels have nothing for them.
+
+        With another assembly, whose states and workspaces the ropes have, its memory serves for the rest as well.
+        """
         first = ropes[0]
         dim = len(first.system.cable.gravity)
         given = couplings or no_couplings(len(ropes), dim)
-        self._systems = [rope.system for rope in ropes]
-        good, before = (Kept(*[rope.state for rope in ropes]).records for _ in range(2))
+        self._systems: list[Any] = [rope.system for rope in ropes]
+        self._copies: list[tuple[State, ...]] = (
+            like._copies if like else [Kept(*[rope.state for rope in ropes]).records for _ in range(2)]
+        )
+        good, before = self._copies
         self._addresses = Addresses(
             [
                 (rope.system, rope.state, rope.work, good[row], before[row], *_sections(rope))
@@ -125,9 +132,12 @@ class Assembly:
             ),
             sheaves=given.sheaves,
         )
-        self.moving: BundleState = allocate_bundle_state(self.bundle)
-        self.spare = clone(self.moving), clone(self.moving)
-        self.scratch = allocate_bundle_work(self.bundle)
+        first_motion = allocate_bundle_state(self.bundle)
+        if like:
+            write(first_motion, like.moving)
+        self.moving: BundleState = like.moving if like else first_motion
+        self.spare: tuple[BundleState, BundleState] = like.spare if like else (clone(first_motion), clone(first_motion))
+        self.scratch: BundleWork = like.scratch if like else allocate_bundle_work(self.bundle)
         # packed once: of several assemblies that take turns, each would otherwise be packed anew in its turn
         self._couplings = tuple(map(pack, (self.bundle, self.moving, *self.spare, self.scratch)))
         self._rope: tuple[Any, ...] = tuple(map(pack, first[:3]))
@@ -143,8 +153,8 @@ class Assembly:
         bundle, moving, good, _, scratch = self._couplings
         return bundle, moving, good, scratch, *self._rope
 
-    def put(self, row: int, system: System) -> None:
-        """Replace the parameters of a rope by others of equal type."""
+    def put(self, row: int, system: Any) -> None:
+        """Replace the parameters of a rope by others of equal type, packed or not."""
         if self._systems[row] is not system:
             self._addresses.write(row, SYSTEM, system)
             self._systems[row] = system

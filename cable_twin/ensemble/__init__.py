@@ -1,0 +1,6 @@
+"""Many twins at once: copies that share one compiled system and differ in state, commands and parameters."""
+
+from cable_twin.ensemble.columns import MemberColumns
+from cable_twin.ensemble.ensemble import Ensemble
+
+__all__ = ["Ensemble", "MemberColumns"]

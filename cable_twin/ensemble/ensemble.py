@@ -1,0 +1,469 @@
+"""Ensemble of simulations: members that share one compiled system, advanced side by side by threads."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_twin.ensemble.advancing import GOING, STATUS
+from cable_twin.ensemble.columns import MemberColumns, figure_columns
+from cable_twin.ensemble.members import MemberStates, looks_of
+from cable_twin.ensemble.threads import Threads
+from cable_twin.ensemble.values import Source, Values, values_of, with_values
+from cable_twin.frame.quantities import chosen, quantities
+from cable_twin.frame.records import Command, CommandError
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.key_figures import KeyFigures
+from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
+from cable_twin.scenario import Scenario, command_limits, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.simulation.engine import Settings
+
+ENDS_OF_CABLE = 2  # samples of each rope: the fewest
+Chosen = int | slice | Sequence[int] | None
+
+
+class Ensemble:
+    """Members of one scenario that share its compiled system, and differ in state, commands and parameters.
+
+    Each member moves with the bits of a `Simulation` of its scenario, at any number of threads. It is one row of
+    memory; parameters are common to all members but where they differ. Methods are for one thread alone.
+
+    Args:
+        scenario: name, path, mapping, or loaded scenario.
+        members: number of members, at least 1.
+        parameters: values by dotted key of the scenario, such as "carriages.cabin.payload.mass": a sequence with one
+            for each member, or one for all.
+        rest: let each member begin at the rest of its own parameters; else all begin at the rest of the scenario, and
+            parameters change there.
+        samples: points (at least 2) at which snapshots hold each rope.
+        figures_period: simulated time (s) between two looks at the key figures; None for none.
+        threads: number of threads; None for one a core.
+        progress: whether long calls show a bar; None for where the standard error is a terminal.
+
+    Raises:
+        ScenarioError: the scenario or a value is invalid.
+        EquilibriumError: a member finds no rest.
+        ValueError: an argument does not fit; the message is one line.
+    """
+
+    def __init__(
+        self,
+        scenario: Source | Scenario,
+        members: int,
+        *,
+        parameters: Values | None = None,
+        rest: bool = True,
+        samples: int = ENDS_OF_CABLE,
+        figures_period: float | None = None,
+        threads: int | None = None,
+        progress: bool | None = None,
+    ) -> None:
+        for name, number in (("members", members), ("threads", 1 if threads is None else threads)):
+            if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
+                raise ValueError(f"{name}: {number!r} given; allowed: a whole number from 1")
+        self._source: Source = scenario.resolved() if isinstance(scenario, Scenario) else scenario
+        base = Simulation(load_scenario(self._source), samples=samples, on_demand=True)
+        self.scenario = base.scenario
+        self._states = MemberStates(base, int(members))
+        self._progress = sys.stderr.isatty() if progress is None else progress
+        self._values: list[dict[str, Any]] = [{} for _ in range(len(self))]
+        self._faults: dict[int, str] = {}
+        self._first = self._states.settings[0]
+        self._limits, self._looks = command_limits(self.scenario), looks_of(base)
+        self._threads = Threads(base.engine, _cores() if threads is None else int(threads))
+        self._figures_steps, self._figures = 0, [KeyFigures(self.scenario)] * len(self)
+        if parameters:
+            self.change(parameters, rest=rest)
+        if figures_period is not None:
+            self._gather(figures_period)
+
+    def __len__(self) -> int:
+        """Number of members."""
+        return self._states.size
+
+    @property
+    def layout(self) -> Layout:
+        """Names and places of the numbers of a snapshot."""
+        return self._states.base.layout
+
+    @property
+    def times(self) -> FloatArray:
+        """Simulated time (members,) in s of each member."""
+        return self._states.times
+
+    @property
+    def faults(self) -> Mapping[int, str]:
+        """Why a member has ended, in a line: a step failed, or vehicles were pressed through each other.
+
+        It stays at its last good state, until it is forked or reset.
+        """
+        return dict(self._faults)
+
+    @property
+    def values(self) -> tuple[Mapping[str, Any], ...]:
+        """Values of each member that are not those of the scenario, by dotted key."""
+        return tuple(dict(one) for one in self._values)
+
+    @property
+    def memory(self) -> int:
+        """Bytes of a member: its state and what belongs to it, without parameters of its own."""
+        return sum(array.nbytes for array in self._states.arrays) // len(self)
+
+    def change(self, parameters: Values, members: Chosen = None, *, rest: bool = False) -> None:
+        """Change parameters of members, at their present state or at a new rest.
+
+        At the present state, payloads change with the state, and so does the wind where its key is given; joints keep
+        the compliance of the rest of the scenario.
+
+        Args:
+            parameters: values by dotted key: a sequence with one for each of these members, or one for all.
+            members: number of a member, slice or sequence of numbers; None for all.
+            rest: begin at the rest of the new values, at time 0.
+
+        Raises:
+            ScenarioError: a value is refused, as `load_scenario` does.
+            EquilibriumError: there is no rest; the line names the member.
+            ValueError: a value needs another mesh, other parts or another solver; one line with the key.
+        """
+        rows = self._rows(members)
+        wanted = values_of(len(rows), parameters)
+        states, made, changed = self._states, {}, []
+        with self._bar("members", len(rows)) as show:
+            for member, own in zip(rows, wanted, strict=True):
+                values = self._values[member] | own
+                if (key := repr(sorted(values.items()))) not in made:
+                    made[key] = self._made(member, values, rest)
+                changed.append((member, values, made[key]))
+                show()
+        for (member, values, (variant, state, motion, settings)), own in zip(changed, wanted, strict=True):
+            before, states.variants[member], self._values[member] = states.variants[member], variant, values
+            if rest:
+                states.arrays.states[member], states.arrays.motions[member] = state, motion
+                states.take([member], settings)
+                self._revive([member])
+            else:
+                self._carry_over(member, before, settings, set(own))
+        self._threads.forget([one.engine.bundle for one in states.variants])
+
+    def fork(self, simulation: Simulation, members: Chosen = None) -> None:
+        """Copy the present state of a simulation into members, which keep their own parameters.
+
+        Args:
+            simulation: of the scenario of this ensemble.
+            members: number of a member, slice or sequence of numbers; None for all.
+
+        Raises:
+            ValueError: it is of another scenario.
+        """
+        states, base = self._states, self._states.base
+        if simulation.scenario is not base.scenario and simulation.scenario.resolved() != base.scenario.resolved():
+            raise ValueError(f"fork: a simulation of other values or another scenario than '{base.scenario.name}'")
+        rows, settings = self._rows(members), simulation.engine.settings()
+        states.arrays.states[rows] = simulation.engine.memory
+        states.arrays.motions[rows] = simulation.engine.moving.memory
+        alike = [member for member in rows if states.variants[member] is base]
+        states.take(alike, settings)
+        for member in [member for member in rows if states.variants[member] is not base]:
+            self._go_on_with(member, settings, states.settings[member])
+        self._revive(rows)
+
+    def command(self, name: str, *, speed: Any = None, force: Any = None, members: Chosen = None) -> None:
+        """Drive a carriage, or a moving cable by the name of its drive, in members until the next command.
+
+        Args:
+            name: of the carriage or the drive.
+            speed: m/s along the cable, one for all or (members,).
+            force: N along the cable, or at the rim of a bullwheel; one for all or (members,).
+            members: number of a member, slice or sequence of numbers; None for all.
+
+        Raises:
+            CommandError: it is refused for a member, which the line names; no member is commanded then.
+        """
+        if (speed is None) == (force is None):
+            raise CommandError(f"command for '{name}': give either speed (m/s) or force (N), one of them")
+        rows, kind = self._rows(members), "force" if speed is None else "speed"
+        given = np.broadcast_to(np.asarray(force if speed is None else speed, dtype=np.float64), (len(rows),))
+        if not self._drive_alike(rows, name, kind, given):
+            self._apply_each(rows, [Command(kind, {name: value}) for value in given.tolist()])
+
+    def emergency_stop(self, active: bool = True, members: Chosen = None) -> None:
+        """Stop all drives of members at their emergency deceleration, or release them."""
+        self.apply(Command("emergency_stop" if active else "release", {}), members)
+
+    def apply(self, command: Command | Sequence[Command], members: Chosen = None) -> None:
+        """Apply a command of any kind to members, or one command to each.
+
+        Raises:
+            CommandError: it is refused for a member, which the line names; no member is commanded then.
+        """
+        rows = self._rows(members)
+        each = [command] * len(rows) if isinstance(command, Command) else list(command)
+        if len(each) != len(rows):
+            raise ValueError(f"apply: {len(each)} commands given; allowed: one, or {len(rows)}, one for each member")
+        self._apply_each(rows, each)
+
+    def advance_to(self, time: Any) -> None:
+        """Run members until `time` (s), one for all or (members,), to the nearest whole step; see `faults` after it.
+
+        Members that have ended stay where they are. After Ctrl-C each member is at a whole step, and may go on.
+
+        Raises:
+            ValueError: a time is not finite, or a step or more ago for a member.
+        """
+        times = np.broadcast_to(np.asarray(time, dtype=np.float64), (len(self),))
+        states, step, clocks = self._states, self._states.base.step, self._states.clocks
+        targets = np.round(np.where(np.isfinite(times), times, -1.0) / step).astype(np.int64)
+        for member in np.flatnonzero(self._alive & (targets < clocks)).tolist():
+            raise ValueError(
+                f"advance_to: {times[member]:.9g} s given for member {member}; allowed: a finite time, from "
+                f"{self.times[member]:.9g} s on"
+            )
+        total = int(np.maximum(targets - clocks, 0).sum())
+        with self._share_bar("members advance") as show:
+
+            def on_part() -> None:
+                show(1.0 - float(np.maximum(targets - states.clocks, 0).sum()) / max(total, 1))
+
+            states.reset_counts(slice(None))
+            if not self._figures_steps:
+                self._advance(targets, on_part)
+                return
+            while (going := np.flatnonzero(self._alive & (states.clocks < targets))).size:
+                due = (states.clocks // self._figures_steps + 1) * self._figures_steps
+                states.reset_counts(going)
+                self._advance(np.minimum(due, targets), on_part)
+                for member in going.tolist():
+                    self._figures[member].update(states.read(member).snapshot)
+
+    def observe(self, names: Sequence[str] | None = None) -> MemberColumns:
+        """Present quantities of all members: columns (members, n) by name, with units.
+
+        Args:
+            names: of quantities, with * for any text, such as ["cabin/*", "end/tension"]; None for all.
+
+        Raises:
+            ValueError: a name fits none; the line has those that there are.
+        """
+        numbers = self.numbers()
+        known = quantities(self.scenario, self.layout)
+        first = Snapshot(self.layout, numbers[0], self._states.report(0))
+        seen = chosen(known, ["*"] if names is None else names, first)
+        columns = np.array([one.column for one in seen.values()], dtype=np.intp)
+        return MemberColumns(list(seen), [one.unit for one in seen.values()], numbers[:, columns])
+
+    def numbers(self) -> FloatArray:
+        """Rows (members, n) of numbers of the present snapshots, in the order of `layout`."""
+        return self._states.numbers()
+
+    def snapshot(self, member: int) -> Snapshot:
+        """Snapshot of the present state of a member."""
+        (row,) = self._rows(member)
+        return self._states.read(row).snapshot
+
+    def simulation(self, member: int) -> Simulation:
+        """Independent simulation at the present state of a member, which goes on with its bits."""
+        (row,) = self._rows(member)
+        full = self._states.enter(row).capture()
+        apart = Simulation(full.scenario, samples=self._states.base.observer.samples, on_demand=True)
+        apart.restore(full)
+        return apart
+
+    def figures(self) -> MemberColumns:
+        """Key figures of all members so far: columns (members, n) by name, with units.
+
+        Raises:
+            ValueError: the ensemble was made without `figures_period`.
+        """
+        if not self._figures_steps:
+            raise ValueError("figures: none are gathered; allowed: with figures_period (s), such as 0.05")
+        return figure_columns([one.figures() for one in self._figures])
+
+    def close(self) -> None:
+        """End the threads; the ensemble is not to be used after it."""
+        self._threads.close()
+
+    def _made(
+        self, member: int, values: Mapping[str, Any], rest: bool
+    ) -> tuple[Simulation, NDArray[np.uint8], NDArray[np.uint8], Settings]:
+        """Simulation of other values, and its state, motion of couplings and settings at its start."""
+        base, engine = self._states.base, self._states.base.engine
+        engine.go_to_start()
+        try:
+            variant = with_values(base, self._source, values, rest=rest) if values else base
+        except EquilibriumError as error:
+            raise EquilibriumError(f"member {member}: {error}") from None
+        settings = variant.engine.settings() if values else self._first
+        return variant, engine.memory.copy(), engine.moving.memory.copy(), settings
+
+    def _go_on_with(self, member: int, settings: Settings, parameters: Settings) -> None:
+        """Let the state of a member go on with settings of another simulation, and with parameters of its own."""
+        states, vehicles = self._states, settings.vehicles._replace(carried=None)
+        states.take([member], settings._replace(parameters=parameters.parameters, vehicles=vehicles))
+        simulation = states.enter(member)
+        simulation.engine.carry_payloads()
+        states.leave(member, simulation)
+
+    def _carry_over(self, member: int, before: Simulation, parameters: Settings, keys: set[str]) -> None:
+        """Let the present state of a member go on with changed parameters: payloads and wind change with it."""
+        states = self._states
+        self._go_on_with(member, states.settings[member], parameters)
+        simulation = states.enter(member)
+        scenario, old = simulation.scenario, before.scenario.vehicles
+        loads = {
+            name: vehicle.payload.mass
+            for name, vehicle in scenario.vehicles.items()
+            if vehicle.payload and vehicle.payload != old[name].payload
+        }
+        simulation.engine.vehicles.put_in(loads)
+        if any(key.startswith("air.wind") for key in keys):
+            simulation.apply(Command("wind", wind_of(scenario)))
+        states.leave(member, simulation)
+
+    def _advance(self, targets: NDArray[np.int64], on_part: Callable[[], object]) -> None:
+        """Take the steps of members up to clocks (members,), and note which of them end."""
+        states, arrays, clocks = self._states, self._states.arrays, self._states.clocks.copy()
+        arrays.left[:] = np.where(self._alive, np.maximum(targets - clocks, 0), 0)
+        order = np.flatnonzero(arrays.left > 0)
+        if not order.size:
+            return
+        bundles = [one.engine.bundle for one in states.variants]
+        self._threads.advance(arrays, self._looks, order, bundles, self._see_to, on_part)
+        looked_at = order if self._looks.before.size else np.flatnonzero(arrays.counts[:, STATUS] != GOING)
+        for member in looked_at.tolist():
+            if line := "" if member in self._faults else states.fault(member, int(clocks[member])):
+                self._faults[member] = line
+
+    def _see_to(self, member: int) -> None:
+        """Stop a member that has rolled back, and go on loading it and changing payloads in stations."""
+        states, looks = self._states, self._looks
+        simulation = states.enter(member)
+        simulation.engine.stop_rolled_back()
+        vehicles, arrays = simulation.engine.vehicles, states.arrays
+        watched = bool(looks.exchanges) or looks.before.size > 0 or bool(arrays.loading[member])
+        if watched and states.clocks[member] % looks.period == 0 and arrays.counts[member, STATUS] == GOING:
+            vehicles.load_on(looks.period * simulation.step)
+            if vehicles.exchanges:
+                vehicles.exchange()
+        states.leave(member, simulation)
+
+    def _apply_each(self, rows: Sequence[int], commands: Sequence[Command]) -> None:
+        """Apply a command to each of some members, or none where one is refused."""
+        states, arrays = self._states, self._states.arrays
+        before = arrays.states[rows].copy(), arrays.motions[rows].copy()
+        settings = [states.settings[member] for member in rows]
+        for member, command in zip(rows, commands, strict=True):
+            simulation = states.enter(member)
+            try:
+                simulation.apply(command)
+            except CommandError as error:
+                arrays.states[rows], arrays.motions[rows] = before
+                for row, old in zip(rows, settings, strict=True):
+                    states.take([row], old)
+                raise CommandError(f"member {member}: {error}") from None
+            states.leave(member, simulation)
+            if command.kind == "reset":
+                self._revive([member])
+
+    def _drive_alike(self, rows: Sequence[int], name: str, kind: str, given: FloatArray) -> bool:
+        """Drive a carriage in all of some members at once; False where only one by one says what is refused."""
+        states, vehicles = self._states, self.layout.vehicle_rows
+        if name not in vehicles or any(states.variants[member] is not states.base for member in rows):
+            return False
+        mode, row = states.block["drives.mode"], vehicles[name]
+        most = self._limits[name].of(kind) if name in self._limits else 0.0
+        sound = not states.arrays.stopped[rows].any() and np.all(np.isfinite(given) & (np.abs(given) <= most))
+        if not sound or most == 0.0 or (kind == "speed" and np.any(mode[rows, row] != SPEED)):
+            return False
+        mode[rows, row] = SPEED if kind == "speed" else FORCE
+        states.block["drives.target" if kind == "speed" else "drives.force"][rows, row] = given
+        owner = next(number for number, part in enumerate(states.base.engine.parts) if name in part.rows)
+        for member, value in zip(rows, given.tolist(), strict=True):
+            of_ropes = states.settings[member].of_ropes
+            commands = {**of_ropes[owner], name: Command(kind, {name: value})}
+            of_ropes = (*of_ropes[:owner], commands, *of_ropes[owner + 1 :])
+            states.settings[member] = states.settings[member]._replace(of_ropes=of_ropes)
+        return True
+
+    def _gather(self, period: float) -> None:
+        """Gather key figures from the present state on."""
+        step = self._states.base.step
+        steps = round(period / step) if math.isfinite(period) else 0
+        if steps < 1 or abs(steps * step - period) > 1e-9:
+            raise ValueError(
+                f"figures_period: {period:g} s given; allowed: a whole number of solver steps of {step:g} s"
+            )
+        self._figures_steps = steps
+        self._revive(range(len(self)))
+
+    def _revive(self, rows: Sequence[int]) -> None:
+        """Forget what ended members, and their figures so far: they begin anew."""
+        states = self._states
+        for member in rows:
+            self._faults.pop(member, None)
+        states.reset_counts(list(rows))
+        if self._figures_steps:
+            for member in rows:
+                self._figures[member] = KeyFigures(states.variants[member].scenario)
+                self._figures[member].update(states.read(member).snapshot)
+
+    @property
+    def _alive(self) -> NDArray[np.bool_]:
+        """Condition (members,) of not having ended."""
+        alive = np.ones(len(self), dtype=np.bool_)
+        alive[list(self._faults)] = False
+        return alive
+
+    def _rows(self, members: Chosen) -> list[int]:
+        """Numbers of members.
+
+        Raises:
+            ValueError: there is no such member.
+        """
+        if members is None:
+            return list(range(len(self)))
+        if isinstance(members, slice):
+            return list(range(len(self)))[members]
+        given = [members] if isinstance(members, int | np.integer) else list(members)
+        for one in given:
+            if not isinstance(one, int | np.integer) or not 0 <= one < len(self):
+                raise ValueError(f"members: {one!r} given; allowed: 0 to {len(self) - 1}")
+        return [int(one) for one in given]
+
+    def _bar(self, things: str, count: int) -> Any:
+        """Bar over a number of things, in a terminal."""
+        if not self._progress:
+            return nullcontext(lambda: None)
+        from rich.console import Console  # noqa: PLC0415 - for a terminal alone
+
+        from cable_twin.terminal.bars import count_shown  # noqa: PLC0415
+
+        return count_shown(Console(stderr=True), things, count)
+
+    def _share_bar(self, what: str) -> Any:
+        """Bar over the share of a call that is done, in a terminal."""
+        if not self._progress:
+            return nullcontext(lambda share: None)
+        from rich.console import Console  # noqa: PLC0415 - for a terminal alone
+
+        from cable_twin.terminal.bars import share_shown  # noqa: PLC0415
+
+        return share_shown(Console(stderr=True), what)
+
+
+def wind_of(scenario: Scenario) -> dict[str, float]:
+    """Values of a command that sets the mean wind (m/s) of a scenario."""
+    along, *across, up = scenario.air.wind
+    return {"x": along, "z": up} | ({"y": across[0]} if across else {})
+
+
+def _cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

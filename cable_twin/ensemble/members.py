@@ -1,0 +1,197 @@
+"""State, settings and parameters of the members of an ensemble, entered one at a time by one simulation's memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_twin.ensemble.advancing import (
+    ASKING,
+    ELEMENT,
+    FAILED,
+    GAP,
+    HALVINGS,
+    INCREMENT,
+    ITERATIONS,
+    LOST,
+    MOVED,
+    STATUS,
+    STEPS,
+    Looks,
+    Members,
+    observe_members,
+)
+from cable_twin.frame.records import SolverReport
+from cable_twin.mechanics.language.addresses import address
+from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.entries import NOTHING, address_of
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.readout.columns import observe
+from cable_twin.mechanics.solution.stepping import Outcome
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.engine import Settings
+from cable_twin.simulation.twin import PART, PERIOD, penetration_of, step_failure
+
+
+class MemberStates:
+    """Present state of each member, its settings beside the state, and the simulation that has its parameters.
+
+    Simulations take turns in the memory of the first one: `enter` writes a member there, `leave` takes it back.
+
+    Attributes:
+        base: simulation of the scenario, whose compiled system and memory all share.
+        arrays: of all members, for kernels.
+        variants: simulation that has the parameters of each member.
+        settings: of each member, beside its state.
+        block: states of all members by the names of their arrays, such as "drives.mode", each (members, ...).
+
+    Args:
+        base: simulation at its start, at which all members begin.
+        size: number of members.
+    """
+
+    def __init__(self, base: Simulation, size: int) -> None:
+        engine, vehicles = base.engine, len(base.scenario.vehicles)
+        self.base, self.size = base, size
+        self.arrays = Members(
+            states=np.zeros((size, engine.memory.size), dtype=np.uint8),
+            motions=np.zeros((size, engine.moving.memory.size), dtype=np.uint8),
+            systems=np.zeros((size, len(engine.parts)), dtype=np.int64),
+            left=np.zeros(size, dtype=np.int64),
+            stopped=np.zeros(size, dtype=np.bool_),
+            loading=np.zeros(size, dtype=np.bool_),
+            stations=np.zeros((size, vehicles)),
+            ropes=np.zeros((size, vehicles), dtype=np.int64),
+            counts=np.zeros((size, ASKING + 1), dtype=np.int64),
+            sums=np.zeros((size, MOVED + 1)),
+        )
+        self.variants: list[Simulation] = [base] * size
+        self.settings: list[Settings] = [engine.settings()] * size
+        self.block: Any = self.arrays.states.view(engine.memory.base.dtype)[:, 0]  # type: ignore[union-attr]
+        state = engine.parts[0].state
+        first = state.clock.ctypes.data - engine.memory.ctypes.data
+        self._clock_bytes = slice(first, first + state.clock.nbytes)
+        self._rest_loads = np.zeros((size, *state.tower_load.shape))
+        self._reading: tuple[Any, ...] | None = None
+        self._entered: tuple[Any, ...] = (None, None, None)  # parameters and start that the memory has now
+        rows = list(range(size))
+        self.arrays.states[:], self.arrays.motions[:] = engine.memory, engine.moving.memory
+        self.take(rows, self.settings[0])
+
+    def enter(self, member: int) -> Simulation:
+        """Simulation of the parameters of a member, at its present state."""
+        variant, arrays, settings = self.variants[member], self.arrays, self.settings[member]
+        self._write(member)
+        stations, ropes = arrays.stations[member].copy(), arrays.ropes[member].copy()
+        vehicles = settings.vehicles._replace(stations=stations, ropes=ropes)
+        variant.take_over(settings._replace(vehicles=vehicles), self.report(member))
+        self._entered = variant, settings.parameters, settings.start
+        return variant
+
+    def read(self, member: int) -> Simulation:
+        """Simulation of the parameters of a member at its present state, for its snapshot alone."""
+        settings, variant = self.settings[member], self.variants[member]
+        wanted = variant, settings.parameters, settings.start
+        if not all(one is other for one, other in zip(wanted, self._entered, strict=True)):
+            return self.enter(member)
+        self._write(member)
+        variant.show(self.report(member))
+        return variant
+
+    def leave(self, member: int, simulation: Simulation) -> None:
+        """Keep the present state of a simulation as that of a member."""
+        engine = self.base.engine
+        self.arrays.states[member], self.arrays.motions[member] = engine.memory, engine.moving.memory
+        self.take([member], simulation.engine.settings())
+
+    def take(self, rows: Sequence[int], settings: Settings) -> None:
+        """Keep settings beside the state for some members."""
+        arrays, self._entered = self.arrays, (None, None, None)
+        for member in rows:
+            self.settings[member] = settings
+        arrays.systems[rows] = [address(packed) for _, packed in settings.parameters]
+        arrays.stopped[rows], arrays.loading[rows] = settings.stopped, bool(settings.vehicles.loading)
+        arrays.stations[rows], arrays.ropes[rows] = settings.vehicles.stations, settings.vehicles.ropes
+        self._rest_loads[rows] = settings.start.before.record.tower_load
+
+    def _write(self, member: int) -> None:
+        engine = self.base.engine
+        engine.memory[:], engine.moving.memory[:] = self.arrays.states[member], self.arrays.motions[member]
+
+    def numbers(self) -> FloatArray:
+        """Rows (members, n) of numbers of the present snapshots, in the order of the layout."""
+        base = self.base
+        numbers = np.empty((self.size, base.layout.size))
+        if len(base.engine.parts) > 1 or base.engine.bundle.coupled:
+            for member in range(self.size):
+                numbers[member] = self.read(member).snapshot.numbers
+            return numbers
+        self._entered = None, None, None
+        if self._reading is None:
+            arguments, row = base.observer.arguments()
+            observe(*arguments)
+            system, state, sections, places, _, lateral, columns = arguments
+            code, arrays = address_of(observe, arguments, NOTHING), pack(self.arrays)
+            before = code, arrays, system, state, (sections, places)
+            self._reading = before, (lateral, columns, row)
+        first, last = self._reading
+        observe_members(*first, self._rest_loads, *last, numbers)
+        numbers[:, 0] = self.times
+        return numbers
+
+    @property
+    def clocks(self) -> NDArray[np.int64]:
+        """Steps (members,) since the start of each member."""
+        return self.arrays.states[:, self._clock_bytes].view(np.int64)[:, 0]
+
+    @property
+    def times(self) -> FloatArray:
+        """Simulated time (members,) in s of each member."""
+        times: FloatArray = np.round(self.clocks * self.base.step * 1e9) / 1e9
+        return times
+
+    def reset_counts(self, rows: Any) -> None:
+        """Begin to count the steps of some members anew."""
+        self.arrays.counts[rows], self.arrays.sums[rows] = 0, 0.0
+
+    def report(self, member: int) -> SolverReport:
+        """Report of the steps of a member since its counts began."""
+        counts, sums = self.arrays.counts[member], self.arrays.sums[member]
+        steps, iterations, halvings = counts[[STEPS, ITERATIONS, HALVINGS]].tolist()
+        return SolverReport(steps, iterations, halvings, *sums[[GAP, LOST, MOVED]].tolist())
+
+    def fault(self, member: int, clock: int) -> str:
+        """Why a member has ended, empty for one that has not; `clock` steps were done when its steps left began."""
+        if self.arrays.counts[member, STATUS] != FAILED:
+            simulation = self.enter(member)
+            pressed = penetration_of(simulation)
+            return f"{pressed}; the simulation keeps its state at {simulation.time:g} s" if pressed else ""
+        counts, sums = self.arrays.counts[member], self.arrays.sums[member]
+        outcome = Outcome(
+            converged=False,
+            steps=int(self.clocks[member]) - clock,
+            iterations=int(counts[ITERATIONS]),
+            halvings=int(counts[HALVINGS]),
+            gap=float(sums[GAP]),
+            increment=float(sums[INCREMENT]),
+            element=int(counts[ELEMENT]),
+            lost=float(sums[LOST]),
+            moved=float(sums[MOVED]),
+        )
+        return step_failure(self.base.system.solver, clock, outcome)
+
+
+def looks_of(base: Simulation) -> Looks:
+    """Occasions on which the steps of a simulation are interrupted."""
+    before, after = base.meeting_pairs
+    nodes = sum(len(part.state.nodes.position) for part in base.engine.parts)
+    return Looks(
+        before=before,
+        after=after,
+        exchanges=base.engine.vehicles.exchanges,
+        period=max(round(PERIOD / base.step), 1),
+        most=max(PART // nodes, 1),
+    )

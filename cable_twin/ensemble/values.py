@@ -1,0 +1,88 @@
+"""Values of scenario keys that differ between the members of an ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_twin.basics.printable import printable
+from cable_twin.scenario import full_key, load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.same_model import OtherModelError
+
+Source = str | Path | Mapping[str, Any]
+Values = Mapping[str, Any]  # by dotted key: one value for all members, or a sequence with one for each
+ALLOWED = (
+    "values that leave ropes, meshes, vehicles, supports and the solver as they are, such as masses, payloads, "
+    "stiffnesses, damping, friction, drag, wind and ice"
+)
+
+
+def values_of(members: int, parameters: Values, kept: Sequence[int] | None = None) -> list[dict[str, Any]]:
+    """Values by key of each member.
+
+    Args:
+        members: number of members.
+        parameters: by key, a sequence of one value for each member, or one value for all.
+        kept: numbers of the members, for messages.
+
+    Raises:
+        ValueError: a sequence of another length; one line.
+    """
+    found: list[dict[str, Any]] = [{} for _ in range(members)]
+    for key, given in parameters.items():
+        each = given.tolist() if isinstance(given, np.ndarray) else given
+        if isinstance(each, list | tuple | range):
+            if len(each) != members:
+                raise ValueError(
+                    f"parameters: {printable(key)}: {len(each)} values given; allowed: {members}, one for each member, "
+                    "or one value for all, a list as [[...]] * members"
+                )
+        else:
+            each = [each] * members
+        for own, value in zip(found, each, strict=True):
+            own[full_key(key)] = value
+    return found
+
+
+def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, rest: bool) -> Simulation:
+    """Simulation of other values of a scenario, on the compiled system and memory of a simulation.
+
+    Args:
+        base: the simulation.
+        source: its scenario, as `load_scenario` takes it.
+        values: by dotted key.
+        rest: begin at an own rest, else at that of the base.
+
+    Raises:
+        ScenarioError: a value is refused, as `load_scenario` does.
+        ValueError: a value needs another mesh, other parts or another solver; one line with the key.
+        EquilibriumError: there is no rest.
+    """
+    scenario = load_scenario(source, dict(values))
+    try:
+        return base.with_values(scenario, rest=rest)
+    except OtherModelError as error:
+        raise ValueError(_refusal(base, source, values, error)) from None
+
+
+def _refusal(base: Simulation, source: Source, values: Mapping[str, Any], error: OtherModelError) -> str:
+    """Message about a value that members of one ensemble cannot have, with the first key that is to blame."""
+    for key, value in values.items():
+        if needed := _needed(base, source, key, value):
+            return f"{printable(key)}: given {value!r}, which needs {needed}; allowed: {ALLOWED}"
+    return f"{', '.join(map(printable, values))}: together they need {error}; allowed: {ALLOWED}"
+
+
+def _needed(base: Simulation, source: Source, key: str, value: Any) -> str:
+    """What one value needs that members of one ensemble cannot have, empty for nothing."""
+    try:
+        base.with_values(load_scenario(source, {key: value}), rest=False)
+    except OtherModelError as error:
+        return str(error)
+    except ValueError:  # of the value without the others
+        return ""
+    return ""

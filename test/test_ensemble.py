@@ -1,0 +1,262 @@
+"""Ensembles: members have the bits of single simulations, with their commands and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from cable_twin import Command, Ensemble, Simulation, load_scenario
+from cable_twin.frame.records import CommandError
+from cable_twin.scenario import ScenarioError
+from cable_twin.simulation.snapshot_file import FullState
+
+TRIP = 1.5  # s
+SPEEDS = np.array([0.5, 1.0, 1.5])  # m/s
+# a plane and space, one rope and several: changes of all, drive, and values that differ between three members
+CASES = {
+    "aerial_tramway": (
+        {},
+        "cabin",
+        {"carriages.cabin.payload.mass": [1000.0, 3000.0, 3000.0], "carriages.cabin.friction.rolling": 0.006},
+    ),
+    "windy_tramway": (
+        {"air.wind.y": 8.0, "air.turbulence.intensity": 0.15},
+        "cabin",
+        {"air.turbulence.seed": [1, 2, 2], "cable.damping_time": [0.004, 0.005, 0.005]},
+    ),
+    "chairlift": ({}, "haul_rope", {"sheaves.drive.inertia": [2.0e5, 2.2e5, 2.2e5], "air.density": 1.05}),
+}
+# by these, towers would stand at other arc lengths of the bare rope, and so would the short elements of a graded mesh
+OF_MESH = {
+    "aerial_tramway": {"cable.axial_stiffness": 4.7e8, "cable.ice": 0.5, "cable.start.mass": 134.2e3},
+    "chairlift": {"sheaves.return.counterweight.mass": 33.2e3},
+}
+
+
+def apart(name: str, values: dict[str, object]) -> Simulation:
+    """Simulation by itself, with values of a scenario."""
+    return Simulation(load_scenario(name, values), samples=2, on_demand=True)
+
+
+def values_of(parameters: dict[str, object], member: int) -> dict[str, object]:
+    return {key: one[member] if isinstance(one, list) else one for key, one in parameters.items()}
+
+
+@pytest.fixture(scope="module")
+def tramways() -> Iterator[Ensemble]:
+    """Six members of one scenario, of which tests use what they fork."""
+    yield (ensemble := Ensemble("aerial_tramway", 6, threads=2))
+    ensemble.close()
+
+
+@pytest.fixture(scope="module")
+def kept_tramway() -> tuple[Simulation, FullState]:
+    simulation = apart("aerial_tramway", {})
+    return simulation, simulation.capture()
+
+
+@pytest.fixture
+def tramway(kept_tramway) -> Simulation:
+    """Simulation at its start."""
+    simulation, start = kept_tramway
+    simulation.restore(start)
+    return simulation
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_members_with_parameters_move_as_simulations_with_these_parameters_do(name):
+    changes, drive, parameters = CASES[name]
+    ensemble = Ensemble(load_scenario(name, changes), 3, parameters=parameters, threads=2)
+    ensemble.command(drive, speed=SPEEDS)
+    ensemble.advance_to(TRIP)
+    found = ensemble.numbers()
+    assert not ensemble.faults
+    for member, speed in enumerate(SPEEDS.tolist()):
+        single = apart(name, changes | values_of(parameters, member))
+        single.command(drive, speed=speed)
+        assert np.array_equal(single.advance_to(TRIP).numbers, found[member], equal_nan=True)
+        assert np.array_equal(single.state.memory, ensemble.simulation(member).state.memory)
+    assert not np.array_equal(found[0], found[1], equal_nan=True)
+    ensemble.close()
+
+
+@pytest.mark.parametrize("name", OF_MESH)
+def test_values_that_would_grade_the_mesh_anew_are_on_the_mesh_of_the_scenario(name):
+    drive, values = CASES[name][1], OF_MESH[name]
+    ensemble = Ensemble(name, 2, parameters=values, threads=1)
+    base = apart(name, {})
+    single = base.with_values(load_scenario(name, values))
+    by_itself = apart(name, values)
+    for one in (ensemble, single, by_itself):
+        one.command(drive, speed=1.0)
+        one.advance_to(TRIP)
+    assert np.array_equal(ensemble.numbers()[1], single.snapshot.numbers, equal_nan=True)
+    whole = np.abs(by_itself.snapshot.numbers)
+    apart_by = np.abs(ensemble.numbers()[0] - by_itself.snapshot.numbers)
+    assert np.nanmax(apart_by / np.maximum(whole, 1.0)) < 1e-3
+
+
+def test_threads_and_a_plain_loop_give_the_same_bits(tramways, tramway):
+    tramways.fork(tramway)
+    tramways.command("cabin", speed=np.linspace(0.5, 3.0, 6))
+    tramways.advance_to(1.0)
+    loop = []
+    start = tramway.capture()
+    for speed in np.linspace(0.5, 3.0, 6).tolist():
+        tramway.restore(start)
+        tramway.command("cabin", speed=speed)
+        loop.append(tramway.advance_to(1.0).numbers)
+    assert np.array_equal(tramways.numbers(), loop, equal_nan=True)
+    for threads in (1, 7):
+        other = Ensemble("aerial_tramway", 6, threads=threads)
+        other.command("cabin", speed=np.linspace(0.5, 3.0, 6))
+        other.advance_to(1.0)
+        assert np.array_equal(other.numbers(), loop, equal_nan=True)
+        other.close()
+
+
+def test_a_fork_goes_on_with_the_bits_of_the_live_simulation(tramways, tramway):
+    tramway.command("cabin", speed=4.0)
+    tramway.advance_to(2.0)
+    tramways.fork(tramway)
+    tramways.emergency_stop(members=[1, 2])
+    tramways.emergency_stop(False, members=2)
+    tramways.command("cabin", speed=1.0, members=2)
+    tramways.advance_to(6.0)
+    gone_on = tramway.advance_to(6.0).numbers
+    assert np.array_equal(tramways.numbers()[0], gone_on, equal_nan=True)
+    speeds = tramways.observe(["cabin/speed"])["cabin/speed"]
+    assert max(speeds[1:3]) < speeds[0]
+    by_itself = tramways.simulation(1).advance_to(6.5).numbers
+    tramways.advance_to(6.5)
+    assert np.array_equal(by_itself, tramways.numbers()[1], equal_nan=True)
+
+
+def test_chairs_are_loaded_in_stations_in_each_member_as_in_a_simulation():
+    """Payloads change at stations, and parameters with them, which threads have to leave to Python."""
+    ensemble, single = Ensemble("chairlift", 2, threads=2), apart("chairlift", {})
+    for one in (ensemble, single):
+        one.command("haul_rope", speed=2.5)
+        one.advance_to(22.0)
+    first = single.capture().starts[0].payload
+    assert np.any(single.state.payload != first)  # some have been in a station
+    assert np.array_equal(ensemble.numbers()[1], single.snapshot.numbers, equal_nan=True)
+    assert not np.array_equal(ensemble.numbers()[0], apart("chairlift", {}).snapshot.numbers, equal_nan=True)
+    ensemble.close()
+
+
+def test_a_refused_command_changes_no_member_and_names_the_one(tramways, tramway):
+    tramways.fork(tramway)
+    before = tramways.numbers()
+    with pytest.raises(CommandError, match=r"^member 5: speed of 'cabin' is 20 m/s; allowed are -10 to 10 m/s$"):
+        tramways.command("cabin", speed=[1.0, 2.0, 3.0, 4.0, 5.0, 20.0])
+    with pytest.raises(CommandError, match=r"^member 0: unknown carriage or drive 'nobody'"):
+        tramways.command("nobody", speed=1.0)
+    with pytest.raises(CommandError, match="a finite number is needed"):
+        tramways.command("cabin", speed=np.nan)
+    assert np.array_equal(tramways.numbers(), before, equal_nan=True)
+    tramways.emergency_stop()
+    with pytest.raises(CommandError, match="release it"):
+        tramways.command("cabin", speed=1.0)
+    tramways.apply(Command("reset", {}))
+    assert np.array_equal(tramways.numbers()[:, 1:], before[:, 1:], equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "line"),
+    [
+        ({"cable.elements": 40}, r"^cable.elements: given 40, which needs another mesh; allowed: values that leave "),
+        ({"cable.unstrained_length": 1042.3, "cable.ice": 0.1}, "^cable.unstrained_length: .* needs another mesh"),
+        ({"solver.step": 0.0025}, "^solver.step: given 0.0025, which needs another solver"),
+        (
+            {"cable.kinks": "rounded", "cable.elastic_model": "element_frame"},
+            "together they need another elastic model",
+        ),
+        ({"cable.ice": [0.1, 0.2]}, r"^parameters: cable.ice: 2 values given; allowed: 6, one for each member"),
+    ],
+)
+def test_values_that_members_cannot_have_are_refused_in_a_line(tramways, parameters, line):
+    with pytest.raises(ValueError, match=line) as refused:
+        tramways.change(parameters)
+    assert "\n" not in str(refused.value)
+
+
+def test_values_are_refused_with_the_lines_of_a_scenario(tramways):
+    for values in ({"cable.ice": -1.0}, {"cable.no_such_key": 1.0}):
+        with pytest.raises(ScenarioError) as of_scenario:
+            load_scenario("aerial_tramway", values)
+        with pytest.raises(ScenarioError) as of_ensemble:
+            tramways.change(values)
+        assert str(of_ensemble.value) == str(of_scenario.value)
+
+
+def test_changed_parameters_act_on_the_present_state(tramways, tramway):
+    tramways.fork(tramway)
+    tramways.command("cabin", speed=2.0)
+    tramways.advance_to(0.5)
+    before = tramways.observe(["cabin/arc_length", "cabin/payload"])
+    tramways.change({"carriages.cabin.payload.mass": [6000.0, 100.0, 100.0]}, [0, 1, 2])
+    tramways.change({"air.wind.x": -20.0}, members=3)
+    tramways.change({"carriages.cabin.friction.rolling": 0.02}, members=4)
+    after = tramways.observe(["cabin/arc_length", "cabin/payload"])
+    assert np.array_equal(before["cabin/arc_length"], after["cabin/arc_length"])
+    assert after["cabin/payload"].tolist()[:3] == [6000.0, 100.0, 100.0]
+    tramways.advance_to(1.0)
+    numbers = tramways.numbers()
+    assert np.array_equal(numbers[1], numbers[2], equal_nan=True)
+    assert len({row.tobytes() for row in numbers}) == 5
+    assert tramways.values[3] == {"air.wind.x": -20.0}
+    tramways.change({"carriages.cabin.friction.rolling": 0.005}, members=4)
+    tramways.change({"carriages.cabin.payload.mass": tramways.scenario.carriages["cabin"].payload.mass})
+    tramways.change({"air.wind.x": 0.0})
+
+
+def test_a_member_that_ends_says_why_and_the_others_go_on():
+    ensemble = Ensemble(load_scenario("single_span"), 3, threads=1)
+    ensemble.command("cabin", speed=1.0)
+    states = ensemble._states
+    states.block["0/nodes.velocity" if "0/nodes.velocity" in states.block.dtype.fields else "nodes.velocity"][1] = 1e9
+    ensemble.advance_to(0.5)
+    assert list(ensemble.faults) == [1]
+    assert "failed: after" in ensemble.faults[1]
+    assert ensemble.times.tolist() == [0.5, ensemble.times[1], 0.5]
+    assert ensemble.times[1] < 0.5
+    ensemble.advance_to(0.6)
+    assert ensemble.times[0] == 0.6
+    ensemble.apply(Command("reset", {}), members=1)
+    ensemble.advance_to(1.0)
+    assert not ensemble.faults
+    ensemble.close()
+
+
+def test_key_figures_are_columns_over_the_members():
+    ensemble = Ensemble("single_span", 2, figures_period=0.05, threads=1)
+    ensemble.command("cabin", speed=[0.2, 4.0])
+    ensemble.advance_to(2.0)
+    figures = ensemble.figures()
+    assert figures.array.shape == (2, len(figures)) == (2, len(figures.units))
+    fastest = figures["cabin: speed"]
+    assert fastest[1] > fastest[0] > 0.0
+    with pytest.raises(ValueError, match="allowed: with figures_period"):
+        Ensemble("single_span", 1).figures()
+    ensemble.close()
+
+
+@pytest.mark.parametrize("arguments", [{"members": 0}, {"members": 1.5}, {"members": 2, "threads": 0}])
+def test_wrong_arguments_are_refused_in_a_line(arguments):
+    with pytest.raises(ValueError, match="allowed: a whole number from 1"):
+        Ensemble("single_span", **arguments)
+
+
+def test_times_and_members_are_checked(tramways, tramway):
+    tramways.fork(tramway)
+    with pytest.raises(ValueError, match="nan s given for member 0; allowed: a finite time"):
+        tramways.advance_to(np.nan)
+    with pytest.raises(ValueError, match="members: 6 given; allowed: 0 to 5"):
+        tramways.fork(tramway, 6)
+    with pytest.raises(ValueError, match="another scenario"):
+        tramways.fork(apart("single_span", {}))
+    with pytest.raises(ValueError, match="observations: 'nothing' given"):
+        tramways.observe(["nothing"])
