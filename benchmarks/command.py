@@ -14,6 +14,7 @@ from benchmarks import (
     accuracy,
     convergence,
     emergency_stop,
+    ensemble,
     exudyn_comparison,
     exudyn_space,
     frame,
@@ -49,6 +50,7 @@ PARTS = {
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
+    "ensemble": (ensemble.run, "32 twins side by side beside a plain loop: real time, threads, forks, memory"),
     "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
     "emergency_stop": (
         emergency_stop.run,

@@ -358,6 +358,11 @@ class Engine:
         return [part.system.cable.node_arc_length for part in self.parts]
 
     @property
+    def workspace_size(self) -> int:
+        """Bytes of the workspaces of the solver of all ropes."""
+        return sum(work.memory.nbytes for work in self._works)
+
+    @property
     def memory(self) -> Memory:
         """Block of memory with the states of all ropes."""
         return self._states[0].memory
