@@ -84,6 +84,7 @@ def put(
     c.attached[row] = attached
     c.body_position[row] = (place, 0.0, height(min(place, LENGTH)) - 5.0) if body is None else (body[0], 0.0, body[1])
     c.body_angles[row] = 0.0, pitch, 0.0
+    c.body_orientation[row] = 0.0, math.sin(0.5 * pitch), 0.0, math.cos(0.5 * pitch)
 
 
 def snapshot(moment: float, *, tension=1e6, **vehicle) -> Snapshot:

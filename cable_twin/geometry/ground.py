@@ -10,58 +10,48 @@ import numpy as np
 from cable_twin.frame.records import Clearance, FloatArray, Place
 from cable_twin.geometry.bodies import body_box, body_outlines
 from cable_twin.mechanics.parameters import IntArray
-from cable_twin.mechanics.readout.clearances import Ground, Surroundings
+from cable_twin.mechanics.readout.clearances import Surroundings
 from cable_twin.scenario import Scenario, masts
 
 
-def ground_of(scenario: Scenario) -> Ground:
-    """Ground profile and body outlines of a scenario for `look_at_ground`; no profile points without terrain."""
+def surroundings_of(scenario: Scenario) -> Surroundings:
+    """Ground, masts and vehicles of a scenario for `look_around`; masts rope by rope, no profile without terrain."""
+    sides, in_space = scenario.terrain_sides, scenario.dim == 3
+    middle, left, right = (
+        np.array(points, dtype=np.float64).reshape(-1, 2)
+        for points in (scenario.terrain, *(((), ()) if sides is None else (sides.left, sides.right)))
+    )
     outlines = [list(bodies.values()) for bodies in body_outlines(scenario).values()]
     lines = list(chain.from_iterable(outlines))
-    return Ground(
-        terrain=np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2),
-        first_body=_firsts(map(len, outlines)),
-        first_corner=_firsts(map(len, lines)),
-        corners=np.concatenate([np.empty((0, 2)), *lines]),
-        line=np.zeros((max(map(len, lines), default=0), 3)),
-        lowest=np.full((1 + len(outlines), 3), np.nan),
-    )
-
-
-def surroundings_of(scenario: Scenario) -> Surroundings:
-    """Ground, masts and vehicles of a scenario in space for `look_around`; masts rope by rope."""
-    ground, sides = ground_of(scenario), scenario.terrain_sides
-    profiles = ((), ()) if sides is None else (sides.left, sides.right)
-    left, right = (np.array(points, dtype=np.float64).reshape(-1, 2) for points in profiles)
     boxes = [body_box(body) for vehicle in scenario.vehicles.values() for body in vehicle.bodies.values()]
     all_masts = [mast for rope in scenario.cables for mast in masts(scenario.of_rope(rope)).values()]
     return Surroundings(
-        middle=ground.terrain,
+        middle=middle,
         left=left,
         right=right,
         distance=0.0 if sides is None else sides.distance,
         masts=np.array(all_masts, dtype=np.float64).reshape(-1, 4),
-        first_body=ground.first_body,
-        first_corner=ground.first_corner,
-        corners=ground.corners,
-        half_width=np.array([0.0 if box is None else 0.5 * box[1] for box in boxes], dtype=np.float64),
-        line=ground.line,
-        lowest=ground.lowest,
-        nearest=np.full((len(scenario.vehicles), 2), np.nan),
+        first_body=first_rows(map(len, outlines)),
+        first_corner=first_rows(map(len, lines)),
+        corners=np.concatenate([np.empty((0, 2)), *lines]),
+        half_width=np.array([0.5 * box[1] if in_space and box is not None else 0.0 for box in boxes], np.float64),
+        line=np.zeros((max(map(len, lines), default=0), 3)),
+        lowest=np.full((1 + len(outlines), 3), np.nan),
+        nearest=np.full((len(outlines), 2), np.nan),
     )
 
 
-def _firsts(counts: Iterable[int]) -> IntArray:
-    """Index of the first item of each group, with the total count appended."""
+def first_rows(counts: Iterable[int]) -> IntArray:
+    """Row of the first item of each group of a count, one group after the other, with the total count appended."""
     return np.cumsum([0, *counts], dtype=np.int64)
 
 
-def clearance_seen(ground: Ground | Surroundings, rope: str, names: Iterable[str], attached: FloatArray) -> Clearance:
-    """Clearance of a rope and its vehicles as last measured by `look_at_ground` or `look_around`.
+def clearance_seen(around: Surroundings, rope: str, names: Iterable[str], attached: FloatArray) -> Clearance:
+    """Clearance of a rope and its vehicles as last measured by `look_around`.
 
     `names` and `attached` (vehicles,) are those of the vehicles on the rope; vehicles off the rope are left out.
     """
-    lowest, *vehicles = (Place(*row) for row in ground.lowest.tolist())
+    lowest, *vehicles = (Place(*row) for row in around.lowest.tolist())
     found = {name: place for name, place, on in zip(names, vehicles, attached, strict=True) if on}
     return Clearance(lowest, found, {rope: lowest})
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_twin.frame.snapshot import ENDS, Layout
 from cable_twin.geometry.bodies import body_box, body_outline
+from cable_twin.geometry.ground import first_rows
 from cable_twin.key_figures.figure import Subject
 from cable_twin.mechanics.language import declared
 from cable_twin.mechanics.language.by_reference import by_reference
@@ -171,12 +172,12 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
         in_space=scenario.dim == 3,
         arc_length=layout.arc_lengths.copy(),
         first_sample=np.array([0, *(part.stop for part in layout.ropes.values())], np.int64),
-        first_support=_firsts([len(ENDS) + len(own) for own in towers]),
-        first_mast=_firsts([len(masts(one)) for one in ropes]),
+        first_support=first_rows([len(ENDS) + len(own) for own in towers]),
+        first_mast=first_rows([len(masts(one)) for one in ropes]),
         length=np.array([one.cable.unstrained_length for one in ropes], np.float64),
         end_element=np.array([_end_element(one) for one in ropes], np.float64),
         rollers=np.array(rollers, np.float64),
-        first_body=_firsts([len(own) for own in bodies]),
+        first_body=first_rows([len(own) for own in bodies]),
         vehicle_rope=rope_of.astype(np.int64),
         clamped=clamped,
         empty=np.array([sum(body.mass for body in own) for own in bodies], np.float64),
@@ -210,11 +211,6 @@ def _end_element(scenario: Scenario) -> float:
     return elements.at_towers if isinstance(elements, Grading) else scenario.cable.unstrained_length / elements
 
 
-def _firsts(counts: list[int]) -> IntArray:
-    """Number of the first item of each group, with the total count appended."""
-    return np.cumsum([0, *counts], dtype=np.int64)
-
-
 class Hull(NamedTuple):
     """Bounding box of a body in its axes, from the centre of mass without payload."""
 
@@ -239,7 +235,7 @@ def boxes_of(scenario: Scenario) -> Boxes:
     hulls = [hull_of(body) for one in vehicles for body in one.bodies.values()]
     return Boxes(
         group=np.minimum(np.arange(len(vehicles)), len(scenario.carriages)),
-        first_body=np.cumsum([0, *(len(one.bodies) for one in vehicles)]),
+        first_body=first_rows(len(one.bodies) for one in vehicles),
         middle=np.array([hull.middle for hull in hulls]).reshape(-1, 3),
         body_half=np.array([hull.half for hull in hulls]).reshape(-1, 3),
         centre=np.zeros((2, 3)),

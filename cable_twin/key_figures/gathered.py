@@ -12,7 +12,7 @@ import numpy as np
 from cable_twin.frame.records import AppliedCommand, Touch
 from cable_twin.frame.snapshot import DERAILED as WAYS_OUT
 from cable_twin.frame.snapshot import ENDS, Layout, Snapshot
-from cable_twin.geometry.ground import ground_of, surroundings_of
+from cable_twin.geometry.ground import surroundings_of
 from cable_twin.key_figures.dissipation import Dissipation
 from cable_twin.key_figures.extremes import (
     PLACE,
@@ -33,7 +33,6 @@ from cable_twin.key_figures.measures import (
     CLEARANCE_PERIOD,
     MEAN,
     take_frame,
-    take_heights,
     take_passing,
     take_surroundings,
 )
@@ -73,9 +72,7 @@ class KeyFigures:
         self._layout: Layout | None = None  # of the frames so far
         self._next_look = -inf  # s, at which clearances are due
         in_space = scenario.dim == 3
-        self._look = take_surroundings if in_space else take_heights
-        looks = in_space or scenario.terrain
-        self._around = pack(surroundings_of(scenario) if in_space else ground_of(scenario)) if looks else None
+        self._around = pack(surroundings_of(scenario)) if in_space or scenario.terrain else None
         self._boxes = pack(boxes_of(scenario)) if passes(scenario) else None
         self._masts = masts_of(scenario) if in_space else []
         self._last, self._period = nan, nan  # s, time of the last frame and from one to the next
@@ -111,7 +108,7 @@ class KeyFigures:
         take_frame(*self._packed, self._packed_columns)
         if self._around is not None and time >= self._next_look:
             self._next_look = time + CLEARANCE_PERIOD * (1.0 - 1e-9)
-            self._look(*self._packed, self._around, self._packed_columns)
+            take_surroundings(*self._packed, self._around, self._packed_columns)
             if self._boxes is not None:
                 take_passing(self._packed[0], self._boxes, self._packed_columns)
         self._stops.update(time)

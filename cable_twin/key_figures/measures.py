@@ -7,13 +7,7 @@ from math import inf, isnan, log, nan, sqrt
 from cable_twin.key_figures.extremes import NO_ROPE, PLACE, PLACES, ROPE, TIME, VALUE, WIND
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import copy_array
-from cable_twin.mechanics.readout.clearances import (
-    box_distance,
-    find_least,
-    find_lowest,
-    look_around_vehicle,
-    look_from_vehicle,
-)
+from cable_twin.mechanics.readout.clearances import box_distance, find_least, look_around_vehicle
 
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at clearances
 MEAN = 0.2  # s over which velocities are averaged for accelerations: shorter changes are shocks, and of the mesh
@@ -347,25 +341,8 @@ def take_couplings(extremes, time, columns):
 
 
 @kernel
-def take_heights(extremes, constants, ground, columns):
-    """Take in the clearances of ropes and vehicles over the ground in a plane."""
-    time, least, wind = columns.time[0], ground.lowest[0], extremes.wind
-    for rope in range(constants.length.size):
-        first, last = constants.first_sample[rope], constants.first_sample[rope + 1]
-        least[0] = nan
-        find_lowest(ground.terrain, columns.rope_position[first:last], last - first, least)
-        lowest_in_wind(extremes.rope_clearance, rope, least[0], time, least[1], rope, wind)
-    for vehicle in range(columns.attached.size):
-        rope = rope_of(constants, columns, vehicle)
-        if columns.attached[vehicle] != 0.0 and rope != NO_ROPE:
-            look_from_vehicle(ground, vehicle, columns.body_position, columns.body_angles)
-            least_of_it = ground.lowest[1 + vehicle]
-            lowest_in_wind(extremes.clearance, vehicle, least_of_it[0], time, least_of_it[1], rope, wind)
-
-
-@kernel
 def take_surroundings(extremes, constants, around, columns):
-    """Take in the clearances of ropes and vehicles over the ground and from the masts of their rope in space."""
+    """Take in the clearances of ropes and vehicles over the ground, and in space from masts of their rope."""
     time, least, wind = columns.time[0], around.lowest[0], extremes.wind
     for rope in range(constants.length.size if around.middle.shape[0] > 0 else 0):
         first, last = constants.first_sample[rope], constants.first_sample[rope + 1]

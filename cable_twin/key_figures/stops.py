@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass
 from math import isnan, nan
 from typing import NamedTuple
@@ -133,21 +133,31 @@ class Travel:
     """Travel of a point of each vehicle along its rope, between frames that hold the points.
 
     Args:
-        vehicles: (n,) rows of the vehicles.
+        scenario: scenario of the run.
+        rows: rows of the n vehicles among all.
         shown: one coordinate (n,) of each point, in the columns of a frame.
         points: positions (n, 3) in m of the points, in the columns of a frame.
     """
 
     def __init__(
-        self, vehicles: Rows, shown: Callable[[Columns], FloatArray], points: Callable[[Columns], FloatArray]
+        self,
+        scenario: Scenario,
+        rows: list[int],
+        shown: Callable[[Columns], FloatArray],
+        points: Callable[[Columns], FloatArray],
     ) -> None:
-        self.vehicles, self._shown, self._points = vehicles, shown, points
+        self.vehicles, self._shown, self._points = np.array(rows, np.intp), shown, points
+        members = [(one.subject, [rows.index(row) for row in one.rows if row in rows]) for one in groups_of(scenario)]
+        self.groups = [(subject, found) for subject, found in members if found]  # with the indices among the n
+        self._names = list(scenario.vehicles)
         self._layout: Layout | None = None  # of the frames so far
         self._numbers: list[int] = []  # places in a frame of `shown`
         self.last: Snapshot | None = None  # last frame that holds them
 
     def shows(self, snapshot: Snapshot) -> bool:
         """Whether a frame comes after the last one and holds the points; frames of a log may not."""
+        if not self.groups:
+            return False
         if snapshot.layout is not self._layout:
             self._layout = snapshot.layout
             self._numbers = self._shown(snapshot.layout.places).astype(int).tolist()
@@ -168,6 +178,11 @@ class Travel:
         steps = np.sum(moved * along_rope(snapshot, self.vehicles[members]), axis=1)
         return np.where((self.attached(snapshot) & self.attached(self.last))[members], steps, nan)
 
+    def describe(self, member: int, members: list[int], kind: str, speed: float) -> str:
+        """Text of a stop of a member of a group from a speed (m/s), with the vehicle's name in a group of several."""
+        whose = f"{self._names[self.vehicles[member]]}, " if len(members) > 1 else ""
+        return f"{whose}{kind} from {abs(speed):.2f} m/s"
+
 
 class CarriedStops:
     """Decisive stop of vehicles on a driven rope: distance and time of each vehicle in space.
@@ -180,11 +195,9 @@ class CarriedStops:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._drives, self._names = frozenset(scenario.drives), list(scenario.vehicles)
+        self._drives = frozenset(scenario.drives)
         rows = [row for row, one in enumerate(scenario.vehicles.values()) if is_carried(scenario, one)]
-        self._groups = _among(rows, groups_of(scenario))
-        vehicles = np.array(rows, np.intp)
-        self._travel = Travel(vehicles, lambda c: c.joint_position[vehicles, 2], lambda c: c.joint_position[vehicles])
+        self._travel = Travel(scenario, rows, lambda c: c.joint_position[rows, 2], lambda c: c.joint_position[rows])
         self._begun: tuple[str, float] | None = None  # kind and time (s) of the command, while it is under way
         self._start = np.zeros(len(rows))  # m/s at the command
         self._way = np.zeros(len(rows))  # m since then
@@ -194,7 +207,7 @@ class CarriedStops:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot, in order of time."""
-        if self._groups and self._travel.shows(snapshot):
+        if self._travel.shows(snapshot):
             if self._begun is not None:
                 assert self._travel.last is not None
                 self._go_on(snapshot.time, self._travel.last.time, self._travel.steps(snapshot))
@@ -236,16 +249,16 @@ class CarriedStops:
         if kind == STOP and self._counts == EMERGENCY:
             return
         self._counts, self._stops = kind, []
-        for subject, members in self._groups:
+        for subject, members in self._travel.groups:
             counted = [member for member in members if self._end[member] > time]
             if counted:
                 member = max(counted, key=lambda one: self._way[one])
-                whose = f"{self._names[self._travel.vehicles[member]]}, " if len(members) > 1 else ""
-                where = f"{whose}{kind} from {abs(self._start[member]):.2f} m/s, of its clamp along the rope"
-                values = float(self._way[member]), float(self._end[counted].max()) - time
-                self._stops += stop_figures(
-                    subject, values, time, (where, f"{kind}, until the last vehicle stands still")
+                where = (
+                    f"{self._travel.describe(member, members, kind, self._start[member])}, of its clamp along the rope"
                 )
+                values = float(self._way[member]), float(self._end[counted].max()) - time
+                places = where, f"{kind}, until the last vehicle stands still"
+                self._stops += stop_figures(subject, values, time, places)
 
 
 class SeatStops:
@@ -261,7 +274,7 @@ class SeatStops:
 
     def __init__(self, scenario: Scenario) -> None:
         rows, bodies, offsets, first = [], [], [], 0
-        self._names, self._movers = list(scenario.vehicles), []
+        self._movers = []
         for row, (name, one) in enumerate(scenario.vehicles.items()):
             if one.bodies:
                 number, offset = _load(one)
@@ -271,10 +284,7 @@ class SeatStops:
                 self._movers.append(frozenset(scenario.drives) if is_carried(scenario, one) else frozenset((name,)))
             first += len(one.bodies)
         loads, arms = np.array(bodies, np.intp), np.array(offsets).reshape(-1, 3)
-        self._groups = _among(rows, groups_of(scenario))
-        self._travel = Travel(
-            np.array(rows, np.intp), lambda c: c.body_position[loads, 0], lambda c: _placed(c, loads, arms)
-        )
+        self._travel = Travel(scenario, rows, lambda c: c.body_position[loads, 0], lambda c: _placed(c, loads, arms))
         count = len(rows)
         self._under_way = False  # any stop
         self._over: BoolArray = np.ones(count, np.bool_)  # no stop is under way
@@ -288,7 +298,7 @@ class SeatStops:
 
     def update(self, snapshot: Snapshot) -> None:
         """Take in one snapshot, in order of time."""
-        if self._groups and self._travel.shows(snapshot):
+        if self._travel.shows(snapshot):
             if self._under_way:
                 self._go_on(snapshot)
                 self._under_way = not self._over.all()
@@ -331,7 +341,7 @@ class SeatStops:
 
     def _renew(self, farther: Rows) -> None:
         """Renew the figures of groups with loads, by index, that have gone farther."""
-        for subject, members in self._groups:
+        for subject, members in self._travel.groups:
             moved = [number for number in farther.tolist() if number in members]
             if not moved:
                 continue
@@ -341,17 +351,11 @@ class SeatStops:
                 counts = self._counts[subject] == EMERGENCY and kind == STOP
                 if counts or (before.time == self._begun[number] and before.value >= self._farthest[number]):
                     continue
-            whose = f"{self._names[self._travel.vehicles[number]]}, " if len(members) > 1 else ""
-            where = f"{whose}{kind} from {abs(self._start[number]):.2f} m/s, its load along the rope, swing included"
+            stop = self._travel.describe(number, members, kind, self._start[number])
+            where = f"{stop}, its load along the rope, swing included"
             way, begun = float(self._farthest[number]), float(self._begun[number])
             self._counts[subject] = kind
             self._found[subject] = figure("passenger_stopping_distance", subject, "highest", way, begun, where)
-
-
-def _among(rows: list[int], groups: Iterable[Group]) -> list[tuple[Subject, list[int]]]:
-    """Subject of each group with the indices of its vehicles among some rows; groups without any are left out."""
-    found = [(group.subject, [rows.index(row) for row in group.rows if row in rows]) for group in groups]
-    return [(subject, members) for subject, members in found if members]
 
 
 def along_rope(snapshot: Snapshot, vehicles: Rows) -> FloatArray:

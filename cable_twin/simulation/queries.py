@@ -10,10 +10,10 @@ import numpy as np
 
 from cable_twin.frame.records import Clearance, Energy, SolverReport
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.geometry.ground import clearance_seen, ground_of, surroundings_of
+from cable_twin.geometry.ground import clearance_seen, surroundings_of
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.mechanics.readout.clearances import Ground, Surroundings, look_around, look_at_ground
+from cable_twin.mechanics.readout.clearances import Surroundings, look_around
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.readout.samples import places_on, sample_positions, sample_shape
@@ -97,10 +97,7 @@ class Queries:
         riding = columns.attached[rows] * (columns.vehicle_rope[rows] == self._parts.index(part))
         first = self._observer.layout.first_body
         bodies = [body for row in rows for body in range(first[row], first[row + 1])]
-        if isinstance(lookout, Surroundings):
-            look_around(lookout, rope, riding, columns.body_position[bodies], columns.body_orientation[bodies])
-        else:
-            look_at_ground(lookout, rope, riding, columns.body_position[bodies], columns.body_angles[bodies])
+        look_around(lookout, rope, riding, columns.body_position[bodies], columns.body_orientation[bodies])
         return clearance_seen(lookout, name, [*part.rows], riding)
 
     def energy(self) -> Energy:
@@ -154,10 +151,10 @@ class Queries:
         return time_of(int(self._ropeway.state.clock[0]), self._ropeway.system.solver.step)
 
     @cached_property
-    def _lookouts(self) -> dict[str, Ground | Surroundings]:
-        """Ground below each rope, in space with the obstacles around it, built at the first query of clearance."""
-        look = surroundings_of if self._ropeway.scenario.dim == 3 else ground_of
-        return {name: look(part.scenario) for name, part in zip(self._observer.layout.ropes, self._parts, strict=True)}
+    def _lookouts(self) -> dict[str, Surroundings]:
+        """Ground and obstacles around each rope, built at the first query of clearance."""
+        ropes = zip(self._observer.layout.ropes, self._parts, strict=True)
+        return {name: surroundings_of(part.scenario) for name, part in ropes}
 
     def _places(self, rope: str | None, arc_lengths: FloatArray) -> tuple[Ropeway, FloatArray]:
         """Ropeway of a rope, and a writable copy of places on it for kernels.

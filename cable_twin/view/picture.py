@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from itertools import pairwise
 from math import isnan
 from typing import NamedTuple
@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import ArrayLike
 
 from cable_twin.basics.units import rounded
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.frame.snapshot import Columns, Layout
-from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, send
+from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, plane, send
 from cable_twin.view.plots import LEGEND_ROW, LEGENDS, Plots, shown_unit
 from cable_twin.view.rope import Rope
 from cable_twin.view.space import NEAR_WIND, OVERVIEW_WIND, SPACE, Eye, InSpace, Space
@@ -295,19 +296,41 @@ def _plot_view(
 
 @dataclass(frozen=True)
 class Look:
-    """Appearance of a run in `RerunView`; points in the plane are x and z."""
+    """Appearance of a run in rerun; points in the plane are x and z.
+
+    Attributes:
+        title: title of the recording.
+        outlines: carriage -> body -> outline (n, 2) m in the body's axes from its centre of mass (see
+            `cable_twin.geometry.bodies`). A body without one is drawn as a dot.
+        support_positions: name -> place (2,) m of supports between the ends of the ropes.
+        ground: profile of the ground (n, 2) m; None: a line along the chord of the track.
+        force_unit: "kN" or "N"; None: kN unless every force of the first snapshot is below 1 kN.
+        carriers: carriages that are drawn and plotted together, so that their number costs little.
+        geometry_rate: rate (Hz) at which carriages are drawn.
+        rope_rate: rate (Hz) at which the rope is drawn. Files at 20 Hz are a quarter larger than at 10 Hz, where joints
+            of the shipped ropeways are drawn some centimetres off the rope.
+        space: scene of the 3D view, None for none.
+        wheels: name -> (n, 3) m, rim of each bullwheel.
+
+    Raises:
+        ValueError: the unit of forces is unknown.
+    """
 
     title: str
-    outlines: Mapping[str, Mapping[str, FloatArray]]  # (n, 2) m, in rerun's plane
-    support_positions: Mapping[str, FloatArray]  # (2,) m
-    ground: FloatArray | None  # (n, 2) m
-    force_unit: str | None
-    plot_window: float | None  # s before the cursor, None for the whole run
-    carriers: Collection[str]
-    geometry_rate: float  # Hz
-    rope_rate: float  # Hz
-    wheels: Mapping[str, FloatArray]  # (n, 3) m, rims of bullwheels
-    space: InSpace | None  # scene of the 3D view, None without one
+    outlines: Mapping[str, Mapping[str, ArrayLike]]
+    _: KW_ONLY
+    support_positions: Mapping[str, ArrayLike] = field(default_factory=dict)
+    ground: ArrayLike | None = None
+    force_unit: str | None = None
+    carriers: Collection[str] = ()
+    geometry_rate: float = 20.0
+    rope_rate: float = 10.0
+    space: InSpace | None = None
+    wheels: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.force_unit not in (None, "N", "kN"):
+            raise ValueError(f"force_unit is {self.force_unit!r}, allowed are 'N' and 'kN'")
 
 
 class Picture:
@@ -317,16 +340,21 @@ class Picture:
         look: appearance.
         layout: layout of the frames.
         c: columns of the first batch.
+        window: time (s) before the cursor that live plots show, None for the whole run.
     """
 
-    def __init__(self, look: Look, layout: Layout, c: Columns) -> None:
-        self._look = look
+    def __init__(self, look: Look, layout: Layout, c: Columns, window: float | None) -> None:
+        self._look, self._window = look, window
         self._layout = layout
         self._unit = look.force_unit or _unit(first_known(c))
         self._scale = 1e-3 if self._unit == "kN" else 1.0
         self._plots = Plots(layout, look.carriers, self._scale, self._unit)
         self._rope = Rope(layout, self._scale, self._unit, space=look.space is not None)
-        self._vehicles = Vehicles(layout, look.outlines, look.carriers)
+        outlines = {
+            name: {body: plane(np.asarray(line, np.float64)) for body, line in bodies.items()}
+            for name, bodies in look.outlines.items()
+        }
+        self._vehicles = Vehicles(layout, outlines, look.carriers)
         self._space = look.space and Space(layout, look.space, look.carriers, self._vehicles.followed)
         self._rope_times = Thinning(look.rope_rate)
         self._pose_times = Thinning(look.geometry_rate)
@@ -342,8 +370,8 @@ class Picture:
             planar(first.rope_position),
             self._vehicles.points(first),
             self._layout.end_samples,
-            look.support_positions,
-            look.ground,
+            {name: np.asarray(place, np.float64) for name, place in look.support_positions.items()},
+            None if look.ground is None else np.asarray(look.ground, np.float64),
         )
         table = table_columns(describe_moment(self._layout, first, look.title, self._scale, self._unit))
         close_ups = bool(self._vehicles.followed) * (2 if self._space else 1)
@@ -359,11 +387,11 @@ class Picture:
         draw_scene(stream, scene, self._framed.names, look.wheels)
         self._rope.begin(stream, float(first.time[0]), self._framed.legend)
         self._vehicles.begin(stream, first, self._framed.pixel, self._framed.taken)
-        self._plots.begin(stream, plot_cells(self._plots, self._sizes), look.plot_window)
+        self._plots.begin(stream, plot_cells(self._plots, self._sizes), self._window)
         if self._space:
             self._space.begin(stream, first, scene.ground, look.wheels, self._sizes.track)
         stream.log("readout", rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
-        self._lay_out(stream, look.plot_window)
+        self._lay_out(stream, self._window)
         for times in (self._rope_times, self._pose_times, self._readout_times):
             times.restart()
 

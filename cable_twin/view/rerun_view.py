@@ -14,22 +14,21 @@ from __future__ import annotations
 import ctypes
 import os
 import socket
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import rerun as rr
 import rerun_bindings as bindings
 from numpy.typing import ArrayLike
 
 from cable_twin.basics.files import sync
 from cable_twin.frame.commands import KINDS
-from cable_twin.frame.records import AppliedCommand, Command, FloatArray
+from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.view.batch import Batch, plane, time_column
+from cable_twin.view.batch import Batch, time_column
 from cable_twin.view.picture import Look, Picture, describe_command
-from cable_twin.view.space import InSpace
 from cable_twin.view.web_view import LIVE_ADDRESS, LIVE_PORT, live_url
 
 APPLICATION = "cable_twin"
@@ -206,77 +205,43 @@ class RerunView:
 
     def __init__(
         self,
-        scenario_name: str,
+        title: str,
         body_outlines: Mapping[str, Mapping[str, ArrayLike]],
         *,
         path: Path | None,
         live: bool,
         live_port: int = LIVE_PORT,
-        support_positions: Mapping[str, ArrayLike] | None = None,
-        ground: ArrayLike | None = None,
-        force_unit: str | None = None,
-        carriers: Collection[str] = (),
-        geometry_rate: float = 20.0,
-        rope_rate: float = 10.0,
         batch_frames: int | None = None,
         stream: rr.RecordingStream | None = None,
-        space: InSpace | None = None,
-        wheels: Mapping[str, FloatArray] | None = None,
+        **appearance: Any,
     ) -> None:
         """Open the file and the server; the picture is laid out with the first snapshot.
 
         Args:
-            scenario_name: title of the recording.
-            body_outlines: carriage -> body -> outline (n, 2) m in the body's axes from its centre of mass (see
-                `cable_twin.geometry.bodies`). A body without one is drawn as a dot.
+            title: title of the recording.
+            body_outlines: carriage -> body -> outline (n, 2) m, as in `Look`.
             path: recording file (.rrd), or None.
             live: whether to serve the picture at `127.0.0.1:live_port` for any number of viewers. Its plots show the
                 last 30 s, those of a finished file the whole run.
             live_port: TCP port of the live view.
-            support_positions: name -> place (2,) m of supports between the ends of the ropes.
-            ground: profile of the ground (n, 2) m; by default a line along the chord of the track.
-            force_unit: "kN" or "N"; by default kN unless every force of the first snapshot is below 1 kN.
-            carriers: carriages that are drawn and plotted together, so that their number costs little.
-            geometry_rate: rate (Hz) at which carriages are drawn.
-            rope_rate: rate (Hz) at which the rope is drawn. Files at 20 Hz are a quarter larger than at 10 Hz, where
-                joints of the shipped ropeways are drawn some centimetres off the rope.
             batch_frames: number of snapshots that are sent together; by default 20 for a live view, otherwise 500, for
                 a small file with a small index; a flush sends those that wait.
             stream: stream to draw into without a file and a live view; closing the view closes it.
-            space: scene of the 3D view, None for none.
-            wheels: name -> (n, 3) m, rim of each bullwheel.
+            **appearance: other fields of `Look`.
 
         Raises:
-            ValueError: neither a file, a live view nor a stream is given, or the unit is unknown.
+            ValueError: neither a file, a live view nor a stream is given, or the unit of forces is unknown.
             OSError: the file cannot be created, or the port is in use.
         """
         if path is None and not live and stream is None:
             raise ValueError("a view without a file and without a live server shows nothing")
-        if force_unit not in (None, "N", "kN"):
-            raise ValueError(f"force_unit is {force_unit!r}, allowed are 'N' and 'kN'")
         self.url: str | None = None
         self._path = path
-        self._look = Look(
-            title=scenario_name,
-            outlines={
-                carriage: {body: plane(np.asarray(line, dtype=np.float64)) for body, line in bodies.items()}
-                for carriage, bodies in body_outlines.items()
-            },
-            support_positions={
-                name: np.asarray(where, dtype=np.float64) for name, where in (support_positions or {}).items()
-            },
-            ground=None if ground is None else np.asarray(ground, dtype=np.float64),
-            force_unit=force_unit,
-            plot_window=LIVE_WINDOW if live else None,
-            carriers=tuple(carriers),
-            geometry_rate=geometry_rate,
-            rope_rate=rope_rate,
-            space=space,
-            wheels=wheels or {},
-        )
+        self._look = Look(title, body_outlines, **appearance)
+        self._window = LIVE_WINDOW if live else None
         self.flush_period = 0.5 if live else 5.0
 
-        self._stream: rr.RecordingStream | None = stream or open_stream(scenario_name, path, live, live_port)
+        self._stream: rr.RecordingStream | None = stream or open_stream(title, path, live, live_port)
         if live:
             self.url = live_url(live_port)
 
@@ -296,7 +261,7 @@ class RerunView:
         stream = self._open()
         self._layout = snapshot.layout
         columns = snapshot.layout.columns(snapshot.numbers[None])
-        self._picture = Picture(self._look, snapshot.layout, columns)
+        self._picture = Picture(self._look, snapshot.layout, columns, self._window)
         self._picture.begin(stream, columns)
         self._laid_out = True
 
@@ -400,7 +365,7 @@ class RerunView:
         if not len(c.time):
             return
         if self._picture is None:
-            self._picture = Picture(self._look, self._layout, c)
+            self._picture = Picture(self._look, self._layout, c, self._window)
         if not self._laid_out:
             self._picture.begin(stream, c)
             self._laid_out = True
