@@ -50,8 +50,8 @@ class Command:
 class Goal:
     """Target places to stop at; the speeds on the way are left to the executing frame loop."""
 
-    places: Mapping[str, float]  # m along the cable by carriage, m of cable gone by of a drive
-    at_most: Mapping[str, float]  # m/s on the way, of those that are not to go as fast as their limits allow
+    places: Mapping[str, float]  # m: arc length for a carriage, travel of the cable for a drive
+    at_most: Mapping[str, float]  # m/s, highest speeds on the way, where below the limits
 
 
 class CommandError(ValueError):
@@ -72,9 +72,9 @@ class RefusedCommand:
     """Command refused whole, with its reason."""
 
     time: float  # s, simulated
-    source: str  # topic that brought it, or `script`
-    reason: str  # a line: what was given, what is allowed, the unit
-    count: int  # commands of the run that were refused so far, this one included
+    source: str  # topic of the command, or `script`
+    reason: str  # given value, allowed range and unit, in a line
+    count: int  # refused commands of the run so far, with this one
 
     def __str__(self) -> str:
         """Time, source and reason in a line."""
@@ -113,7 +113,7 @@ class BodyState:
     orientation: FloatArray  # (4,) unit quaternion x, y, z, w
     velocity: FloatArray  # (3,) m/s
     angular_velocity: FloatArray  # (3,) rad/s
-    angles: FloatArray  # (3,) roll, pitch, yaw in rad; pitch goes on beyond a turn
+    angles: FloatArray  # (3,) roll, pitch, yaw in rad; pitch without jumps beyond a turn
 
     @property
     def x(self) -> float:
@@ -147,35 +147,35 @@ class CarriageState:
 
     arc_length: float  # m, unstrained, from the start of the cable
     speed: float  # m/s, rate of arc_length
-    drive_force: float  # N, along the cable, on the carriage, also by its clamp; or on the sheave of its haul rope
+    drive_force: float  # N, along the cable, on the carriage or its clamp, or on the drum of its haul rope
     contact_force: FloatArray  # (3,) N, of the cable on the carriage
     position: FloatArray  # (3,) m, of the joint
     bodies: Mapping[str, BodyState]
-    attached: bool = True  # to the cable; a carrier that is not hangs at rest in a station
+    attached: bool = True  # to the cable; a detached carrier hangs at rest in a station
     payload: float = 0.0  # kg
     haul_rope: HaulRopeState | None = None
-    clamp_force: FloatArray | None = None  # (3,) N, of the rope to which it is clamped on the carriage
-    push: float = 0.0  # N, with which it and what is after it on the rope push each other
+    clamp_force: FloatArray | None = None  # (3,) N, of the second rope on the carriage, through its clamp
+    push: float = 0.0  # N, buffer force between the carriage and the next one on the rope
 
 
 @dataclass(frozen=True, slots=True)
 class DriveState:
     """State of the drive of a moving cable."""
 
-    position: float  # m, unstrained cable that has gone by, towards the end
+    position: float  # m, travel of the unstrained cable towards its end
     speed: float  # m/s
-    force: float  # N, on the cable; times speed the power into it and what hangs on it
+    force: float  # N, on the cable; times speed the power into cable and vehicles
 
 
 @dataclass(frozen=True, slots=True)
 class TowerState:
     """Contact state of the cable on one tower."""
 
-    normal_load: float  # N, sum over its contacts
-    lowest_load: float  # N, the least of all steps since the start or the last reset
+    normal_load: float  # N, sum over the contacts of the tower
+    lowest_load: float  # N, lowest of all steps since the start or the last reset
     rest_load: float  # N, at the start
-    lifted_off: bool  # whether the cable has left all of its contacts: deropement
-    lateral_force: float | None = None  # N, of its grooves on the cable, to the left of the track; none in a plane
+    lifted_off: bool  # whether the cable has left all contacts: deropement
+    lateral_force: float | None = None  # N, of the grooves on the cable, to the left of the track; None in a plane
     lateral_ratio: float | None = None  # -, highest of its size over the normal load since the start or the last reset;
     # none where there was no normal load
 
@@ -191,7 +191,7 @@ class PantographState:
 
     position: FloatArray  # (3,) m, of the head
     speed: float  # m/s, along the track
-    contact_force: float  # N, upwards on the rope, 0 where it has lost it
+    contact_force: float  # N, upwards on the rope, 0 without contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,7 @@ class Derailment:
     how: str
     time: float  # s, simulated
     position: tuple[float, ...]  # (3,) m, of the tower
-    ratio: float | None  # -, highest of lateral over normal force until then; none where it never lay on the tower
+    ratio: float | None  # -, highest lateral over normal force until then; None without any contact
 
     def __str__(self) -> str:
         """Text of a derailment in one line."""
@@ -215,10 +215,10 @@ class Touch:
     """Contact of two vehicles on a rope."""
 
     vehicle: str
-    other: str  # after it on the rope
+    other: str  # next vehicle on the rope
     time: float  # s, simulated
-    place: float  # m, unstrained arc length of the joint of the first
-    speed: float  # m/s, at which they came together
+    place: float  # m, unstrained arc length of the joint of `vehicle`
+    speed: float  # m/s, closing speed at the contact
 
     def __str__(self) -> str:
         """Text of a contact of two vehicles in one line."""
@@ -232,8 +232,8 @@ class Touch:
 class HaulRopeState:
     """State of the haul rope of one carriage, and of its drive sheave."""
 
-    travel: float  # m, arc length at which the carriage would be if the rope did not stretch
-    speed: float  # m/s, of the rope at the sheave
+    travel: float  # m, arc length of the carriage on an inextensible haul rope
+    speed: float  # m/s, of the rope at the drive sheave
     force: float  # N, of the rope on the carriage, along the cable
 
 
@@ -250,7 +250,7 @@ class Place:
 class Clearance:
     """Least heights of ropes and vehicles above the ground."""
 
-    rope: Place  # the lowest of all
+    rope: Place  # lowest of all ropes
     vehicles: Mapping[str, Place]
     ropes: Mapping[str, Place]
 
@@ -260,8 +260,8 @@ class SupportState:
     """State of one support: its force on the cable, and data of a tower or counterweight."""
 
     force: FloatArray  # (3,) N, of the support on the cable
-    tower: TowerState | None = None  # where it is a tower
-    travel: float | None = None  # m, of a counterweight from its place in the scenario, in the direction of its pull
+    tower: TowerState | None = None  # of a tower, else None
+    travel: float | None = None  # m, of a counterweight along its pull, from its position in the scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,10 +279,10 @@ class SolverReport:
 
     steps: int
     iterations: int  # Newton iterations, all steps together
-    halvings: int  # steps that had to be retried in halves
+    halvings: int  # steps repeated with half the length
     constraint_residual: float  # m, worst joint gap
-    energy_lost: float = 0.0  # J, by the integrator itself, which no damper or friction has taken
-    energy_moved: float = 0.0  # J, changes of kinetic energy from step to step, either way, added up
+    energy_lost: float = 0.0  # J, by the integrator, without dampers and friction
+    energy_moved: float = 0.0  # J, sum of all changes of kinetic energy from step to step, as magnitudes
 
     def then(self, later: SolverReport) -> SolverReport:
         """Statistics of both periods, this one and a later one."""

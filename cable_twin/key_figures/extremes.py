@@ -44,7 +44,7 @@ class Extremes(NamedTuple):
     corner: Annotated[FloatArray, Of("support", 2, unit="m", first=nan)]  # x, z of ends of chords, along each rope
     load: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]
     lowest_load: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]
-    margin: Annotated[FloatArray, Of("support", EXTREME, first=nan)]  # lowest load of a tower over that at rest
+    margin: Annotated[FloatArray, Of("support", EXTREME, first=nan)]  # lowest load of a tower over its load at rest
     roller_load: Annotated[FloatArray, Of("support", EXTREME, unit="N", first=nan)]  # lowest mean of the rollers
     travel: Annotated[FloatArray, Of("support", EXTREME, unit="m", first=nan)]
     lowest_travel: Annotated[FloatArray, Of("support", EXTREME, unit="m", first=nan)]
@@ -64,14 +64,14 @@ class Extremes(NamedTuple):
     clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest
     mast_clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest; place: row of the mast
     push: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]  # of buffers
-    push_touch: Annotated[FloatArray, Of("vehicle", TOUCH, first=nan)]  # before that force
+    push_touch: Annotated[FloatArray, Of("vehicle", TOUCH, first=nan)]  # touch that led to that force
     touch: Annotated[FloatArray, Of("vehicle", TOUCH, first=nan)]  # the last one
     passed_time: Annotated[FloatArray, Of(PLACES, unit="s", first=nan)]  # of frames with positions
     passed: Annotated[FloatArray, Of(PLACES, "vehicle", 5, unit="m", first=nan)]  # last body, arc length, rope
-    passed_last: Annotated[IntArray, Of(1)]  # the newest of them
-    side_tension: Annotated[FloatArray, Of("sheave", 2, EXTREME, unit="N", first=nan)]  # strand coming, and leaving
+    passed_last: Annotated[IntArray, Of(1)]  # row of the newest frame in `passed`
+    side_tension: Annotated[FloatArray, Of("sheave", 2, EXTREME, unit="N", first=nan)]  # incoming and outgoing strand
     lowest_side_tension: Annotated[FloatArray, Of("sheave", 2, EXTREME, unit="N", first=nan)]
-    adhesion: Annotated[FloatArray, Of("sheave", EXTREME, first=nan)]  # used of available
+    adhesion: Annotated[FloatArray, Of("sheave", EXTREME, first=nan)]  # used share of the available adhesion
     torque: Annotated[FloatArray, Of("sheave", EXTREME, unit="N m", first=nan)]
     slip: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
     rolled_back: Annotated[FloatArray, Of("sheave", EXTREME, first=nan)]
@@ -79,7 +79,7 @@ class Extremes(NamedTuple):
     lowest_sheave_travel: Annotated[FloatArray, Of("sheave", EXTREME, unit="m", first=nan)]
     pantograph_force: Annotated[FloatArray, Of("pantograph", EXTREME, unit="N", first=nan)]
     lowest_pantograph_force: Annotated[FloatArray, Of("pantograph", EXTREME, unit="N", first=nan)]
-    frames: Annotated[FloatArray, Of("pantograph")]  # with its force
+    frames: Annotated[FloatArray, Of("pantograph")]  # with a force of the pantograph
     mean_force: Annotated[FloatArray, Of("pantograph", unit="N")]
     square_force: Annotated[FloatArray, Of("pantograph", unit="N²")]  # sum of squared distances from the mean
     lost: Annotated[FloatArray, Of("pantograph")]  # frames without contact
@@ -102,14 +102,14 @@ class Constants(NamedTuple):
     first_support: IntArray  # (ropes + 1,)
     first_mast: IntArray  # (ropes + 1,)
     length: FloatArray  # (ropes,) m, unstrained
-    end_element: FloatArray  # (ropes,) m, from either end in which forces of clamped vehicles do not count
-    rollers: FloatArray  # (supports,) of a tower; 0 of a saddle and of an end
+    end_element: FloatArray  # (ropes,) m, length at either end without forces of clamped vehicles
+    rollers: FloatArray  # (supports,) number of a tower; 0 for saddles and ends
     first_body: IntArray  # (vehicles + 1,)
     vehicle_rope: IntArray  # (vehicles,) or NO_ROPE
-    clamped: IntArray  # (vehicles,) 1 of those that are part of their rope
+    clamped: IntArray  # (vehicles,) 1 for vehicles clamped to their rope
     empty: FloatArray  # (vehicles,) kg
     radius: FloatArray  # (sheaves,) m
-    available: FloatArray  # (sheaves,) friction times wrap, of the logarithm of the ratio of tensions
+    available: FloatArray  # (sheaves,) friction times wrap: highest logarithm of the tension ratio
 
 
 @by_reference

@@ -59,13 +59,13 @@ class KeyFigure:
     name: str  # printed
     value: float
     unit: str
-    time: float  # s, when it was reached
-    place: str = ""  # where, with unit
+    time: float  # s, simulated
+    place: str = ""  # of the extreme, with unit
     limit: float | None = None
     bound: Bound = "at most"
     source: str = ""  # of the limit
-    uncertainty: float | None = None  # difference from a finer mesh and step, where that was run
-    band: str = ""  # of which samples it is an extreme: of means over a time, of frames
+    uncertainty: float | None = None  # difference from a run with finer mesh and step; None without one
+    band: str = ""  # samples of the extreme: means over a time, frames, or steps
 
     @property
     def kept(self) -> bool | None:

@@ -72,8 +72,8 @@ class Stop:
 
     kind: str
     time: float  # s, of the command
-    start: float  # m, place there
-    speed: float  # m/s there
+    start: float  # m, place at the command
+    speed: float  # m/s at the command
     end: float = nan  # s, of the standstill
     distance: float = nan  # m
 

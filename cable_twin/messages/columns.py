@@ -61,9 +61,9 @@ MOST_KINDS = 64  # sets of groups whose messages are kept in mind; a run has 31 
 class Row(NamedTuple):
     """Numbers of a frame that one message `columns` holds."""
 
-    numbers: FloatArray  # (size of a frame,) NaN where the message has none
-    places: IntArray  # (n,) of those that it has
-    report: SolverReport  # since the message before with one; of no steps where it has none
+    numbers: FloatArray  # (size of a frame,) NaN outside the groups of the message
+    places: IntArray  # (n,) indices in a frame of the numbers in the message
+    report: SolverReport  # since the previous message with a report; without steps if not in the message
 
 
 def groups_due(due: Collection[str]) -> tuple[str, ...]:
@@ -230,11 +230,11 @@ class RowDecoder:
 class _Parts(NamedTuple):
     """Arrangement of the numbers in messages with the same groups of columns."""
 
-    head: bytes  # up to its numbers
-    size: int  # of its numbers
-    taken: IntArray  # (n,) which of these are of a frame
-    places: IntArray  # (n,) where they are in a frame
-    report: IntArray  # (6,) which are those of the solver's report, or (0,)
+    head: bytes  # of the message, up to its numbers
+    size: int  # number of numbers
+    taken: IntArray  # (n,) positions in the message of the numbers of the frame
+    places: IntArray  # (n,) their indices in a frame
+    report: IntArray  # (6,) positions of the solver's report, or (0,)
 
 
 class _ShapeError(ValueError):

@@ -40,10 +40,10 @@ class Status:
     """One status of a diagnostics message."""
 
     level: int  # 0 ok, 1 warning, 2 error, 3 stale
-    name: str  # what is diagnosed
+    name: str  # of the diagnosed task
     message: str  # one line for people
     values: Mapping[str, str]  # key figures, as text
-    hardware_id: str = ""  # which of several
+    hardware_id: str = ""  # of one among several
 
 
 def diagnostics_message(stamp_ns: int, *statuses: Status) -> bytes:

@@ -66,7 +66,7 @@ class Topic:
     reliability: Literal["reliable", "best_effort"] = "reliable"
     durability: Literal["volatile", "transient_local"] = "volatile"
     depth: int = 10
-    group: Group = ""  # of what is due with it, frame by frame; none for what comes as it happens
+    group: Group = ""  # rate group of frames; empty for messages at events
 
 
 def topics(
@@ -177,9 +177,9 @@ def support_force_topic(support: str) -> str:
 class Due(NamedTuple):
     """Topics due at one frame."""
 
-    names: tuple[str, ...]  # all that anybody takes
-    taken: tuple[tuple[int, ...], ...]  # for each taker the numbers of its names
-    groups: tuple[tuple[str, ...], ...]  # for each taker those that are due
+    names: tuple[str, ...]  # topics due for any taker
+    taken: tuple[tuple[int, ...], ...]  # for each taker, indices in `names`
+    groups: tuple[tuple[str, ...], ...]  # for each taker, its due groups
 
 
 class Schedule:

@@ -64,7 +64,7 @@ SCALED = ("N", "W", "N m")  # units that may get a prefix
 class PlottedRun:
     """Run to be plotted."""
 
-    label: str  # where there are several, of legends: what `--output` called it, or a, b, ...; else empty
+    label: str  # in legends of several runs: name by `--output`, or a, b, ...; empty for one run
     scenario: str
     run: str
     signals: Signals

@@ -102,11 +102,11 @@ class Comparison:
     samples: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
     first: Difference | None = None
-    largest: float = 0.0  # greatest difference of two numbers found, relative where they are above 1
+    largest: float = 0.0  # largest difference of two numbers, relative above 1
     commands: CommandStream = field(default_factory=CommandStream)
-    restarts: list[str] = field(default_factory=list)  # files that were simulated from their own state, a line each
-    end: float = 0.0  # s, of what was compared last
-    tolerance: float = 0.0  # greatest difference that counts as agreement
+    restarts: list[str] = field(default_factory=list)  # files simulated from their attached state, a line each
+    end: float = 0.0  # s, of the last compared sample
+    tolerance: float = 0.0  # largest difference that counts as equal
 
     def differ(self, difference: Difference) -> None:
         """Count a sample that differs."""

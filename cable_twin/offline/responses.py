@@ -60,7 +60,7 @@ class Effort:
     squared_error: float = 0.0
     squared_force: float = 0.0
     driving: float = 0.0  # J
-    braking: float = 0.0  # J, of which it takes energy
+    braking: float = 0.0  # J, energy taken in while braking
 
     @property
     def rms_error(self) -> float:

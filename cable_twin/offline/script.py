@@ -60,7 +60,7 @@ class Place(NamedTuple):
     """Place of a command: reached when the joint of a vehicle, or the cable of a drive, passes in either direction."""
 
     name: str
-    position: float  # m, arc length of a vehicle, travel of the cable of a drive
+    position: float  # m, arc length for a vehicle, cable travel for a drive
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class ScriptedCommand:
     command: Command
     source: str  # for the log, such as "script" or "joint_commands"
     place: str  # for messages: file and line
-    at: Place | None = None  # where it is given, from that time on
+    at: Place | None = None  # condition besides the time: a passed place
 
 
 def read_script(file: Path, scenario: Scenario | None = None) -> list[ScriptedCommand]:

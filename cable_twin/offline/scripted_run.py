@@ -44,8 +44,8 @@ class Outcome:
     refused: list[str] = field(default_factory=list)  # a line each
     past: int = 0  # commands before the start
     left: int = 0  # commands at or after the end
-    not_reached: list[str] = field(default_factory=list)  # a line each for places that nothing came by
-    fault: str = ""  # why it ended early
+    not_reached: list[str] = field(default_factory=list)  # a line for each place that was not passed
+    fault: str = ""  # reason of an early end
 
 
 def simulate(

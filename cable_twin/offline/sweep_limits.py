@@ -20,7 +20,7 @@ class SweptRun:
 
     value: float
     figures: Sequence[KeyFigure]
-    fault: str = ""  # why it ended early, or could not start
+    fault: str = ""  # reason of an early end or a failed start
     refused: Sequence[str] = ()  # commands, a line each
 
 

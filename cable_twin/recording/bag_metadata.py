@@ -37,7 +37,7 @@ class BagFile:
 class BagChannel:
     """Channel record of a topic in a bag file: name, type, definition, metadata."""
 
-    topic: str  # relative or absolute, as it is written to
+    topic: str  # relative or absolute name, as used for writing
     name: str
     type: str
     definition: bytes

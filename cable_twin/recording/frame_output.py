@@ -34,10 +34,10 @@ class Prepared(NamedTuple):
 
     snapshot: Snapshot
     stamp_ns: int
-    messages: Messages  # all that are due
-    taken: tuple[tuple[int, ...], ...]  # numbers of those, for each taker
-    columns: tuple[str, ...]  # groups of columns that the log gets
-    split: FullState | None  # where a new file of the log begins with it
+    messages: Messages  # due ones of all takers
+    taken: tuple[tuple[int, ...], ...]  # for each taker, indices of its messages
+    columns: tuple[str, ...]  # groups of columns for the log
+    split: FullState | None  # state for a new file of the log that begins with this frame, else None
 
 
 class FrameOutput:

@@ -68,7 +68,7 @@ class _Piece(NamedTuple):
 
     place: ChunkPlace | None  # none without an index
     data: bytes
-    fault: str  # why it is lost
+    fault: str  # reason of a loss
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class LogFile:
     path: Path
     metadata: Mapping[str, str]
     epoch_ns: int
-    damage: list[str] = field(default_factory=list, compare=False)  # what was not read, and why, a line each
+    damage: list[str] = field(default_factory=list, compare=False)  # unread data with reasons, a line each
     _lost_from: list[int] = field(
         default_factory=list, compare=False, repr=False
     )  # stamps after which commands may miss

@@ -22,10 +22,10 @@ STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: t
 class Log:
     """Log to read, complete or cut short; files are opened anew for every pass over messages."""
 
-    path: Path  # of the .mcap, or of the directory where there are several
-    files: tuple[LogFile, ...]  # that can be read, in their order
+    path: Path  # .mcap file, or directory of several
+    files: tuple[LogFile, ...]  # readable files in order
     scenario: Mapping[str, Any]
-    lost: tuple[str, ...] = field(default=(), compare=False)  # files that cannot be read at all, a line each
+    lost: tuple[str, ...] = field(default=(), compare=False)  # unreadable files, a line each
 
     @property
     def source(self) -> Path:

@@ -51,7 +51,7 @@ class ChunkPlace(NamedTuple):
     length: int
     first_ns: int  # stamp of its earliest message
     last_ns: int  # of the latest
-    channels: frozenset[int]  # that have messages in it; empty where the index does not say
+    channels: frozenset[int]  # with messages in the chunk; empty if not in the index
 
 
 class Index(NamedTuple):
@@ -59,7 +59,7 @@ class Index(NamedTuple):
 
     channels: Mapping[int, Channel]
     schemas: Mapping[int, Schema]
-    chunks: tuple[ChunkPlace, ...]  # in their order, none within another one
+    chunks: tuple[ChunkPlace, ...]  # in order, without overlap
     others: tuple[int, ...]  # offsets of metadata and attachments
 
 

@@ -65,7 +65,7 @@ class _Beginning(NamedTuple):
     epoch_ns: int
     stamp_ns: int
     scenario: bytes
-    full_state: FullState | None  # none where the run starts as its scenario does
+    full_state: FullState | None  # None for a run from the start of its scenario
     first: bool
 
 

@@ -33,8 +33,8 @@ class Run:
 
     simulation: Simulation
     recorder: Recorder
-    live_url: str | None  # where a rerun viewer finds the live view
-    web: WebView | None = None  # the same for a browser
+    live_url: str | None  # address of the live view for rerun viewers
+    web: WebView | None = None  # live view for a browser
 
     @property
     def directory(self) -> Path:
@@ -117,9 +117,9 @@ class _Logs(NamedTuple):
 
     bag: McapLog
     views: tuple[View, ...]
-    live_url: str | None  # where a rerun viewer finds the live view
-    web: WebView | None  # the same for a browser
-    faults: list[str]  # what could not be opened, a line each
+    live_url: str | None  # address of the live view for rerun viewers
+    web: WebView | None  # live view for a browser
+    faults: list[str]  # logs that could not be opened, a line each
 
 
 def _open_logs(

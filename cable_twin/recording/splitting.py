@@ -27,10 +27,10 @@ class ClosedSize(NamedTuple):
 class Splitting:
     """Options for splitting and keeping of log files; 0 means no limit."""
 
-    split_duration: float = 3600.0  # s of simulated time that a file lasts
-    split_size: float = 0.0  # MB of a bag's file
-    keep_age: float = 0.0  # s that the end of a closed file may lie back
-    keep_size: float = 0.0  # MB of all files of a run and of the states saved beside them, right after a split
+    split_duration: float = 3600.0  # s of simulated time in a file
+    split_size: float = 0.0  # MB of the MCAP file
+    keep_age: float = 0.0  # s, highest age of the end of a closed file
+    keep_size: float = 0.0  # MB of all files of a run and its saved states after a split
 
     def faults(self, called: Callable[[str], str] = str) -> list[str]:
         """Find invalid limits of a splitting.

@@ -180,8 +180,8 @@ class _Place(NamedTuple):
     """Key path in the scenario file of a drive, or of a tower with one rope."""
 
     own: KeyPath
-    keys: frozenset[str]  # that are there
-    common: KeyPath  # where all others are
+    keys: frozenset[str]  # given in the file
+    common: KeyPath  # key path of all other keys
 
 
 class Written:

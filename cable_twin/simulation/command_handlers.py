@@ -146,7 +146,7 @@ class Handler(NamedTuple):
     change: Callable[[Ropeway, Command], None] | None  # effect on each rope and its vehicles
     check: Callable[[Command, Scenario], None] | None = None  # refuses commands impossible in any state
     check_motion: Callable[[Command, Ropeway], None] | None = None  # refuses by the present motion
-    between: Callable[[Engine, Command], None] | None = None  # effect on the whole, such as bullwheels
+    between: Callable[[Engine, Command], None] | None = None  # effect on bullwheels and the whole lift
 
 
 def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:

@@ -208,8 +208,8 @@ class Moment(NamedTuple):
     """Progress of a first compilation at one moment."""
 
     share: float  # of the work that is done, 0 to 1
-    kernel: str  # what this process compiles
-    elapsed: float  # s since the begin
+    kernel: str  # kernel under compilation in this process
+    elapsed: float  # s since the start
 
     @property
     def remaining(self) -> float | None:

@@ -57,12 +57,12 @@ class FullState:
     scenario: Scenario
     time: float  # s
     now: Kept  # states of all ropes with their vehicles, in one block
-    before: Kept  # those to which a reset goes back
+    before: Kept  # states at the start, restored by a reset
     emergency_stopped: bool
-    commands: Mapping[str, Command]  # the last drive command of each carriage that has one in force
-    loading: Mapping[str, float]  # kg, what vehicles that are being loaded shall carry
-    at_start: bool = False  # of the scenario, with nothing done since; never so of a file
-    couplings: tuple[Kept, ...] = ()  # motion of what couples ropes, now and at the start
+    commands: Mapping[str, Command]  # last drive command in force by carriage
+    loading: Mapping[str, float]  # kg, wanted payload of vehicles being loaded
+    at_start: bool = False  # whether at the start of the scenario without any step or command; False for a file
+    couplings: tuple[Kept, ...] = ()  # motion of the couplings between ropes, now and at the start
     foreign: Mapping[str, Any] | None = None  # of a file, whose every number is checked before it is used: arrays of
     # what couples ropes, by name
 

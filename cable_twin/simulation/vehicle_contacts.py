@@ -21,7 +21,7 @@ class Pair(NamedTuple):
 
     before: int
     after: int
-    room: float  # m between their joints where they touch
+    room: float  # m, distance of their joints at first contact
     stiffness: float  # N/m
     damping: float  # s/m
 

@@ -71,7 +71,7 @@ class Framed(NamedTuple):
 
     pixel: float  # m, size of a pixel of the smallest screen
     names: Mapping[str, FloatArray]  # (2,) m, middle of the upper side of each label of supports
-    legend: tuple[float, float, float]  # m: x and z of the begin of the bar of colours, and its width
+    legend: tuple[float, float, float]  # m: x and z of the left end of the colour bar, and its width
     taken: FloatArray  # (n, 4) pixels of these labels: middle and lower side, upwards; width and height
     low: FloatArray  # (2,) m, lower left corner of the view
     high: FloatArray  # (2,) m, upper right corner

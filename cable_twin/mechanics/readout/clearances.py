@@ -30,15 +30,15 @@ class Surroundings(NamedTuple):
     middle: FloatArray  # (points, 2) m, profile under the track, x rising; none without a ground
     left: FloatArray  # (points, 2) m, profiles on both sides
     right: FloatArray  # (points, 2) m
-    distance: float  # m, of those from the track; 0 where the ground is level across it
+    distance: float  # m, of the side profiles from the track; 0 for ground level across the track
     masts: FloatArray  # (masts, 4) m, x, y, height of the top, half the width
     first_body: IntArray  # (vehicles + 1,) number of the first body of each vehicle
     first_corner: IntArray  # (bodies + 1,) number of the first corner of each body
-    corners: FloatArray  # (corners, 2) m, the outline of each body in its axes, one line
+    corners: FloatArray  # (corners, 2) m, outline of each body in its axes, a single line
     half_width: FloatArray  # (bodies,) m, 0 in a plane
-    line: FloatArray  # (corners, 3) m, scratch: an outline of one body where it is
+    line: FloatArray  # (corners, 3) m, scratch: placed outline of one body
     lowest: FloatArray  # (1 + vehicles, 3) height, x, z in m of rope and vehicles; height NaN without one
-    nearest: FloatArray  # (vehicles, 2) distance from a mast in m, and number of that; NaN without one
+    nearest: FloatArray  # (vehicles, 2) distance in m from the nearest mast, and its number; NaN without one
 
 
 @kernel

@@ -27,7 +27,7 @@ class _Twin:
     """Known state of one twin."""
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
-    values: Mapping[str, str] = field(default_factory=dict)  # figures of its diagnostics
+    values: Mapping[str, str] = field(default_factory=dict)  # figures from the diagnostics
     limits: Mapping[str, str] | None = None  # in words, by name of carriage or drive; None: not received yet
 
     def describe(self, name: str, count: int) -> str:
