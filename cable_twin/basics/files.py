@@ -1,4 +1,4 @@
-"""Files on a disk."""
+"""Synchronisation of files with the disk."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class UnreadableYamlError(ValueError):
 
 
 class Double(NamedTuple):
-    """Duplicate key of a mapping."""
+    """Key given twice in a mapping of a YAML text, with both lines."""
 
     path: tuple[str | int, ...]
     first: int  # line
@@ -51,7 +51,7 @@ class Document(NamedTuple):
 
 
 def limited_text(file: Path, largest: int = LARGEST) -> str:
-    """UTF-8 text of a file of limited size in bytes.
+    """Read a file of limited size in bytes as UTF-8 text.
 
     Raises:
         OSError: It cannot be read.
@@ -101,7 +101,7 @@ class _LimitedComposer(Composer):
         self._sizes: dict[int, tuple[int, int]] = {}  # of whole nodes, by identity: count, and depth below
 
     def get_single_node(self) -> Node | None:
-        """Root node of the document."""
+        """Compose the root node of a YAML text, and find keys given twice."""
         self.root = super().get_single_node()
         self.doubles = list(_doubles(self.root, (), set()))  # before merge keys are put in their places
         return self.root
@@ -138,7 +138,7 @@ class _LimitedComposer(Composer):
 
 
 def _doubles(node: Node | None, path: tuple[str | int, ...], seen: set[int]) -> Iterator[Double]:
-    """All duplicate keys in the mappings of a text."""
+    """All keys given twice in the mappings of a YAML text."""
     if id(node) in seen:
         return
     seen.add(id(node))
@@ -174,7 +174,7 @@ _Representer.add_representer(float, _Representer.represent_float)
 
 
 def as_yaml(data: dict[str, Any]) -> str:
-    """YAML text, readable as YAML 1.1 and 1.2 alike."""
+    """Data as YAML text, readable as YAML 1.1 and 1.2 alike."""
     yaml = YAML(typ="safe", pure=True)
     yaml.Representer = _Representer
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # bodies in the order of the chain

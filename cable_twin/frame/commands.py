@@ -54,7 +54,7 @@ class Kind:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def unit_of(self, name: str) -> str:
-        """Unit of the number of a name or axis."""
+        """Unit of the number that a command of this kind has for a name or an axis."""
         return self.units.get(name, self.unit)
 
     def by_axis(self, given: Mapping[str, float]) -> dict[str, float]:

@@ -239,7 +239,7 @@ class Layout:
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:
-    """Row number by name."""
+    """Row number of each name of a column."""
     return {name: number for number, name in enumerate(names)}
 
 

@@ -69,7 +69,7 @@ class AppliedCommand:
 
 @dataclass(frozen=True, slots=True)
 class RefusedCommand:
-    """Command refused whole, with its reason."""
+    """Command refused as a whole, with time, source and reason."""
 
     time: float  # s, simulated
     source: str  # topic of the command, or `script`
@@ -77,7 +77,7 @@ class RefusedCommand:
     count: int  # refused commands of the run so far, with this one
 
     def __str__(self) -> str:
-        """Time, source and reason in a line."""
+        """Text of a refused command in one line: time, source and reason."""
         return f"at {self.time:.2f} s from {self.source}: {self.reason}"
 
 

@@ -97,7 +97,7 @@ class _Running:
         return arrived
 
     def _spoiled(self, value: float, draw: float) -> float:
-        """Value with bias, noise and quantisation."""
+        """Measured value: a true one with added bias and noise, quantised."""
         sensor = self._sensor
         value += sensor.bias + sensor.noise * draw
         return value if sensor.quantum == 0.0 else round(value / sensor.quantum) * sensor.quantum

@@ -108,7 +108,7 @@ class Bar(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Triangles in the axes of a body."""
+    """Triangle mesh in the axes of a body."""
 
     vertices: FloatArray  # (n, 3) m
     normals: FloatArray  # (n, 3)

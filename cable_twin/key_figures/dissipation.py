@@ -26,7 +26,7 @@ class Block(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Energy lost over energy moved, at least 0."""
+        """Relative energy loss of a block of time: energy lost over energy moved, at least 0."""
         return max(self.lost, 0.0) / self.moved
 
 

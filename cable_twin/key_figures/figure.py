@@ -27,12 +27,12 @@ class FigureId(NamedTuple):
     statistic: str
 
     def __str__(self) -> str:
-        """Text of the identity, read back by `of_text`."""
+        """Identity of a key figure as text quantity/subject/statistic, read back by `of_text`."""
         return "/".join(self)
 
     @classmethod
     def of_text(cls, text: str) -> FigureId:
-        """Identity from its text.
+        """Identity of a key figure from its text quantity/subject/statistic.
 
         Raises:
             ValueError: it is no such text; one line.

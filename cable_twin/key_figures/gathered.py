@@ -89,7 +89,7 @@ class KeyFigures:
         self._dissipation = Dissipation(scenario)
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot, in order of time.
+        """Update the key figures with one snapshot, in order of time.
 
         Raises:
             ValueError: the snapshot is of another scenario.
@@ -129,7 +129,7 @@ class KeyFigures:
         self._packed_columns = pack(self._columns)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect."""
+        """Update the key figures with a command at the time of its effect."""
         if applied.command.kind == "reset":  # accelerations start anew
             self._extremes.passed_time[:] = nan
         for stops in (self._stops, self._carried, self._seats):
@@ -140,7 +140,7 @@ class KeyFigures:
         return [self._touch(row, touch) for row, touch in enumerate(self._extremes.touch) if not isnan(touch[0])]
 
     def figures(self) -> list[KeyFigure]:
-        """Return all figures with a value so far."""
+        """Return all key figures with a value so far."""
         if self._layout is None:
             return []
         frames = "" if isnan(self._period) else f"samples taken every {self._period:.4g} s"
@@ -230,7 +230,7 @@ class KeyFigures:
             yield extreme("counterweight_travel", subject, "lowest", extremes.lowest_travel[row]).limited(low, source)
 
     def _of_groove(self, subject: Subject, row: int, scenario: Scenario) -> Iterator[KeyFigure]:
-        """Figures of the groove of a tower in space."""
+        """Key figures of the groove of a tower in space."""
         extremes, name = self._extremes, subject.name
         tower = scenario.towers[name]
         yield extreme("lateral_force", subject, "highest", extremes.lateral[row])
@@ -246,7 +246,7 @@ class KeyFigures:
             yield replace(one, band=EVERY_STEP)
 
     def _of_drive(self, name: str) -> Iterator[KeyFigure]:
-        """Figures of a drive of ropes."""
+        """Key figures of a drive of ropes."""
         subject, source = Subject(f"drives.{name}", name), f"scenario: drives.{name}.limits"
         row, limits = len(self._vehicles) + self._drives.index(name), self._scenario.drives[name].limits
         yield from self._of_motion(subject, row, limits, source, "rope travel")
@@ -331,7 +331,7 @@ class KeyFigures:
             yield replace(one, place=place, band=EVERY_STEP)
 
     def _of_sheave(self, row: int, name: str) -> Iterator[KeyFigure]:
-        """Figures of a bullwheel."""
+        """Key figures of a bullwheel."""
         extremes, sheave, subject = self._extremes, self._scenario.sheaves[name], Subject(f"sheaves.{name}", name)
         for side, (joined, where) in enumerate(zip(sheave.joins, SIDES, strict=True)):
             rope = joined.partition(".")[0]

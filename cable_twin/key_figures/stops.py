@@ -68,7 +68,7 @@ def stop_figures(
 
 @dataclass(slots=True)
 class Stop:
-    """Braking to standstill, under way or completed."""
+    """Stop of a drive or vehicle: braking to standstill, under way or completed."""
 
     kind: str
     time: float  # s, of the command
@@ -96,7 +96,7 @@ class DriveStops:
         self._time = nan  # s, of the last frame
 
     def update(self, time: float) -> None:
-        """Take in the last frame, at a time (s)."""
+        """Evaluate the last frame for the stops of drives, at a time (s)."""
         self._time = time
         for name, stop in [*self._braking.items()]:
             place, speed = self._motion(name)
@@ -206,7 +206,7 @@ class CarriedStops:
         self._counts = ""  # kind of that stop
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot, in order of time."""
+        """Evaluate one snapshot for the stops of vehicles, in order of time."""
         if self._travel.shows(snapshot):
             if self._begun is not None:
                 assert self._travel.last is not None
@@ -214,7 +214,7 @@ class CarriedStops:
             self._travel.last = snapshot
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect."""
+        """Take in a command at the time of its effect, which may begin or end a stop."""
         kind = ordered_stop(applied, self._drives)
         if kind == NO_STOP:
             self._begun = None
@@ -297,7 +297,7 @@ class SeatStops:
         self._counts: dict[Subject, str] = {}  # its kind
 
     def update(self, snapshot: Snapshot) -> None:
-        """Take in one snapshot, in order of time."""
+        """Evaluate one snapshot for the travel of passengers, in order of time."""
         if self._travel.shows(snapshot):
             if self._under_way:
                 self._go_on(snapshot)
@@ -305,7 +305,7 @@ class SeatStops:
             self._travel.last = snapshot
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect."""
+        """Take in a command at the time of its effect, which may begin or end a stop."""
         for number, movers in enumerate(self._movers):
             kind = ordered_stop(applied, movers)
             if kind == NO_STOP:

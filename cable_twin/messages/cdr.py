@@ -28,7 +28,7 @@ _MARKS = {"<f8": (np.uint64, 0x7FE0_0000_0000_0000), "<f4": (np.uint32, 0x7E00_0
 
 
 class Message(Protocol):
-    """Any message class of the typestore."""
+    """Common type of all message classes of the rosbags typestore."""
 
     __msgtype__: ClassVar[str]
 

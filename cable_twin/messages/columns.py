@@ -134,7 +134,7 @@ class RowEncoder:
         self._report = NOTHING
 
     def encode(self, snapshot: Snapshot, groups: Sequence[str]) -> bytes | None:
-        """Encode a frame; None where no group is due.
+        """Encode the due columns of a frame as a message; None where no group is due.
 
         Args:
             snapshot: Each one of the run, in the order of time, as reports of the solver are added up.

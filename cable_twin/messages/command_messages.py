@@ -160,7 +160,7 @@ def command_from_joint_state(
 
 
 def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal:
-    """Goal from places in `position`, with speed limits in `velocity`."""
+    """Goal from a JointState with places in `position` and speed limits in `velocity`."""
     if any(len(numbers) not in (0, len(names)) for numbers in fields.values()):
         counts = ", ".join(f"{len(numbers)} of {field}" for field, numbers in fields.items())
         raise CommandError(f"joint command with {len(names)} names and {counts}; give one value for each name")
@@ -176,7 +176,7 @@ def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal
 
 
 def _check_once(what: str, names: Sequence[str]) -> None:
-    """Refuse repeated names."""
+    """Refuse a command that repeats a name."""
     seen: set[str] = set()
     for name in names:
         if name in seen:

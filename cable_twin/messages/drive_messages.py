@@ -50,7 +50,7 @@ class ReferencesMessage:
         ]
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encoded message with a stamp (ns)."""
+        """Encode the references of the present frame with a stamp (ns)."""
         shown, frame = self._shown, self._frame
         frame.take(self._sources, None, shown, "clip")
         shown[:, :, 2] = 0.0
@@ -124,7 +124,7 @@ class BullwheelsMessage:
         self._template = Template(JointState(header, rows.names, places, speeds, forces), [self._numbers])
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encoded message with a stamp (ns)."""
+        """Encode the bullwheels of the present frame with a stamp (ns)."""
         self._frame.take(self._sources, None, self._numbers, "clip")
         self._numbers *= self._shows  # 0 where a row shows nothing
         return self._template.fill(stamp_ns)

@@ -74,10 +74,10 @@ FloatArray = NDArray[np.float64]
 
 
 class Filled(Protocol):
-    """Message that can be filled for each frame."""
+    """Message with a fixed layout, filled with the numbers of each frame."""
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encoded message with a stamp (ns)."""
+        """Encode the numbers of the present frame as a message with a stamp (ns)."""
 
 
 class MessageEncoder:
@@ -95,7 +95,7 @@ class MessageEncoder:
         own: Sequence[str] = (),
         frames: FrameNames = PLAIN,
     ) -> None:
-        """Prepare the messages of a layout.
+        """Prepare the messages of frames in a layout.
 
         Args:
             layout: Of the snapshots.
@@ -145,7 +145,7 @@ class MessageEncoder:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Names of all encoded topics."""
+        """Names of all topics that the encoder has messages for."""
         return (*self._makers, CLOCK)
 
     def stamp_ns(self, snapshot: Snapshot) -> int:
@@ -153,7 +153,7 @@ class MessageEncoder:
         return self.epoch_ns + nanoseconds(snapshot.time)
 
     def frame(self, snapshot: Snapshot, names: Iterable[str] | None = None) -> list[tuple[str, bytes]]:
-        """Encode messages of a snapshot.
+        """Encode the messages of a snapshot for given topics.
 
         Args:
             snapshot: The twin at the time of the frame.
@@ -180,7 +180,7 @@ class MessageEncoder:
         return self._encoders[name]
 
     def _header_at(self, thing: str) -> Header:
-        """Header in the frame of a vehicle or support."""
+        """Message header in the coordinate frame of a vehicle or support."""
         return Header(STAMP, self._frames.named(thing))
 
     def _offer_vehicle(self, vehicle: str) -> None:
@@ -230,7 +230,7 @@ class MessageEncoder:
         return fill_joints
 
     def _connectors(self) -> Template:
-        """JointState of connectors: pull as effort in N."""
+        """JointState message of connectors: pull as effort in N."""
         pulls = self._columns.connector_force
         return Template(JointState(self._header, [*self._layout.connectors], NONE, NONE, marks(pulls.size)), [pulls])
 
@@ -313,12 +313,12 @@ def read_rope(data: bytes, layout: Layout, numbers: FloatArray) -> None:
 
 
 def tension_names(layout: Layout) -> list[str]:
-    """Row names of the topic `tensions`."""
+    """Names of the rows in the message of the topic `tensions`."""
     return [f"{rope}/{which}" for which in ("lowest", "highest") for rope in layout.ropes]
 
 
 def clock_message(stamp_ns: int) -> bytes:
-    """Encode rosgraph_msgs/Clock."""
+    """Encode a rosgraph_msgs/Clock message of a simulated time."""
     return serialize(Clock(time_of(stamp_ns)))
 
 

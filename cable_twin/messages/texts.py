@@ -96,7 +96,7 @@ class DerailmentMessage:
         self._layout, self._columns = layout, columns
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encoded message with a stamp (ns)."""
+        """Encode the derailments of the present frame with a stamp (ns)."""
         statuses = []
         for one in derailments(self._layout, self._columns):
             values = {"how": one.how, "time_s": repr(one.time)}
@@ -107,7 +107,7 @@ class DerailmentMessage:
 
 
 class DerailmentWatch:
-    """Watch for changes of the derailed towers."""
+    """Schedule of the derailment message: due at each change of the derailed towers."""
 
     def __init__(self) -> None:
         self._told: list[tuple[str, float]] = []

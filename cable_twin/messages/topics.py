@@ -78,7 +78,7 @@ def topics(
     markers: bool = False,
     robot: bool = False,
 ) -> tuple[Topic, ...]:
-    """Table of the topics published for a layout.
+    """Table of the topics published for frames in a layout.
 
     Args:
         layout: Of its frames.
@@ -175,7 +175,7 @@ def support_force_topic(support: str) -> str:
 
 
 class Due(NamedTuple):
-    """Topics due at one frame."""
+    """Topics that are due at one frame, for each taker such as publisher or log."""
 
     names: tuple[str, ...]  # topics due for any taker
     taken: tuple[tuple[int, ...], ...]  # for each taker, indices in `names`
@@ -231,7 +231,7 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class TopicNames:
-    """Full names of topics, and their inverse.
+    """Full names of topics with namespace and remappings, and their inverse.
 
     Attributes:
         namespace: full name of the node, in front of relative names.
@@ -248,7 +248,7 @@ class TopicNames:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Topic names as log metadata."""
+        """Topic names as entries of log metadata."""
         return {"namespace": self.namespace, "remapped": json.dumps(self.remapped)}
 
     def full(self, topic: str) -> str:
@@ -264,7 +264,7 @@ class TopicNames:
 
 @dataclass(frozen=True, slots=True)
 class FrameNames:
-    """Names of coordinate frames.
+    """Names of coordinate frames, with a prefix.
 
     Attributes:
         frame_id: of the frame in which everything is, x along the track, y lateral, z up (REP-103).
@@ -281,7 +281,7 @@ class FrameNames:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Frame names as log metadata."""
+        """Names of coordinate frames as entries of log metadata."""
         return {"frame_id": self.frame_id, "frame_prefix": self.frame_prefix}
 
     def named(self, thing: str) -> str:

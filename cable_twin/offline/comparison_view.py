@@ -56,7 +56,7 @@ class _RootedStream:
 
 
 class ComparisonView:
-    """Rerun recording of several runs.
+    """Rerun recording of several runs side by side.
 
     Args:
         scenarios: Of the runs.

@@ -39,7 +39,7 @@ class RunTable:
         self._shown: list[tuple[str, list[int]]] = []  # signals and which of their values
 
     def take(self, snapshot: Snapshot) -> None:
-        """Add a frame; missing values are empty."""
+        """Add a frame to the table as a row; missing values are empty."""
         layout, c = snapshot.layout, snapshot.columns
         if not self.columns:
             self._lay_out(snapshot)
@@ -50,12 +50,12 @@ class RunTable:
         self._lines.write(json.dumps(row) + "\n")
 
     def rows(self) -> Iterator[list[float | None]]:
-        """Rows of all frames, with a number or None for each column."""
+        """Rows of a table of signals, with a number or None for each column."""
         self._lines.seek(0)
         return map(json.loads, self._lines)
 
     def lines(self) -> Iterator[str]:
-        """Rows of all frames as JSON."""
+        """Rows of all frames, each as a line of JSON."""
         self._lines.seek(0)
         return (line.rstrip("\n") for line in self._lines)
 
@@ -86,7 +86,7 @@ class Export:
                 Path(str(path)).touch()
 
     def __bool__(self) -> bool:
-        """Whether any export is requested."""
+        """Whether the option `--csv` or `--json` is given."""
         return self._csv is not None or self._json is not None
 
     def add(self, name: str, scenario: str) -> RunTable | None:
@@ -144,7 +144,7 @@ class Export:
         writer.writerows([table.name, *row] if several else row for table, row in rows)
 
     def _write_json(self, file: TextIO) -> None:
-        """Write one object, a line each frame."""
+        """Write all runs as one JSON object, with a line for each frame."""
         file.write('{"runs": [')
         for number, table in enumerate(self._tables):
             figures = [figure_columns(figure) for figure in table.figures]
@@ -158,7 +158,7 @@ class Export:
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
-    """Add the options `--csv` and `--json`."""
+    """Add the options `--csv` and `--json` to a parser."""
     for kind, what in (("csv", f"signals, and beside it NAME{FIGURES}.csv"), ("json", "signals and key figures")):
         parser.add_argument(
             f"--{kind}", metavar="PATH", help=f"write {what} of every frame, in SI units; '-': to standard output"

@@ -62,7 +62,7 @@ SCALED = ("N", "W", "N m")  # units that may get a prefix
 
 @dataclass(frozen=True, slots=True)
 class PlottedRun:
-    """Run to be plotted."""
+    """Run to be plotted: labels and signals."""
 
     label: str  # in legends of several runs: name by `--output`, or a, b, ...; empty for one run
     scenario: str

@@ -71,7 +71,7 @@ def _topics(log: Log, names: TopicNames) -> list[Topic]:
 
 
 def _topics_of(file: LogFile, names: TopicNames) -> list[Topic]:
-    """Topics of a file."""
+    """Topics of a bag file with their QoS."""
     try:
         channels, schemas = file.declared()
         return [_topic(channel, schemas[channel.schema_id].name, names) for channel in channels.values()]

@@ -78,14 +78,14 @@ class Difference:
 
 @dataclass(slots=True)
 class CommandStream:
-    """Counted commands of a log."""
+    """Commands of a log, counted by kind and source, with a checksum."""
 
     kinds: Counter[str] = field(default_factory=Counter)
     sources: Counter[str] = field(default_factory=Counter)
     digest: Any = field(default_factory=sha256)
 
     def add(self, applied: AppliedCommand) -> None:
-        """Count one command."""
+        """Count one command of a log."""
         self.kinds[applied.command.kind] += 1
         self.sources[applied.source] += 1
         self.digest.update(applied_command_message(applied, 0))
@@ -109,7 +109,7 @@ class Comparison:
     tolerance: float = 0.0  # largest difference that counts as equal
 
     def differ(self, difference: Difference) -> None:
-        """Count a sample that differs."""
+        """Count a sample that differs between log and replay."""
         self.first = self.first or difference
         self.differing[difference.topic] += 1
 

@@ -133,7 +133,7 @@ class Responses:
         return sorted(self.steps, key=lambda step: step.time)
 
     def rows(self) -> dict[str, list[dict[str, Any]]]:
-        """Steps and efforts for JSON, in SI units."""
+        """Step responses and efforts of drives for JSON, in SI units."""
         means = ("rms_error", "rms_force")
         shown = ("name", "largest_error", "driving", "braking")
         return {
@@ -216,7 +216,7 @@ def print_responses(
 
 
 def _table(title: str, columns: Sequence[str]) -> Table:
-    """Empty table with a row for each drive."""
+    """Empty table for step responses or efforts, with a row for each drive."""
     table = Table("drive", box=box.SIMPLE_HEAD, pad_edge=False, title=title, title_justify="left", title_style="bold")
     for column in columns:
         table.add_column(escape(column), justify="right")

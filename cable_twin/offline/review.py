@@ -206,7 +206,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
 
 
 def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
-    """Show the recordings, if any."""
+    """Show the rerun recordings of the reviewed runs, if any."""
     if recordings and rerun == "web":
         try:
             serve(recordings)

@@ -65,7 +65,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ScriptedCommand:
-    """Command with its time or place."""
+    """Command of a script with its time or place."""
 
     time: float  # s, simulated
     command: Command
@@ -247,14 +247,14 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
 
 
 def _place(given: Any, place: str) -> Place:
-    """Parse the value of `at`."""
+    """Parse the value of the key `at` of a script, the place of a command."""
     if not isinstance(given, dict) or set(given) != {"name", "position"} or not isinstance(given["name"], str):
         raise ScriptError(f"{place}: at {dict(given) if isinstance(given, dict) else given!r} given; {PLACE_ALLOWED}")
     return Place(given["name"], _finite(given["position"], "at position", "m", place))
 
 
 def check_place(place: Place, scenario: Scenario) -> None:
-    """Refuse a place that cannot be passed.
+    """Refuse a scripted place that no vehicle or drive can pass.
 
     Raises:
         CommandError: there is no such vehicle or drive, or its cable does not reach there.

@@ -50,7 +50,7 @@ DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 
 
 class OptionError(Exception):
-    """Invalid options, a line each."""
+    """Invalid options of `simulate`, a line each."""
 
 
 UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
@@ -58,7 +58,7 @@ UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, Equilibrium
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Run with valid options."""
+    """Run of `simulate` with valid options."""
 
     simulation: Simulation
     script: Sequence[ScriptedCommand]
@@ -132,7 +132,7 @@ def _explain(key: str) -> None:
 
 
 def _plan(options: argparse.Namespace, console: Console) -> Plan:
-    """Read all inputs of a run.
+    """Read all inputs of a run of `simulate`.
 
     Raises:
         One of UNUSABLE_INPUT: something cannot be used.

@@ -192,7 +192,7 @@ def _add_recording(result: OneLineParser) -> None:
 
 
 def add_changes(result: OneLineParser) -> None:
-    """Add the option `--set`."""
+    """Add the option `--set` to a parser."""
     result.add_argument(
         "--set",
         action="append",

@@ -37,7 +37,7 @@ PRECISION, TURNS = 0.01, 12  # share of a step to which ends of windows are soug
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Inputs of one run of a sweep."""
+    """Inputs of one run of a sweep over values of a key."""
 
     value: float
     scenario: Scenario
@@ -170,7 +170,7 @@ def _unit(key: str) -> str:
 
 
 def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> list[Scenario]:
-    """Scenarios at all swept values.
+    """Scenarios at all swept values of a key.
 
     Args:
         sweep: key and values; a part of the key may be an axis, or a number in a list.

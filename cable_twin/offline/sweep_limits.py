@@ -102,7 +102,7 @@ class SweptFigure:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """End of a window with all limits kept.
+    """End of a window of swept values with all limits kept.
 
     Attributes:
         value: swept value.
@@ -117,7 +117,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Range of values with all limits kept."""
+    """Range of swept values with all limits kept."""
 
     low: Edge
     high: Edge

@@ -144,7 +144,7 @@ def _limit(figure: SweptFigure) -> str:
 
 
 def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
-    """Write all key figures of all runs, a row each.
+    """Write all key figures of all runs of a sweep as CSV, a row each.
 
     Raises:
         OSError: it cannot be written.

@@ -52,7 +52,7 @@ class Series:
         self._filled = 0  # frames in the last one
 
     def append(self, time: float, value: float) -> None:
-        """Add one value; times only grow."""
+        """Add one value of a signal; times must increase."""
         if self._filled in (0, self._stride):
             if self._count == POINTS:
                 self._halve()
@@ -145,11 +145,11 @@ class Difference:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the difference."""
+        """Root mean square of the difference of a signal."""
         return math.sqrt(self.squares / self.count) if self.count else math.nan
 
     def update(self, time: float, first: float, second: float) -> None:
-        """Add the values of both runs at one time."""
+        """Add the values of a signal in both runs at one time."""
         difference = first - second
         if math.isnan(difference):
             return
@@ -168,7 +168,7 @@ class Comparison:
     only_in: tuple[set[str], set[str]] = field(default_factory=lambda: (set(), set()))
 
     def take(self, time: float, first: Mapping[str, float], second: Mapping[str, float]) -> None:
-        """Add a common frame of both runs."""
+        """Add a frame that both runs have at one time."""
         self.frames += 1
         for name, value in first.items():
             if name in second and not math.isnan(value - second[name]):

@@ -52,7 +52,7 @@ class BagTopics:
     """
 
     def __init__(self, topics: Sequence[Topic], names: TopicNames) -> None:
-        """Describe all topics of a bag.
+        """Describe all topics of a bag in rosbag2's form.
 
         Args:
             topics: Everything that may be written.

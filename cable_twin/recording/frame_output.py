@@ -62,7 +62,7 @@ class FrameOutput:
         frames: FrameNames | None = None,
         backlog: float = math.inf,
     ) -> None:
-        """Prepare encoder, sensors and schedule.
+        """Prepare message encoder, sensors and schedule of a log.
 
         Args:
             simulation: What runs.
@@ -86,7 +86,7 @@ class FrameOutput:
         self._backlog = backlog
 
     def lay_out(self) -> None:
-        """Lay out all messages before time runs."""
+        """Lay out the templates of all messages before simulated time runs."""
         self.encoder.frame(self._simulation.snapshot, self._schedule.due(0, everything=True).names)
 
     def listen(self, group: str, listening: bool) -> None:
@@ -122,7 +122,7 @@ class FrameOutput:
             time.sleep(0.002)
 
     def refusal(self, refused: RefusedCommand) -> None:
-        """Record a refused command."""
+        """Record a refused command as a message."""
         if self.run is not None:
             stamp_ns = self.encoder.epoch_ns + nanoseconds(refused.time)
             self.run.recorder.record([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)

@@ -90,7 +90,7 @@ class LogFile:
 
     @property
     def size(self) -> int:
-        """Size of the file in bytes."""
+        """Size of a log file in bytes."""
         return self.path.stat().st_size
 
     @cached_property
@@ -106,7 +106,7 @@ class LogFile:
 
     @property
     def names(self) -> TopicNames:
-        """Full names of the topics of the file."""
+        """Full names of the topics in a log file."""
         return TopicNames.of(self.metadata)
 
     @property

@@ -39,7 +39,7 @@ class Log:
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """Metadata about the origin of the run."""
+        """Metadata of a log about the origin of its run."""
         return self.files[0].metadata
 
     @property
@@ -99,7 +99,7 @@ class Log:
 
     @property
     def size(self) -> int:
-        """Size of all files in bytes."""
+        """Size of all files of a log in bytes."""
         return sum(file.size for file in self.files)
 
     def messages(

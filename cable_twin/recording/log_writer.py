@@ -125,12 +125,12 @@ class McapLog:
 
     @property
     def path(self) -> Path:
-        """Path of the file being written."""
+        """Path of the log file being written."""
         return self._file.path
 
     @property
     def number(self) -> int:
-        """Number of the file being written."""
+        """Number of the log file being written."""
         return self._number
 
     @property
@@ -167,7 +167,7 @@ class McapLog:
             raise
 
     def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Append one message.
+        """Append one message to the log.
 
         Args:
             topic: Name as in the topics given, relative or absolute.
@@ -197,7 +197,7 @@ class McapLog:
         after_loss: bool = False,
         lost_from_ns: int | None = None,
     ) -> None:
-        """Close the file and continue in the next one.
+        """Close the present file of the log and continue in the next one.
 
         Args:
             snapshot: Full state from which the next file starts, attached.
@@ -234,7 +234,7 @@ class McapLog:
         return self._file.is_gone
 
     def _go_on(self, snapshot: bytes | None, number: int, lost_from_ns: int | None, *, after_loss: bool) -> None:
-        """Begin the next file."""
+        """Begin the next file of the log."""
         try:
             self._file = McapFile(self.path_of(number), self._topics)
         except OSError:

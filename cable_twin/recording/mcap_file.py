@@ -40,7 +40,7 @@ class _PackedIndex:
 
 
 class _PackedIndexes(list[_PackedIndex]):
-    """List of chunk indexes of a writer, packed."""
+    """List of chunk indexes of an MCAP writer, each packed into bytes."""
 
     def append(self, index: Any) -> None:
         super().append(_PackedIndex(index))
@@ -56,12 +56,12 @@ class _Writer(Writer):
 
     @property
     def schemas(self) -> Collection[Schema]:
-        """All registered schemas."""
+        """All schemas registered with the MCAP writer."""
         return self._Writer__schemas.values()  # type: ignore[attr-defined, no-any-return]
 
     @property
     def channels(self) -> Collection[Channel]:
-        """All registered channels."""
+        """All channels registered with the MCAP writer."""
         return self._Writer__channels.values()  # type: ignore[attr-defined, no-any-return]
 
 
@@ -79,7 +79,7 @@ class McapFile:
     """
 
     def __init__(self, path: Path, topics: BagTopics) -> None:
-        """Create the file with all its channels.
+        """Create an MCAP file with all its channels.
 
         Args:
             path: Where no file is yet.
@@ -131,7 +131,7 @@ class McapFile:
 
     @property
     def contents(self) -> BagFile:
-        """Contents of the file up to now."""
+        """Name, time span and message counts of the file up to now."""
         return BagFile(self.path.name, self._first_ns, self._last_ns, array("Q", self._counts.values()))
 
     def begin(self, metadata: Mapping[str, str], snapshot: bytes | None) -> None:

@@ -37,7 +37,7 @@ UNREADABLE = (McapError, zstandard.ZstdError, struct.error, ValueError, Overflow
 
 
 class Record(NamedTuple):
-    """Record with its offset in a file."""
+    """Record of an MCAP file with its offset."""
 
     offset: int  # bytes
     opcode: int
@@ -45,7 +45,7 @@ class Record(NamedTuple):
 
 
 class ChunkPlace(NamedTuple):
-    """Place of a chunk, with its index entry."""
+    """Place of a chunk in an MCAP file, by the index entry."""
 
     offset: int
     length: int
@@ -55,7 +55,7 @@ class ChunkPlace(NamedTuple):
 
 
 class Index(NamedTuple):
-    """Index at the end of a closed file."""
+    """Index at the end of a closed MCAP file."""
 
     channels: Mapping[int, Channel]
     schemas: Mapping[int, Schema]
@@ -69,7 +69,7 @@ def parsed(kind: type, content: bytes) -> Any:
 
 
 def record_at(stream: IO[bytes], offset: int) -> Record:
-    """Read one record at an offset.
+    """Read one record of an MCAP file at an offset.
 
     Raises:
         McapError: There is none, or it is longer than the rest of the file or than is allowed.

@@ -39,24 +39,24 @@ TICK = 1e-9  # s, what two times may differ by that mean the same
 
 
 class View(Protocol):
-    """Interface of a view of the run, such as rerun."""
+    """Interface of a live or recorded picture of a run, such as rerun."""
 
     flush_period: float  # s
 
     def log(self, snapshot: Snapshot) -> None:
-        """Draw one snapshot."""
+        """Draw one snapshot into the picture."""
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Show an applied command."""
+        """Show an applied command in the picture."""
 
     def flush(self) -> None:
-        """Send waiting data to disk."""
+        """Send waiting data of the picture to disk."""
 
     def split(self, path: Path) -> None:
-        """Close the file and continue in another one."""
+        """Close the file of the picture and continue in another one."""
 
     def close(self) -> None:
-        """Close the view."""
+        """Close the picture and its file."""
 
 
 class _Beginning(NamedTuple):
@@ -213,12 +213,12 @@ class Recorder:
 
     @property
     def idle(self) -> bool:
-        """Whether all queued items have been written."""
+        """Whether all queued frames and commands have been written."""
         return not self._queue and not self._writing
 
     @property
     def recording(self) -> bool:
-        """Whether any sink is still in use."""
+        """Whether any log or view is still being written."""
         return bool(self._sinks)
 
     def begin(self, epoch_ns: int, simulated_time: float, scenario: bytes, full_state: FullState | None = None) -> None:
@@ -265,7 +265,7 @@ class Recorder:
         snapshot: Snapshot | None = None,
         columns: Sequence[str] = GROUPS,
     ) -> None:
-        """Queue one frame; returns at once.
+        """Queue one frame for log and view; returns at once.
 
         Args:
             messages: Pairs of topic and CDR, for the log; not changed afterwards.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recorded run, active after `begin`."""
+    """Recording of a run with its logs, active after `begin`."""
 
     simulation: Simulation
     recorder: Recorder

@@ -32,7 +32,7 @@ TOPICS = (COLUMNS, CABLE, APPLIED_COMMANDS, REFUSED_COMMANDS, KEY_FIGURES)
 
 
 class RecordedFigures(NamedTuple):
-    """Key figures recorded by the run itself."""
+    """Key figures that the run itself has recorded in its log."""
 
     time: float  # s
     statuses: list[Status]

@@ -33,7 +33,7 @@ class Splitting:
     keep_size: float = 0.0  # MB of all files of a run and its saved states after a split
 
     def faults(self, called: Callable[[str], str] = str) -> list[str]:
-        """Find invalid limits of a splitting.
+        """Find contradictory limits for splitting and removing log files.
 
         Args:
             called: What messages call an option, by its name here.
@@ -68,7 +68,7 @@ class Splitting:
         return faults
 
     def surplus(self, closed: Sequence[ClosedSize], running: int, now_ns: int) -> int:
-        """Number of files to remove, from the oldest on.
+        """Number of log files to remove, from the oldest on.
 
         Args:
             closed: All closed files, the oldest first.

@@ -79,7 +79,7 @@ class Diagnostics:
         self._node, self._simulation, self._loop, self._output, self._clock = node, simulation, loop, output, clock
 
     def publish(self) -> None:
-        """Publish the diagnostics, and log new events."""
+        """Publish the diagnostics of the node, and log new events."""
         statistics = self._loop.take_statistics().summary()
         self.recording.check()
         stamp_ns = self._clock.stamp_ns(self._loop.simulated_time)

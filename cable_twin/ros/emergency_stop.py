@@ -69,7 +69,7 @@ class EmergencyStop:
             self._loop = None
 
     def close(self) -> None:
-        """End thread and service."""
+        """End the emergency stop service and its thread."""
         self._closing.set()
         self._thread.join()
 

@@ -59,7 +59,7 @@ class Endpoints:
 
     @property
     def names(self) -> TopicNames:
-        """Full names of topics."""
+        """Full names of the published topics."""
         return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
 
     def check_names(self, topics: Iterable[str]) -> None:

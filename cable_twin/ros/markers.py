@@ -49,7 +49,7 @@ class Markers:
     """Message of all markers, filled from the columns of each frame."""
 
     def __init__(self, scenario: Scenario, layout: Layout, columns: Columns, frame_id: str) -> None:
-        """Prepare the markers of a scenario.
+        """Prepare the markers for RViz of a scenario.
 
         Args:
             scenario: running scenario.

@@ -37,7 +37,7 @@ class Parameter:
 
     @property
     def help(self) -> str:
-        """Description with unit and range."""
+        """Description of a parameter with unit and range."""
         text = self.description
         if self.low is not None:
             text += f" ({self._range})"

@@ -43,7 +43,7 @@ ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", QOS_OVERRIDE
 
 
 class ParameterError(ValueError):
-    """Invalid parameters of the node, a line each."""
+    """Invalid parameters of the node; the text has a line for each."""
 
 
 def declare_parameters(node: Node) -> dict[str, Any]:
@@ -200,7 +200,7 @@ class LiveParameterService(ParameterService):
                 return
 
     def on_set(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        """Apply all parameters, or none."""
+        """Apply a set of parameters as a whole, or refuse all."""
         given = {parameter.name: parameter.value for parameter in parameters}
         for parameter in PARAMETERS:
             if parameter.name in given and (fault := parameter.fault(given[parameter.name])):

@@ -50,7 +50,7 @@ async def done(future: Future[Any], *, turn: float = TURN, within: float = math.
 
 
 class _Turn:
-    """Awaitable that lets other callbacks run once."""
+    """Awaitable that lets other callbacks of an executor run once."""
 
     def __await__(self) -> Generator[None, None, None]:
         yield
@@ -129,7 +129,7 @@ class Services:
         node.create_service(Trigger, "~/save_snapshot", self._on_save_snapshot)
 
     def close(self) -> None:
-        """Finish writing queued snapshots to disk."""
+        """Finish writing queued snapshot files to disk."""
         self._writer.shutdown()
 
     def _on_command(self, kinds: Mapping[bool | None, Kind], request: Any, response: Any) -> Any:

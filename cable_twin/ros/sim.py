@@ -196,7 +196,7 @@ def _scenario_lines() -> list[str]:
 
 
 def _text(default: object) -> str:
-    """Default value as typed on the command line."""
+    """Default value of an option as typed on the command line."""
     return f"{default:g}" if isinstance(default, float) else str(default).lower() or "none"
 
 

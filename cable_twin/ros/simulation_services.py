@@ -190,7 +190,7 @@ class SimulationServices:
         if wanted not in (STOPPED, PLAYING, PAUSED):
             return answered(response, UNSUPPORTED, f"state {wanted} given; allowed: 0 stopped, 1 playing, 2 paused")
         if wanted == self._state:
-            return answered(response, ALREADY_IN_TARGET_STATE, "it is already in this state")
+            return answered(response, ALREADY_IN_TARGET_STATE, "the simulation is already in this state")
         if wanted == PLAYING and self._loop.fault:
             return answered(response, FAILED, f"{self._loop.fault}; reset it first")
         if wanted == PAUSED and self._state == STOPPED:

@@ -57,7 +57,7 @@ class Ending:
             signal.signal(number, self._on_signal)
 
     def is_set(self) -> bool:
-        """Whether an ending signal was received."""
+        """Whether a signal to end the process has been received."""
         return self._flag.is_set()
 
     def close(self) -> None:

@@ -158,11 +158,11 @@ class FrameLoop:
         return self._simulation.snapshot.time
 
     def start(self) -> None:
-        """Start the thread."""
+        """Start the thread of the frame loop."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread after the present frame; waiting requests are cancelled."""
+        """End the thread of the frame loop after the present frame; waiting requests are cancelled."""
         self._stopping.set()
         self._asked.set()
         if self._thread.is_alive():
@@ -212,7 +212,7 @@ class FrameLoop:
         return future
 
     def take_statistics(self) -> FrameStatistics:
-        """Frame statistics since the last call."""
+        """Statistics of the frames since the last call."""
         taken, self._statistics = self._statistics, FrameStatistics(self._clock_period)
         return taken
 

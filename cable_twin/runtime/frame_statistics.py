@@ -58,7 +58,7 @@ class LatenessHistogram:
         return {name: int(count) for name, count in zip(COARSE_NAMES, counts, strict=True)}
 
     def summary(self) -> dict[str, float]:
-        """Figures by their names in the diagnostics, coarse bins included."""
+        """Lateness figures by their names in the diagnostics, coarse bins included."""
         return {
             "lateness_median_ms": self.percentile(50.0) * 1e3,
             "lateness_p99_ms": self.percentile(99.0) * 1e3,
@@ -82,7 +82,7 @@ class FrameStatistics:
         self._since = time.monotonic()
 
     def summary(self) -> dict[str, float]:
-        """Figures by their names in the diagnostics."""
+        """Frame statistics by their names in the diagnostics."""
         elapsed = max(time.monotonic() - self._since, 1e-9)
         return {
             "real_time_factor": self.simulated / elapsed,

@@ -67,7 +67,7 @@ class Output:
 
     @property
     def run(self) -> Run | None:
-        """Recorded run, None without recording."""
+        """Recording of the run; None without recording."""
         return self._frames.run
 
     @run.setter
@@ -116,7 +116,7 @@ class Output:
             self._publishers[name](data)
 
     def send(self, messages: Messages, stamp_ns: int) -> None:
-        """Publish and record messages outside frames."""
+        """Publish and record messages that belong to no frame."""
         self._last_ns = stamp_ns
         for topic, data in messages:
             self._publishers[topic](data)

@@ -68,7 +68,7 @@ class PointToPoint:
         self._side = 0.0  # m, distance at that time with its sign
 
     def speed(self, time: float, place: float, reference: float, reference_speed: float) -> float | None:
-        """Speed (m/s) due now; None after arrival.
+        """Speed (m/s) due now on the way to a place; None after arrival.
 
         Args:
             time: simulated time (s).

@@ -22,7 +22,7 @@ class SteadyClock:
     """Monotonic clock, unaffected by settings of the time of day, with waits for deadlines."""
 
     def now(self) -> float:
-        """Time (s) on the clock."""
+        """Present time (s) on the steady clock."""
         return time.monotonic()
 
     def wait_until(self, due: float, interrupt: threading.Event) -> None:

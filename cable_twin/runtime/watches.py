@@ -34,12 +34,12 @@ class FigureWatch:
         self._messages: list[str] = []
 
     def update(self, snapshot: Snapshot) -> None:
-        """Update the key figures with a frame."""
+        """Update the watched key figures with a frame."""
         with self._lock:
             self._figures.update(snapshot)
 
     def command(self, applied: AppliedCommand) -> None:
-        """Update the key figures with an applied command."""
+        """Update the watched key figures with an applied command."""
         with self._lock:
             self._figures.command(applied)
 
@@ -143,7 +143,7 @@ class RecordingWatch:
             logger.error(fault)
 
     def check(self) -> None:
-        """Log new recording faults and recoveries."""
+        """Log new faults and recoveries of the recording."""
         if self._recorder is None:
             return
         while self._recorder.faults:
@@ -172,7 +172,7 @@ class RecordingWatch:
         return None
 
     def status(self) -> tuple[int, str, dict[str, str]]:
-        """Level, message and figures for the diagnostics."""
+        """Level, message and figures of the recording for the diagnostics."""
         recorder = self._recorder
         level, message = self.problem() or (0, "nothing is recorded" if recorder is None else "all is recorded")
         if recorder is None:

@@ -123,7 +123,7 @@ def put_into_list(items: Sequence[Any], parts: Sequence[str], value: Any, path: 
 
 
 def _in_model(node: Any, model: type[BaseModel], parts: Sequence[str], value: Any, path: KeyPath) -> Any:
-    """Copy of a section with one value set."""
+    """Copy of a scenario section with one value set."""
     part, *rest = parts
     if part not in model.model_fields:
         raise UnknownKeyError(unknown_key((*path, part), model.model_fields))
@@ -137,7 +137,7 @@ def _in_model(node: Any, model: type[BaseModel], parts: Sequence[str], value: An
 
 
 def _in_field(node: Any, field: FieldInfo, parts: Sequence[str], value: Any, path: KeyPath) -> Any:
-    """Copy of the content of a field with one value set."""
+    """Copy of the content of a scenario key with one value set."""
     container, model = inner_model(field)
     if container is None and model is not None:
         return _in_model(node, model, parts, value, path)
@@ -155,7 +155,7 @@ def _in_field(node: Any, field: FieldInfo, parts: Sequence[str], value: Any, pat
 
 
 def _in_names(node: Any, model: type[BaseModel] | None, parts: Sequence[str], value: Any, path: KeyPath) -> Any:
-    """Copy of a mapping of names with one value set, or with a new entry given whole."""
+    """Copy of a mapping of named sections with one value set, or with a new entry given whole."""
     if not isinstance(node, dict):
         return node  # a fault of its own
     part, *rest = parts
@@ -245,7 +245,7 @@ class Written:
         return True
 
     def give(self, path: KeyPath) -> None:
-        """Record a key path changed by an override."""
+        """Record a key path as changed by an override."""
         self._given.add(".".join(map(str, path)))
 
     def depth(self, key: str) -> int:

@@ -44,7 +44,7 @@ Editors check a file while it is written where its first line names the JSON sch
 
 
 class Entry(NamedTuple):
-    """One key of a scenario file, in words."""
+    """Reference entry of one key of a scenario file, in words."""
 
     key: str  # dotted, with placeholders
     unit: str
@@ -54,7 +54,7 @@ class Entry(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Keys of one kind of section."""
+    """Reference table of the keys in one kind of scenario section."""
 
     places: tuple[str, ...]  # dotted keys of the sections of this kind, "" for the whole file
     meaning: str
@@ -112,7 +112,7 @@ def explained(key: str) -> list[Entry]:
 
 
 def page() -> str:
-    """Scenario reference as Markdown."""
+    """Scenario reference as a page in Markdown."""
     parts = [HEAD]
     for table in tables():
         title = ", ".join(f"`{place}`" for place in table.places if place) or "The whole file"
@@ -149,7 +149,7 @@ def write(directory: Path) -> list[Path]:
 
 
 def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[BaseModel]]]:
-    """Models at a key and at all keys below."""
+    """Section models at a scenario key and at all keys below."""
     yield place, model
     if model is Sheave:  # a key of files only, as `TOWER_OF_ROPES`: `expand_bullwheels` rewrites both
         yield from _sections(_join(place, "drive"), BullwheelDrive)
@@ -160,7 +160,7 @@ def _sections(place: str, model: type[BaseModel]) -> Iterator[tuple[str, type[Ba
 
 
 def _entries(model: type[BaseModel]) -> Iterator[Entry]:
-    """Entries of the keys of one model."""
+    """Reference entries of the keys of one section model."""
     for name, field in model.model_fields.items():
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         unit, source = (
@@ -175,7 +175,7 @@ def _entries(model: type[BaseModel]) -> Iterator[Entry]:
 
 
 def _default(field: FieldInfo) -> str:
-    """Default of a field in YAML."""
+    """Default of a scenario key in YAML."""
     if field.is_required():
         return NEEDED
     value = field.get_default(call_default_factory=True)

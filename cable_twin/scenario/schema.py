@@ -144,7 +144,7 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _first_of_ropes(cls, data: Any) -> Any:
-        """Use the first of several ropes as the cable."""
+        """Take the first of several ropes as `cable`."""
         ropes = data.get("ropes") if isinstance(data, dict) else None
         if isinstance(ropes, dict) and ropes and "cable" not in data:
             return {**data, "cable": next(iter(ropes.values()))}

@@ -205,7 +205,7 @@ LAST = 0.2  # of the time for all kernels below: what optimising them together t
 
 
 class Moment(NamedTuple):
-    """Progress of a first compilation at one moment."""
+    """Progress of a first compilation of kernels at one moment."""
 
     share: float  # of the work that is done, 0 to 1
     kernel: str  # kernel under compilation in this process
@@ -292,12 +292,12 @@ class _Watch(event.Listener):
         return next(named, "")
 
     def on_start(self, event: Any) -> None:
-        """Record the start of a compilation."""
+        """Record the start of compiling a kernel."""
         self.begun = self.begun or monotonic()
         self._under_way = [*self._under_way, event.data["dispatcher"].py_func.__name__]
 
     def on_end(self, event: Any) -> None:
-        """Record the end of a compilation."""
+        """Record the end of compiling a kernel."""
         dispatcher = event.data["dispatcher"]
         kind = FROM_KERNELS if "no_cpython_wrapper" in dispatcher.targetoptions else FROM_PYTHON
         self.done.add((kind, title_of(dispatcher.py_func)))

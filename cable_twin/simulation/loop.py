@@ -297,7 +297,7 @@ class LoopLayout:
         return ends
 
     def _bare(self) -> dict[int, System]:
-        """Systems of the strands by number of the rope."""
+        """Mechanical systems of the strands, by number of the rope."""
         return {row: self._parts[row].system for row in self._rows}
 
     def _rest(

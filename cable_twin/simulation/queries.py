@@ -44,7 +44,7 @@ class Queries:
 
     @property
     def snapshot(self) -> Snapshot:
-        """Snapshot of the present state."""
+        """Snapshot of the present state of the simulation."""
         if self._seen is None:
             self._seen = self._observe()
         return self._seen
@@ -182,7 +182,7 @@ class Queries:
 
 
 class Observer:
-    """Reader of snapshots of one scenario.
+    """Builder of snapshots from the states of one scenario.
 
     Args:
         scenario: what runs.

@@ -44,7 +44,7 @@ class VehicleSettings(NamedTuple):
 
 
 def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Sequence[System]) -> list[System]:
-    """Systems of ropes, each with the vehicles of all ropes, from systems each with the vehicles of one rope.
+    """Combine systems of ropes with their own vehicles into systems that each have the vehicles of all ropes.
 
     Args:
         scenario: of all ropes.
@@ -205,7 +205,7 @@ class Vehicles:
 
     @property
     def exchanges(self) -> bool:
-        """Whether payloads change in stations."""
+        """Whether payloads of any vehicle change in stations."""
         return any(self._rooms)
 
     def load(self, masses: Mapping[str, float]) -> None:

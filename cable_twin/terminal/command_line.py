@@ -211,7 +211,7 @@ class OneLineParser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
-        """Print the error line and end."""
+        """Print the error of an option in one line and end the process."""
         print(f"{self.prog}: {message}; all options: {self.prog} --help", file=sys.stderr)
         sys.exit(self._failure)
 
@@ -265,7 +265,7 @@ class _PrintLines(argparse.Action):
         self._lines = lines
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Print the lines and end."""
+        """Print the lines of the option and end the process."""
         width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
         print("\n".join(listed(line, width) for line in self._lines()))
         parser.exit()

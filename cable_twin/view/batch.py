@@ -123,7 +123,7 @@ class Batch:
 
 
 def frame_of(c: Columns, row: int) -> Columns:
-    """Return the columns of one frame of a batch."""
+    """Return the columns of a single frame of a batch."""
     return Columns(*(column[row] for column in c))
 
 
@@ -166,7 +166,7 @@ class Thinning:
         self.restart()
 
     def restart(self) -> None:
-        """Select the next frame in any case."""
+        """Select the next frame regardless of the rate."""
         self._last = np.nan
 
     def rows(self, times: FloatArray) -> NDArray[np.intp]:

@@ -36,7 +36,7 @@ READOUT_RATE = 5.0  # Hz
 
 
 class Sizes(NamedTuple):
-    """Division of the picture into views.
+    """Sizes of the views in the picture, in pixels.
 
     Attributes:
         side: width of the column with readout and commands.
@@ -50,17 +50,17 @@ class Sizes(NamedTuple):
 
     @property
     def main(self) -> float:
-        """Width of the picture without the side column."""
+        """Width in pixels of the picture without the side column."""
         return WIDTH - self.side
 
     @property
     def row(self) -> float:
-        """Height of a row, title included."""
+        """Height in pixels of a row of views, titles included."""
         return (HEIGHT - MENU - TIME_PANEL) / (1 + len(self.rows))
 
     @property
     def track(self) -> tuple[float, float]:
-        """Width and height of a view of the whole track."""
+        """Width and height in pixels of a view of the whole track."""
         return self.main / (2 if self.space else 1), self.row - TITLE
 
     def cell(self, number: int) -> tuple[float, float]:
@@ -405,7 +405,7 @@ class Picture:
         stream.send_blueprint(lay_out(self._framed, self._sizes, *shown, self._plots, self._unit, window, eyes))
 
     def send(self, stream: rr.RecordingStream, c: Columns) -> None:
-        """Draw a batch of at least one frame."""
+        """Draw a batch of at least one frame into the file."""
         times = c.time[:, 0]
         self._plots.send(stream, c)
         if (rows := self._rope_times.rows(times)).size:

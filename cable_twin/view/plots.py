@@ -69,7 +69,7 @@ def _most(height: float) -> float:
 
 
 def _ticks(low: float, high: float, height: float) -> int:
-    """Return the number of tick labels of an axis."""
+    """Return the number of tick labels on an axis of a plot."""
     step = 10.0 ** np.ceil(np.log10((high - low) / _most(height)) - 1e-9)
     return int(np.floor(high / step) - np.ceil(low / step)) + 1
 
@@ -110,7 +110,7 @@ Values = Callable[[Columns], FloatArray]
 
 
 class Plot:
-    """Lines of one entity in a plot.
+    """Lines of one rerun entity in a plot.
 
     Args:
         path: path of the entity.
@@ -130,7 +130,7 @@ class Plot:
 
 
 class Plots:
-    """All plots of a run.
+    """All plots of signals of a run.
 
     Args:
         layout: layout of the frames.
@@ -159,7 +159,7 @@ class Plots:
     def begin(
         self, stream: rr.RecordingStream, cells: Sequence[tuple[float, float]], window: float | None = None
     ) -> None:
-        """Log names and colours of the lines.
+        """Log names and colours of all plotted lines.
 
         Args:
             stream: stream of the recording.
@@ -223,7 +223,7 @@ class Plots:
             stream.log(f"{LEGENDS}/{name}", names, static=True)
 
     def send(self, stream: rr.RecordingStream, c: Columns) -> None:
-        """Send the signal values of a batch."""
+        """Send the values of all plotted signals in a batch."""
         times = time_column(c.time[:, 0])
         spans: dict[str, tuple[float, float]] = {}
         for plot in self._plots:

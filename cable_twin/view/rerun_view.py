@@ -73,7 +73,7 @@ class _Stream(rr.RecordingStream):
     def send_blueprint(
         self, blueprint: rr.BlueprintLike, *, make_active: bool = True, make_default: bool = True
     ) -> None:
-        """Send a blueprint, one for each file.
+        """Send the layout of the views (blueprint), one for each file.
 
         rerun would make a stream for each that never ends, with two threads and 1.5 MB; here one is reused.
         """
@@ -88,7 +88,7 @@ class _Stream(rr.RecordingStream):
         bindings.send_blueprint(layout, make_active, make_default, recording=self.to_native())
 
     def disconnect(self) -> None:
-        """Close the file, then the server."""
+        """Close the recording file, then the server."""
         super().disconnect()
         if self._layouts is not None:
             self._layouts.memory_recording().drain_as_bytes()  # otherwise rerun warns of dropped data
@@ -196,7 +196,7 @@ def _abandon(stream: rr.RecordingStream) -> None:
 
 
 class RerunView:
-    """View of one run of one scenario; used from one thread.
+    """View of a run of one scenario in rerun; for a single thread.
 
     Attributes:
         url: address of the live view for viewers (`rerun --connect URL`), None without one.
@@ -266,7 +266,7 @@ class RerunView:
         self._laid_out = True
 
     def log(self, snapshot: Snapshot) -> None:
-        """Draw one snapshot.
+        """Draw one snapshot, collected with others into a batch.
 
         Raises:
             RuntimeError: the view is closed.

@@ -30,7 +30,7 @@ NO_ROPE = -1  # colour of the stretch from one rope to the next, which is not dr
 
 
 class Rope:
-    """Drawing of the ropes of one run.
+    """Drawing of the ropes of a run in rerun.
 
     Args:
         layout: layout of the frames.

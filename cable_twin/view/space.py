@@ -58,7 +58,7 @@ class InSpace:
 
 
 class Eye(NamedTuple):
-    """Position and target of a 3D view."""
+    """Position and target of the eye in a 3D view."""
 
     position: FloatArray  # (3,) m
     target: FloatArray  # (3,) m
@@ -99,7 +99,7 @@ class _Alike(NamedTuple):
 
 
 class Space:
-    """Drawing of one layout in the 3D view.
+    """Drawing of a run in the 3D view of rerun.
 
     Args:
         layout: layout of the frames.

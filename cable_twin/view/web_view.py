@@ -59,12 +59,12 @@ class WebView:
                 time.sleep(0.02)
 
     def wait(self) -> None:
-        """Serve until the server ends, or Ctrl-C."""
+        """Wait until the server of the browser view ends, or Ctrl-C."""
         with suppress(KeyboardInterrupt):
             self._process.wait()
 
     def close(self) -> None:
-        """End the server; a second call does nothing."""
+        """End the server of the browser view; a second call does nothing."""
         self._process.terminate()
         try:
             self._process.wait(5.0)

@@ -29,7 +29,7 @@ class Addresses:
         self.table: NDArray[np.int64] = np.array([[address(one) for one in row] for row in self._packed], np.int64)
 
     def write(self, row: int, column: int, record: Any) -> None:
-        """Replace one record of the table.
+        """Replace one record in a table of record addresses.
 
         Raises:
             TypeError: it is of another type: kernels would read it as what it is not.

@@ -168,7 +168,7 @@ _FORMS = {types.boolean: "?", types.int64: "q", types.float64: "d"}
 
 
 def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
-    """Words of one field, in the layout of `struct`."""
+    """Encode one field of a record as machine words, in the layout of `struct`."""
     if isinstance(kind, types.Array):  # an array of numba: two owners, nobody here, then what follows
         sizes = (*field.shape, *field.strides)
         return f"PPqqP{len(sizes)}q", (0, 0, field.size, field.itemsize, field.__array_interface__["data"][0], *sizes)

@@ -217,7 +217,7 @@ def _key(field: Declared, row: int, common: Container[str]) -> str:
 
 
 def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ...]]], count: int) -> tuple[R, ...]:
-    """Records of zeros in one block of memory."""
+    """Several records of zeros, allocated in one block of memory."""
     offsets, size = [], 0
     for kind, shape in shapes.values():
         offsets.append(size)
@@ -301,7 +301,7 @@ class Kept:
 
 
 def _row_of(record: Any) -> int:
-    """Number of a record in its block of memory."""
+    """Number of a record among the records of its block of memory."""
     block, arrays = record.memory.base, arrays_of(record)
     for name in block.dtype.names:
         row, slash, key = name.partition("/")

@@ -34,5 +34,5 @@ class Sources:
 
 @functools.cache
 def sources(*folders: Path) -> Sources:
-    """Sources of folders, one object for a process."""
+    """Sources of folders with their fingerprint, read once by a process."""
     return Sources(*folders)

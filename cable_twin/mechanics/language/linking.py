@@ -62,7 +62,7 @@ class FindTypes(NopythonTypeInference):
 
 
 class _WithFound:
-    """Typing context with a cache of operations."""
+    """Typing context of numba with a cache of resolved operations."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -141,7 +141,7 @@ class _NoCode:
     """Placeholder for the machine code generator of a bitcode part."""
 
     def set_env(self, name: str, env: Any) -> None:
-        """Ignore the environment of a part, which has no references to it."""
+        """Ignore numba's environment object, as a bitcode part has no references to Python globals."""
 
 
 class PartLibrary(_Library):
@@ -183,7 +183,7 @@ class PartLibrary(_Library):
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, ...]]:
-        """Serialise the part for numba's cache files."""
+        """Serialise a bitcode part for numba's cache files."""
         self._ensure_finalized()
         return self.name, self.KIND, self.parts
 
@@ -225,6 +225,6 @@ class BriefCompiler(WholeCompiler):
 
 
 class PartCompiler(WholeCompiler):
-    """Compiler of kernels called by kernels."""
+    """Compiler of kernels that only other kernels call."""
 
     library = PartLibrary

@@ -72,5 +72,5 @@ def add_spread(values: Vec | Mat, rows: Any, first: Any) -> None:
 
 @formula
 def sum_of_lanes(lanes: Any) -> Any:
-    """Sum of all lanes, from the first one on."""
+    """Sum of all lanes of a SIMD register, added from the first lane on."""
     return sum(lane_of(lanes, k) for k in range(WIDTH))

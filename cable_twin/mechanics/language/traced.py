@@ -77,7 +77,7 @@ class Vec(tuple[Any, ...]):
 
     @property
     def entries(self) -> tuple[Any, ...]:
-        """All numbers."""
+        """All numbers of a vector."""
         return self
 
     def __add__(self, other: Any) -> Any:
@@ -108,12 +108,12 @@ class Mat(tuple[Vec, ...]):
 
     @property
     def entries(self) -> tuple[Any, ...]:
-        """All numbers, row by row."""
+        """All numbers of a matrix, row by row."""
         return tuple(x for row in self for x in row)
 
     @property
     def T(self) -> Mat:  # noqa: N802 - as numpy has it
-        """Transpose."""
+        """Transpose of a matrix."""
         return Mat(map(Vec, zip(*self, strict=True)))
 
     def __add__(self, other: Any) -> Any:
@@ -151,7 +151,7 @@ def _shaped(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Vectors and matrices as plain tuples."""
+    """Convert vectors and matrices of a formula into plain tuples."""
     if isinstance(value, Vec | Mat) or type(value) is tuple:
         return tuple(map(_plain, value))
     return value
@@ -207,7 +207,7 @@ class _Number:
         self.kind, self.value, self.place = kind, value, place
 
     def cast(self, kind: types.Type) -> ir.Value | None:
-        """Cast the value to another type."""
+        """Cast a traced number to another type."""
         if self.place is None:
             return None
         context, builder = self.place
@@ -258,7 +258,7 @@ class _Number:
         return self._with("truediv", other, turned=True)
 
     def square_root(self) -> Any:
-        """Square root of the number, or of each lane."""
+        """Square root of a traced number, or of each of its lanes."""
         if self.place is None:
             return self
         context, builder = self.place
@@ -368,7 +368,7 @@ def _as_number(value: Any, place: Any) -> _Number:
 
 
 def _kind_of(outcome: Any) -> types.Type:
-    """Type in numba of the result of a formula."""
+    """Numba type of the result of a formula."""
     if outcome is None:
         return types.none
     if isinstance(outcome, tuple):
@@ -395,7 +395,7 @@ def square_root(value: Any) -> Any:
 
 
 def least(one: Any, other: Any) -> Any:
-    """Lesser of two integers of a formula."""
+    """Lesser of two integers, for formulas."""
     if not isinstance(one, _Number):
         return min(one, other)
     if one.place is None:
@@ -406,7 +406,7 @@ def least(one: Any, other: Any) -> Any:
 
 
 def size_of(array: Any, axis: int) -> Any:
-    """Size of an array of a formula along an axis."""
+    """Size of an array along an axis, for formulas."""
     if not isinstance(array, _Array):
         return array.shape[axis]
     if array.place is None:
@@ -417,7 +417,7 @@ def size_of(array: Any, axis: int) -> Any:
 
 
 def as_lanes(numbers: Sequence[Any]) -> Any:
-    """Lanes of as many numbers of a formula."""
+    """Numbers as the lanes of one SIMD register, for formulas."""
     if not isinstance(numbers[0], _Number):
         return np.array(numbers)
     kind, place = LanesType(len(numbers)), numbers[0].place
@@ -430,7 +430,7 @@ def as_lanes(numbers: Sequence[Any]) -> Any:
 
 
 def lane_of(lanes: Any, number: int) -> Any:
-    """Number in one lane, as a float."""
+    """Number in one lane of a SIMD register, as a float."""
     if not isinstance(lanes, _Number):
         return lanes[number]
     value = None if lanes.place is None else lanes.place[1].extract_element(lanes.value, ir.Constant(_WORD, number))
@@ -469,13 +469,13 @@ def beside(one: Any, other: Any) -> Any:
 
 @formula
 def first_of(pairs: Any) -> Any:
-    """First numbers of a tuple of pairs."""
+    """First number of each pair in a tuple of pairs."""
     return _lanes_of(pairs, 0)
 
 
 @formula
 def second_of(pairs: Any) -> Any:
-    """Second numbers of a tuple of pairs."""
+    """Second number of each pair in a tuple of pairs."""
     return _lanes_of(pairs, 1)
 
 

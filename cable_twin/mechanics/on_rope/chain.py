@@ -194,7 +194,7 @@ class Condensed(NamedTuple):
 
 @formula
 def without_chain(like):
-    """Impedance below the last body: none."""
+    """Impedance below the last body of a chain, zero."""
     still = no_turn(like)
     nothing = 0.0 * like
     square, wide = outer(0.0, like, like), outer(0.0, like, still)

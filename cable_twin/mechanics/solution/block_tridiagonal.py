@@ -25,14 +25,14 @@ from cable_twin.mechanics.language.vectors import (
 
 @formula
 def no_node(like):
-    """Zero block of a node."""
+    """Block of zeros for a node."""
     zero = outer(0.0, like, like)
     return zero, zero, zero, zero
 
 
 @formula
 def load_node(array, square):
-    """Block of a node from an array (2, 2, dim²)."""
+    """Load the block of a node from an array (2, 2, dim²)."""
     return load(array[0, 0], square), load(array[0, 1], square), load(array[1, 0], square), load(array[1, 1], square)
 
 
@@ -73,7 +73,7 @@ def apply_node(a, x):
 
 @formula
 def load_pair(array, like):
-    """Two vectors of a node from an array (2, dim)."""
+    """Load the position and slope vectors of a node from an array (2, dim)."""
     return load(array[0], like), load(array[1], like)
 
 
@@ -86,7 +86,7 @@ def store_pair(pair, array):
 
 @formula
 def subtract_pair(a, b):
-    """Difference a - b of two pairs of vectors."""
+    """Difference a - b of two pairs of vectors, position and slope of a node."""
     return subtract(a[0], b[0]), subtract(a[1], b[1])
 
 

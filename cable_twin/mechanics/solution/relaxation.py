@@ -162,7 +162,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
 
 
 class Moment(NamedTuple):
-    """Progress of a relaxation."""
+    """Progress of a relaxation to equilibrium at one moment."""
 
     elements: int
     iterations: int

@@ -187,7 +187,7 @@ def _waiting(text: str) -> Status:
 
 
 def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> None:
-    """Repeat a drive command until the end."""
+    """Repeat a drive command until its end condition."""
     from cable_twin.ros.client.driver import Driver, Trip  # noqa: PLC0415 - an emergency stop does without
 
     driver = (
@@ -201,7 +201,7 @@ def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: En
 
 
 def _request(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> None:
-    """Send one request and print its answer."""
+    """Send one request to the twin and print its answer."""
     if options.list:
         with _waiting("looking for twins"):
             lines = list_twins(node, options.wait, ending)

@@ -155,7 +155,7 @@ class Driver:
             raise TwinError(self._refusal or UNANSWERED)
 
     def _remark(self) -> str:
-        """Additional text for the state line."""
+        """Additional text for the line about the state of the driven vehicle."""
         return ""
 
     def _report_end(self, elapsed: float) -> None:
@@ -282,7 +282,7 @@ class Trip(Driver):
         return True
 
     def _check_applied(self) -> None:
-        """Do nothing, as arrival or refusal is known."""
+        """Skip the check of applied commands, as a trip ends with an arrival or a refusal."""
 
     def _remark(self) -> str:
         return f", {self._target - self._states[self._options.name][0]:+.2f} m to go"

@@ -24,7 +24,7 @@ URGENT = "/emergency_stop"  # service that does not wait for the whole discovery
 
 @dataclass(slots=True)
 class _Twin:
-    """Known state of one twin."""
+    """Twin in the list of running ones, as known from its topics."""
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)  # figures from the diagnostics
@@ -330,7 +330,7 @@ def nobody_listens(node: Any, name: str, wait: float) -> str:
 
 
 def _message(kind: Kind, values: Mapping[str, float]) -> Any:
-    """Message of a command kind for its topic."""
+    """ROS message of a command for the topic of its kind."""
     from geometry_msgs.msg import Vector3, Vector3Stamped  # noqa: PLC0415
     from sensor_msgs.msg import JointState  # noqa: PLC0415
 

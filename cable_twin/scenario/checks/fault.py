@@ -28,7 +28,7 @@ class Fault(NamedTuple):
 
 
 class Phrase(str):
-    """Words in place of a given value in a fault."""
+    """Text in a fault that stands for the given value, such as "three numbers in a plane"."""
 
     __slots__ = ()
 
@@ -106,7 +106,7 @@ def unit_of(path: KeyPath) -> str:
 
 
 def inner_model(field: FieldInfo) -> tuple[type | None, type[BaseModel] | None]:
-    """Container and model of a field: (None, Cable), (dict, Carriage), (tuple, Load), or no model."""
+    """Container and section model of a schema field: (None, Cable), (dict, Carriage), (tuple, Load), or no model."""
     annotation, _ = scalar(field.annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return None, annotation

@@ -18,11 +18,11 @@ Joined = Annotated[tuple[str, str], FromList]
 class SheaveCounterweight(Section):
     """Counterweight: pulls the carriage of a bullwheel, and with it both strands, with a constant force."""
 
-    direction: Place = quantity("-", "direction in which it pulls, any length")
+    direction: Place = quantity("-", "direction of the pull, any length")
     mass: float = quantity("kg", "mass of the counterweight, of both strands together", gt=0)
     force: float | None = quantity("N", "pull on the carriage; null: the weight of the mass", None, gt=0)
     carriage_mass: float = quantity("kg", "mass of the bullwheel and its carriage", 0.0, ge=0)
-    travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
+    travel: Vector = quantity("m", "least and most travel of the carriage along the pull", (-5.0, 5.0))
     buffer_damping: float = quantity(
         "s/m",
         "damping of the buffers at both limits: force = stiffness d (1 + damping d_dot), d compression",
@@ -34,11 +34,11 @@ class SheaveCounterweight(Section):
 class SheaveHydraulics(Section):
     """Hydraulic cylinder: moves the carriage of a bullwheel when the pull of both strands leaves a band."""
 
-    direction: Place = quantity("-", "direction in which it pulls, any length")
+    direction: Place = quantity("-", "direction of the pull, any length")
     force: float = quantity("N", "set-point of the pull of both strands together", gt=0)
     band: float = quantity("N", "deviation of the pull at which it moves", gt=0)
     rate: float = quantity("m/s", "speed of the cylinder", 0.01, gt=0)
-    travel: Vector = quantity("m", "least and most travel of the carriage in that direction", (-5.0, 5.0))
+    travel: Vector = quantity("m", "least and most travel of the carriage along the pull", (-5.0, 5.0))
     locked: bool = Field(
         default=False, description="true: it holds the carriage at its initial position, as after a failure"
     )
@@ -47,7 +47,7 @@ class SheaveHydraulics(Section):
 class Sheave(Section):
     """Bullwheel: turns the rope from the end of one strand to the start of another one."""
 
-    position: Place | None = quantity("m", "centre; null: midway between the joined ends", None)
+    position: Place | None = quantity("m", "centre of the bullwheel; null: midway between the joined ends", None)
     radius: float = quantity("m", "radius at the rope", gt=0)
     joins: Joined = Field(
         description="joined ends: the end of one rope and the start of another, [up.end, down.start]",

@@ -143,7 +143,7 @@ class KeyFigureLimits(Section):
 
 
 class LimitRow(NamedTuple):
-    """Row of the table of limits."""
+    """Limit of a key figure in the table of limits: unit, bound, default, source and clause."""
 
     meaning: str
     unit: str
@@ -154,12 +154,12 @@ class LimitRow(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Source of the default with its clause; empty without a default."""
+        """Source of a default limit with its clause; empty without a default."""
         return ", ".join(filter(None, (self.source, self.clause)))
 
 
 def limit_row(key: str) -> LimitRow:
-    """Row of a key of `limits`."""
+    """Limit in the table for a key of `limits`."""
     field = KeyFigureLimits.model_fields[key]
     extra = cast(dict[str, Any], field.json_schema_extra)
     meaning = str(field.description).removesuffix(f" ({extra['unit']})")

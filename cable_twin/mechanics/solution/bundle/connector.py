@@ -77,7 +77,7 @@ def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_
 
 @kernel
 def connector_forces(bundle, state, like, forces):
-    """Write the pull (connectors,) in N of all."""
+    """Write the pull (connectors,) in N of all connectors into an array."""
     for connector in range(bundle.connectors.length.size):
         pull, _, _, _, _ = connector_force(bundle, connector, state, like)
         forces[connector] = pull

@@ -195,7 +195,7 @@ def note_touches(bundle, scratch):
 
 @inlined_kernel
 def link(connectors, connector, scratch, like):
-    """Couple the front nodes of two ropes."""
+    """Couple the nodes of two ropes at the front of the elimination."""
     a, b = connectors.rope[connector, 0], connectors.rope[connector, 1]
     cross = load(scratch.cross[connector], outer(0.0, like, like))
     if not scratch.linked[a, b]:

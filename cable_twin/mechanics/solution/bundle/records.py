@@ -262,5 +262,5 @@ def bullwheels_at_rest(count: int) -> BullwheelMotion:
 
 
 def allocate_bundle_work(bundle: Bundle) -> BundleWork:
-    """Scratch of the size of a bundle."""
+    """Allocate the solver's workspace for the couplings of ropes."""
     return allocate(BundleWork, sizes_of_bundle(bundle))
