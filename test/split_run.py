@@ -9,9 +9,12 @@ from small_tramway import TRAMWAY
 
 from cable_twin.frame.rates import LOGGED
 from cable_twin.frame.records import Command
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import topics
+from cable_twin.messages.frame import MessageEncoder
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.offline.scripted_run import simulate
+from cable_twin.recording.recorder import Recorder
 from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import load_scenario
@@ -61,3 +64,10 @@ def record_split(
 def bags(run: Path) -> list[Path]:
     """Files of a run in the order of their numbers."""
     return sorted(run.glob("*.mcap"), key=lambda file: int(file.stem.rpartition("_")[2]))
+
+
+def record_frame(recorder: Recorder, encoder: MessageEncoder, simulation: Simulation, snapshot: Snapshot) -> None:
+    """Record a frame, after the start of a new file where due."""
+    if recorder.split_due(snapshot.time):
+        recorder.split(simulation.capture())
+    recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)

@@ -212,7 +212,7 @@ def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collec
 
 
 def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mapping[str, Collection[float]]) -> Kind:
-    """Command kind by the field with one number for each name."""
+    """Kind of a joint command, by the message field that has one number for each name."""
     known = " or ".join([*(f"{field} ({kind.unit})" for field, kind in kinds.items()), "position (m)"])
     given = [field for field, numbers in fields.items() if len(numbers)]
     if not names:

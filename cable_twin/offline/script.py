@@ -146,7 +146,7 @@ def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopp
 
 
 def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool) -> dict[str, str]:
-    """Lines of `check_script` by the places of their commands."""
+    """Lines of `check_script` about refused commands, by the places of the commands."""
     faults: dict[str, str] = {}
     at_start = stopped
     for item in sorted(script, key=lambda item: item.at is not None):
@@ -163,7 +163,7 @@ def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: 
 
 
 def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line number and values of each row, or its fault; empty cells and lines and # comments are left out."""
+    """Line number and values of each CSV row of a script, or its fault; empty cells and # comments are left out."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
     for line in _readable(reader, file):
@@ -203,7 +203,7 @@ def _number(cell: str) -> float | str:
 
 
 def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line number and mapping of each item of the list, or its fault."""
+    """Line number and mapping of each item of a YAML script, or its fault."""
     try:
         content, node, doubles = read_yaml(text)
     except UnreadableYamlError as error:
@@ -221,7 +221,7 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
 
 
 def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
-    """Commands of one row: one, or the sequence of a step or chirp."""
+    """Commands of one row of a script: a single one, or the sequence of a step or chirp."""
     if isinstance(row, str):
         raise ScriptError(f"{place}: {row}")
     if unknown := [str(key) for key in row if key not in KEYS]:
@@ -304,7 +304,7 @@ def _phase(time: float, duration: float, first: float, last: float) -> float:
 
 
 def _command(row: Mapping[str, Any], place: str) -> Command:
-    """Command of a row: an event, numbers by axis, or a number by name."""
+    """Command of a row of a script: an event, numbers by axis, or a number by name."""
     given = [key for key in NUMBERS if key in row]
     if "event" in row:
         event = str(row["event"])

@@ -145,7 +145,7 @@ def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel
 
 
 def compile_parts(engine: Engine, board: Path) -> None:
-    """Compile kernels not yet begun by another process at the same board, callees first where possible.
+    """Compile kernels that no other process of this start has begun, callees first where possible.
 
     Args:
         engine: of the scenario that starts.

@@ -231,7 +231,7 @@ class Loop:
 
 
 class LoopLayout:
-    """Strands of one scenario without other ropes, in closed form; there may be none.
+    """Start layout of a closed loop: strands and bullwheels at rest in closed form, without other ropes.
 
     Args:
         scenario: what runs.

@@ -247,7 +247,7 @@ class Filled(argparse.HelpFormatter):
 
 
 def listed(line: str, width: int) -> str:
-    """Line of a list filled to a width: entry kept whole, its description beside or below."""
+    """Format an entry of a list in a help text to a width: entry kept whole, its description beside or below."""
     gap = re.search(r"(?<=\S) {2,}(?=\S)", line)
     if len(line) <= width or gap is None:
         return line

@@ -254,7 +254,7 @@ class Space:
 def _seen_whole(
     middle: FloatArray, span: float, points: FloatArray, names: Mapping[str, FloatArray], size: tuple[float, float]
 ) -> tuple[Eye, FloatArray]:
-    """Return the nearest eye that sees everything, and name positions (n, 3) m, stacked where they would overlap.
+    """Return the nearest position of the eye that shows everything, and name positions (n, 3) m without overlap.
 
     Args:
         middle: target of the eye (3,) m.

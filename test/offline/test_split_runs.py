@@ -17,7 +17,7 @@ from bags import damage_middle, flip_bit
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from small_tramway import TRAMWAY
-from split_run import COMMANDS, EPOCH, bags, record_split
+from split_run import COMMANDS, EPOCH, bags, record_frame, record_split
 from twin_process import wait_until
 
 from cable_twin.messages import SCENARIO, MessageEncoder, topics
@@ -329,9 +329,7 @@ def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
             if frame == 190:
                 wait_until(lambda: run.recorder._log.safe_until > 3.7)
                 disk.fill()
-            if run.recorder.split_due(snapshot.time):
-                run.recorder.split(simulation.capture())
-            run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+            record_frame(run.recorder, encoder, simulation, snapshot)
         run.recorder.close()
         stopped = [fault for fault in run.recorder.faults if fault.startswith("recording: log stopped: ")]
         assert len(stopped) == 1
@@ -361,9 +359,7 @@ def test_memory_stays_as_it_is_over_many_splits(tmp_path):
     used = []
     for frame in range(801):
         snapshot = simulation.advance_to(frame * 0.1)
-        if run.recorder.split_due(snapshot.time):
-            run.recorder.split(simulation.capture())
-        run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+        record_frame(run.recorder, encoder, simulation, snapshot)
         wait_until(lambda: run.recorder.backlog < 20)  # or what waits is measured
         if frame in (200, 800):
             wait_until(lambda: run.recorder.idle)

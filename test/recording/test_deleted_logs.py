@@ -7,6 +7,7 @@ import time
 
 import pytest
 from small_tramway import TRAMWAY
+from split_run import record_frame
 from twin_process import wait_until
 
 from cable_twin.messages import MessageEncoder, topics
@@ -58,9 +59,7 @@ def test_a_run_goes_on_in_a_new_directory(tmp_path, capsys, how):
     def go_on() -> bool:
         nonlocal frame
         snapshot = simulation.advance_to(frame * 0.02)
-        if run.recorder.split_due(snapshot.time):
-            run.recorder.split(simulation.capture())
-        run.recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+        record_frame(run.recorder, encoder, simulation, snapshot)
         frame += 1
         time.sleep(0.02)
         return bool(run.recorder.faults)

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 from small_tramway import TRAMWAY
+from split_run import record_frame
 
 from cable_twin.messages import SECOND, MessageEncoder, scenario_message, topics
 from cable_twin.messages.columns import COLUMNS_TOPIC
@@ -221,9 +222,7 @@ def test_file_that_cannot_be_finished_is_readable_and_the_node_is_told(tmp_path)
     log.path_of(1).mkdir()
     for frame in range(200):
         snapshot = simulation.advance_to(frame * 0.01)
-        if recorder.split_due(snapshot.time):
-            recorder.split(simulation.capture())
-        recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
+        record_frame(recorder, encoder, simulation, snapshot)
     recorder.close()
     log.path_of(1).rmdir()
     (fault,) = recorder.faults

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -105,3 +106,13 @@ def rerun_command(*arguments):
     run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stderr
     return run.stdout + run.stderr
+
+
+def static(path: Path, entity: str, component: str) -> list[Any]:
+    """Values of a static component; empty without any."""
+    for chunk in RrdReader(path).stream():
+        if chunk.entity_path == entity and chunk.is_static:
+            batch = chunk.to_record_batch()
+            if component in batch.schema.names:
+                return batch.column(component).to_pylist()[0]
+    return []

@@ -9,8 +9,7 @@ import pytest
 
 pytest.importorskip("rerun")
 
-from drawn_run import column
-from rerun.chunk import RrdReader
+from drawn_run import column, static
 
 from cable_twin.recording.run import open_view
 from cable_twin.scenario import load_scenario, scenario_names
@@ -37,16 +36,6 @@ def boxes(names, tops):
     """Boxes of labels by name, below points (n, 2) in pixels."""
     sizes = label_sizes(names) * (NARROWER, 1.0) - (0.0, 1.0)
     return [(name, *top, *size) for name, top, size in zip(names, tops, sizes, strict=True)]
-
-
-def static(path, entity, component):
-    """Values of a static component."""
-    for chunk in RrdReader(path).stream():
-        if chunk.entity_path == entity and chunk.is_static:
-            batch = chunk.to_record_batch()
-            if component in batch.schema.names:
-                return batch.column(component).to_pylist()[0]
-    return []
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rerun")
 
-from drawn_run import column
+from drawn_run import column, static
 from rerun.chunk import RrdReader
 
 from cable_twin.messages import MARKERS, MessageEncoder, decode
@@ -19,16 +19,6 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 SCENARIOS = {"jig_back": {}, "bicable": {}, "chairlift": {}, "chairlift in space": {"space": 3}}
-
-
-def static(path, entity, component):
-    """Values of a static component."""
-    for chunk in RrdReader(path).stream():
-        if chunk.entity_path == entity and chunk.is_static:
-            batch = chunk.to_record_batch()
-            if component in batch.schema.names:
-                return batch.column(component).to_pylist()[0]
-    raise AssertionError(f"{entity} has no {component}")
 
 
 @pytest.fixture(scope="module", params=list(SCENARIOS))

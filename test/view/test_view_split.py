@@ -5,20 +5,19 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
-import time
 import warnings
 from pathlib import Path
 
 import psutil
 import pytest
 from drawn_run import OUTLINES, RATE, column, commands, snapshot_at
+from twin_process import wait_until
 
 from cable_twin.view.rerun_view import RerunView
 from cable_twin.view.web_view import live_url
 
 RERUN = Path(sys.executable).with_name("rerun")
 PART = 120  # frames in a file
-PATIENCE = 60.0  # s
 
 
 def draw_split(view: RerunView, paths: list[Path]) -> None:
@@ -101,13 +100,6 @@ def connections(port: int) -> set[int]:
     sockets = [item for item in psutil.Process().net_connections(kind="tcp") if item.raddr]
     own = {item.laddr.port for item in sockets if item.raddr.port == port}
     return {item.raddr.port for item in sockets if item.laddr.port == port} - own
-
-
-def wait_until(condition) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_file_that_cannot_be_made_is_an_error_and_the_old_one_is_whole(tmp_path):

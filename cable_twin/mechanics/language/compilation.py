@@ -54,7 +54,7 @@ class Kernel:
 
     @property
     def title(self) -> str:
-        """Name of the kernel in `kept_kernels`."""
+        """Name of a kernel in the list of cached kernels."""
         return title_of(self.py_func)
 
     @property

@@ -26,7 +26,7 @@ Turn = tuple[float, ...]
 
 @formula
 def no_turn(like: Vector) -> Turn:
-    """Zero rotation in the space of the vector `like`."""
+    """Zero rotation for the dimension of the vector `like`: one angle in a plane, three in space."""
     return (0.0,) if len(like) == 2 else (0.0, 0.0, 0.0)
 
 
@@ -141,7 +141,7 @@ def turn_in_space(turn: Turn) -> Turn:
 
 @formula
 def along_track(like: Vector) -> Vector:
-    """Unit vector along the track, in the space of the vector `like`."""
+    """Unit vector along the track, for the dimension of the vector `like`."""
     return (1.0, 0.0) if len(like) == 2 else (1.0, 0.0, 0.0)
 
 
