@@ -21,16 +21,16 @@ class Kind:
 
     Attributes:
         name: in records, bags and scripts.
-        help: what it does, for those who may give it.
-        quantity: what its numbers are; none where it has none.
+        help: description of the command for users.
+        quantity: quantity of its numbers; empty without numbers.
         unit: of its numbers.
         axes: those of x, y, z that it has numbers for instead of names.
-        needed: which of them it always has; 0 where none is given.
+        needed: axes that the command always has, 0 where not given.
         topic: that brings it, below the node; kinds of one topic differ by their field.
         field: of sensor_msgs/JointState that holds its numbers: on its topic, where they are by name, and in the bag.
         service: that brings it where it has no numbers, below the node.
-        switch: what the service is called with, where that is std_srvs/SetBool and not std_srvs/Trigger.
-        done: what the service answers.
+        switch: boolean in the call of a std_srvs/SetBool service; None for std_srvs/Trigger.
+        done: answer of the service.
         drives: it holds until the time-out of the node only, and is refused while an emergency stop is in force.
         halts: nothing that was told to move is under way any more.
         level: of its line in the view.

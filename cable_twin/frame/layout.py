@@ -38,7 +38,7 @@ class Layout:
         space: whether it is one in space.
         grooves: places (3,) in m of the towers that hold a rope sideways, in space, by name.
         arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
-        ropes: which of these are of which rope, by its name.
+        ropes: slice of the samples of each rope, by name.
         sheaves: names of the bullwheels that join ropes.
         connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
         several: whether ropes have names in the scenario.

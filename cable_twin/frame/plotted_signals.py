@@ -71,7 +71,7 @@ class Signal:
     Attributes:
         name: of the quantity; a line is NAME/WHOSE.
         unit: of its values.
-        whose: what has it.
+        whose: kind of object with the signal.
         read: values (..., names) out of the columns of one frame, or of several.
         label: of its panel in a plot of `review`, without unit.
         plot: the plot with that panel, of `PLOTS`; signals of a plot are compared as well.

@@ -35,7 +35,7 @@ class Snapshot:
     Attributes:
         layout: which number is what.
         numbers: (size,), which cannot be written.
-        solver: what the solver did since the snapshot before.
+        solver: report of the solver since the previous snapshot.
     """
 
     __slots__ = ("_columns", "layout", "numbers", "solver")

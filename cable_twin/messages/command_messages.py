@@ -78,7 +78,7 @@ def command_from_message(topic: str, data: bytes, most_names: int | None = None)
     Args:
         topic: Relative name, of `cable_twin.frame.commands.INPUTS`.
         data: CDR.
-        most_names: What has more names is refused before it is decoded; None for any number.
+        most_names: Highest number of names, checked before decoding; None for any number.
 
     Raises:
         CommandError: It is no message of the topic's type, has too many names, or has no clear meaning.
@@ -136,7 +136,7 @@ def command_from_joint_state(
         effort: The same.
 
     Raises:
-        CommandError: What was given has no clear meaning.
+        CommandError: The message has no clear meaning.
     """
     kinds = kinds_on(topic)
     names, fields = _commanded(names, {"position": position, "velocity": velocity, "effort": effort})

@@ -44,7 +44,7 @@ class SensorOutput:
     Args:
         scenario: which they are.
         layout: of its frames.
-        frames: what coordinate frames are called.
+        frames: names of coordinate frames.
     """
 
     def __init__(self, scenario: Scenario, layout: Layout, frames: FrameNames) -> None:

@@ -60,7 +60,7 @@ class ComparisonView:
 
     Args:
         scenarios: Of the runs.
-        titles: What names each run.
+        titles: Name of each run.
         path: The .rrd to write.
         first: The first snapshot of the first run, for the unit of forces.
 

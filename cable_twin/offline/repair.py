@@ -25,7 +25,7 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
     Where commands are lost, the copy says from when on: a replay needs every one of them.
 
     Args:
-        log: What was cut short or damaged; read to its end, so that what is lost is known.
+        log: Damaged or cut log; read to its end, so that all losses are known.
         on_position: Called with the bytes of the file read so far, to show progress.
 
     Returns:

@@ -141,8 +141,8 @@ def join(
     A state that is damaged is said; where it is needed, the file is left out.
 
     Args:
-        before: What has been read.
-        file: What comes next.
+        before: Last read file.
+        file: Next file.
         simulation: Where the file before has ended.
         advance: Brings the simulation to a time (s), with the commands until then.
         result: Gets what differs, that the state was taken over, or that it is damaged.
@@ -204,7 +204,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     simulated in one go; where something is lost before a file, it goes on from the state attached to it.
 
     Args:
-        log: what to replay.
+        log: log to replay.
         simulation: as it was when the run started, with as many samples of the cable (`start_of`).
         tolerance: greatest difference of two numbers that counts as agreement, relative to the greater of them where
             that is above 1; 0 compares to the last bit.

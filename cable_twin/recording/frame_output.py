@@ -65,7 +65,7 @@ class FrameOutput:
         """Prepare message encoder, sensors and schedule of a log.
 
         Args:
-            simulation: What runs.
+            simulation: Running simulation.
             table: Its topics.
             rates: Hz by group of topics, of each taker; the log is the last one.
             frame_rate: Hz.

@@ -254,7 +254,7 @@ class McapLog:
         """Remove closed files beyond the kept age or size, each with its rerun recording.
 
         Args:
-            splitting: How much is kept.
+            splitting: Limits of age and size.
             now_ns: Present stamp (ns since 1970).
 
         Raises:

@@ -182,7 +182,7 @@ class McapFile:
         """Finish the chunk and flush to disk, safe from a kill or a power cut.
 
         Raises:
-            GoneError: What is on the disk cannot be found any more; the file is given up.
+            GoneError: The file on the disk was deleted or replaced; it is given up.
             OSError: The disk refuses; the file is given up.
         """
         if self._stream is None:

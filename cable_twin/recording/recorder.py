@@ -160,7 +160,7 @@ class Recorder:
     A sink that fails is closed and left alone, the others go on; nothing is ever raised into the caller.
 
     Attributes:
-        faults: What went wrong, a line each; whoever reports them takes them out.
+        faults: Faults, a line each; removed by their reporter.
         dropped: Frames that were not recorded: the queue was full, or the recorder closed.
     """
 
@@ -228,7 +228,7 @@ class Recorder:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
             simulated_time: s, at which the run begins.
             scenario: Its message, written at the start of each file.
-            full_state: What the run starts from; none where it starts as its scenario does.
+            full_state: State at the start of the run; None for the start of its scenario.
         """
         stamp_ns = epoch_ns + nanoseconds(simulated_time)
         self._first = _Beginning(epoch_ns, stamp_ns, scenario, None, first=True)

@@ -78,8 +78,8 @@ def start_run(
     """Open the logs of a run in a new directory named after the time; `Run.begin` begins the run.
 
     Args:
-        simulation: what is recorded.
-        topics: what the bag will hold.
+        simulation: simulation to record.
+        topics: topics of the bag.
         record_directory: parent of the new directory.
         frame_period: s.
         rerun: "none", "file", "live" (a file, and a server on 127.0.0.1), or "web" (that, and a page for a browser).
@@ -164,10 +164,10 @@ def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **op
     """Open a rerun view of a scenario, with bodies drawn from their pivots.
 
     Args:
-        scenario: What runs.
+        scenario: Scenario of the run.
         path: The .rrd to write, or None.
         live: Serve the picture as well.
-        **options: What else `RerunView` takes.
+        **options: Other arguments of `RerunView`.
 
     Raises:
         OSError: When the file cannot be created or the port is in use.

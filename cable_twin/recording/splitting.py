@@ -36,7 +36,7 @@ class Splitting:
         """Find contradictory limits for splitting and removing log files.
 
         Args:
-            called: What messages call an option, by its name here.
+            called: Name of an option in messages, by its name here.
 
         Returns:
             A line for each fault, with what is given and what is allowed.

@@ -38,7 +38,7 @@ class Loop:
     """Bullwheels of one scenario, and the strands between them.
 
     Args:
-        scenario: what runs.
+        scenario: scenario of the run.
         bundle: its mechanics.
         motion: of the bullwheels.
         parts: one a rope, with what is on it.
@@ -234,7 +234,7 @@ class LoopLayout:
     """Start layout of a closed loop: strands and bullwheels at rest in closed form, without other ropes.
 
     Args:
-        scenario: what runs.
+        scenario: scenario of the run.
         sheaves: its bullwheels.
         parts: one a rope, with what is on it.
     """

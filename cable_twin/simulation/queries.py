@@ -185,8 +185,8 @@ class Observer:
     """Builder of snapshots from the states of one scenario.
 
     Args:
-        scenario: what runs.
-        engine: what is read.
+        scenario: scenario of the run.
+        engine: engine to read the state from.
         samples: points (at least 2) at which snapshots hold each rope.
     """
 
@@ -217,7 +217,7 @@ class Observer:
 
         Args:
             time: s.
-            report: what the solver did since the snapshot before.
+            report: solver report since the previous snapshot.
         """
         if not self._of_ropes:
             self._prepare()

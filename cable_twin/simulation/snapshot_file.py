@@ -211,7 +211,7 @@ def read_full_state(source: Path | IO[bytes], name: str) -> FullState:
 
     Args:
         source: Path, or a binary stream.
-        name: What messages call it.
+        name: Name of the file in messages.
 
     Raises:
         SnapshotError: There is no such file, it is no snapshot, a newer or a damaged one, or of another version.

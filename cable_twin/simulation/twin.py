@@ -58,7 +58,7 @@ class Simulation(Queries):
     same times give bit-identical snapshots, whatever the pacing was.
 
     Args:
-        scenario: what to simulate.
+        scenario: scenario to simulate.
         samples: points (at least 2) at which snapshots hold the cable.
         on_demand: read a snapshot when it is asked for, and not at each command: for one thread alone.
         meanwhile: gets the scenario and its first snapshot while another process may still compile the integrator.

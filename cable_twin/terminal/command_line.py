@@ -195,7 +195,7 @@ class OneLineParser(argparse.ArgumentParser):
 
         Args:
             prog: name of the command.
-            description: what it does.
+            description: description of the command.
             epilog: examples and exit codes; paragraphs are filled, lists with indented lines stay as they are.
             failure: exit code for a wrong option.
         """
@@ -219,7 +219,7 @@ class OneLineParser(argparse.ArgumentParser):
         """Add the scenario argument, `--scenario` and `--list`; `given_scenario` returns the given one.
 
         Args:
-            text: what is said about it in the help.
+            text: description of the scenario in the help.
             listing: the lines that `--list` prints.
         """
         self.add_argument("plain_scenario", nargs="?", metavar="SCENARIO", help=text)
