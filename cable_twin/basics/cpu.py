@@ -1,4 +1,4 @@
-"""Classes of CPUs, for which results have the same bits on every CPU that has them.
+"""Classes of CPUs with equal bits of results on every CPU of a class.
 
 Kernels are compiled for a class (`mechanics/language/target`). numpy, and BLAS and LAPACK below it, choose their code
 by the CPU at hand and round otherwise with AVX-512 than without; a command holds them to the class.
@@ -25,7 +25,7 @@ class Target(NamedTuple):
 
 
 class CpuClass(NamedTuple):
-    """Class of CPUs, and what holds numpy and OpenBLAS to it where they have not been loaded yet."""
+    """Class of CPUs, and the settings that hold numpy and OpenBLAS to the class before they are loaded."""
 
     target: Target
     beyond: str  # features that numpy uses where it finds them
@@ -62,14 +62,14 @@ def this_cpu() -> Target:
 
 
 def class_of(kind: str, host: Target) -> CpuClass | None:
-    """Class of a CPU of a kind of machine; None where it has no known one."""
+    """Class of a CPU on a kind of machine; None without a known class."""
     known = CLASSES.get(kind)
     has = known is not None and set(known.target.features.split(",")) <= set(host.features.split(","))
     return known if has else None
 
 
 def choose(wanted: str, kind: str, host: Target) -> Target:
-    """Target for a machine.
+    """Target of compilation for a machine.
 
     Args:
         wanted: empty for the class of its CPU where it has one, `native` for that CPU itself, or the name of the class.
@@ -88,7 +88,7 @@ def choose(wanted: str, kind: str, host: Target) -> Target:
 
 @cache
 def chosen(host: Target) -> Target:
-    """Target that the environment asks for; where it names none that there is, the default one, and a line says so."""
+    """Target of compilation from the environment; an unknown one gives the default, with a message."""
     try:
         return choose(os.environ.get(VARIABLE, "").strip(), machine(), host)
     except ValueError as error:

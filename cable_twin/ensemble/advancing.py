@@ -26,7 +26,7 @@ GOING, FAILED, PRESSED = range(3)  # STATUS: of a member whose step failed, or w
 
 @by_reference
 class Members(NamedTuple):
-    """State of each member, and what belongs to it beside that."""
+    """States of all members of an ensemble, with clocks and outcomes beside each state, for kernels."""
 
     states: NDArray[np.uint8]  # (members, bytes) of all ropes and vehicles
     motions: NDArray[np.uint8]  # (members, bytes) of couplings
@@ -42,7 +42,7 @@ class Members(NamedTuple):
 
 @by_reference
 class Looks(NamedTuple):
-    """Occasions on which the steps of a member are interrupted."""
+    """Conditions for interrupting the steps of a member: loading, stations, and vehicles that can meet."""
 
     before: IntArray  # (pairs,) vehicle that can meet another one
     after: IntArray  # (pairs,) the one after it on its rope
@@ -142,7 +142,7 @@ def take_outcome(members, member, outcome):
 
 @kernel
 def are_pressed(looks, state):
-    """Return whether any two vehicles that can meet have passed each other."""
+    """Return whether any two vehicles that can meet have exchanged their order on the rope."""
     for pair in range(looks.before.size):
         if state.joints.position[looks.after[pair]] <= state.joints.position[looks.before[pair]]:
             return True
@@ -151,7 +151,7 @@ def are_pressed(looks, state):
 
 @kernel
 def has_come(members, member, state):
-    """Return whether a vehicle is in a station, or on a rope, where it was not at the last look."""
+    """Return whether any vehicle has changed between rope and station, or its rope, since the last interruption."""
     for vehicle in range(state.attached.size):
         if state.vehicle_rope[vehicle] != members.ropes[member, vehicle]:
             return True

@@ -86,7 +86,7 @@ class Ensemble:
             self._gather(figures_period)
 
     def __len__(self) -> int:
-        """Number of members."""
+        """Number of members in the ensemble."""
         return self._states.size
 
     @property
@@ -101,7 +101,7 @@ class Ensemble:
 
     @property
     def faults(self) -> Mapping[int, str]:
-        """Why a member has ended, in a line: a step failed, or vehicles were pressed through each other.
+        """Reason for the end of each member, in a line: a failed step, or vehicles pressed through each other.
 
         It stays at its last good state, until it is forked or reset.
         """
@@ -109,12 +109,12 @@ class Ensemble:
 
     @property
     def values(self) -> tuple[Mapping[str, Any], ...]:
-        """Values of each member that are not those of the scenario, by dotted key."""
+        """Values by dotted key in which each member differs from the scenario."""
         return tuple(dict(one) for one in self._values)
 
     @property
     def memory(self) -> int:
-        """Bytes of a member: its state and what belongs to it, without parameters of its own."""
+        """Memory (bytes) of one member: its state with outcomes, without parameters of its own."""
         return sum(array.nbytes for array in self._states.arrays) // len(self)
 
     def change(self, parameters: Values, members: Chosen = None, *, rest: bool = False) -> None:
@@ -269,7 +269,7 @@ class Ensemble:
         return self._states.read(row).snapshot
 
     def simulation(self, member: int) -> Simulation:
-        """Independent simulation at the present state of a member, which goes on with its bits."""
+        """Independent simulation that continues from the present state of a member, bit for bit."""
         (row,) = self._rows(member)
         full = self._states.enter(row).capture()
         apart = Simulation(full.scenario, samples=self._states.base.observer.samples, on_demand=True)
@@ -287,13 +287,13 @@ class Ensemble:
         return figure_columns([one.figures() for one in self._figures])
 
     def close(self) -> None:
-        """End the threads; the ensemble is not to be used after it."""
+        """End the threads of the ensemble, which cannot be used afterwards."""
         self._threads.close()
 
     def _made(
         self, member: int, values: Mapping[str, Any], rest: bool
     ) -> tuple[Simulation, NDArray[np.uint8], NDArray[np.uint8], Settings]:
-        """Simulation of other values, and its state, motion of couplings and settings at its start."""
+        """Simulation with other scenario values, and its state, couplings and settings at its start."""
         base, engine = self._states.base, self._states.base.engine
         engine.go_to_start()
         try:
@@ -304,7 +304,7 @@ class Ensemble:
         return variant, engine.memory.copy(), engine.moving.memory.copy(), settings
 
     def _go_on_with(self, member: int, settings: Settings, parameters: Settings) -> None:
-        """Let the state of a member go on with settings of another simulation, and with parameters of its own."""
+        """Continue the state of a member with the settings of another simulation and parameters of its own."""
         states, vehicles = self._states, settings.vehicles._replace(carried=None)
         states.take([member], settings._replace(parameters=parameters.parameters, vehicles=vehicles))
         simulation = states.enter(member)
@@ -312,7 +312,7 @@ class Ensemble:
         states.leave(member, simulation)
 
     def _carry_over(self, member: int, before: Simulation, parameters: Settings, keys: set[str]) -> None:
-        """Let the present state of a member go on with changed parameters: payloads and wind change with it."""
+        """Continue the present state of a member with changed parameters, payloads and wind included."""
         states = self._states
         self._go_on_with(member, states.settings[member], parameters)
         simulation = states.enter(member)
@@ -328,7 +328,7 @@ class Ensemble:
         states.leave(member, simulation)
 
     def _advance(self, targets: NDArray[np.int64], on_part: Callable[[], object]) -> None:
-        """Take the steps of members up to clocks (members,), and note which of them end."""
+        """Take the steps of members up to clocks (members,), and record failed ones."""
         states, arrays, clocks = self._states, self._states.arrays, self._states.clocks.copy()
         arrays.left[:] = np.where(self._alive, np.maximum(targets - clocks, 0), 0)
         order = np.flatnonzero(arrays.left > 0)
@@ -342,7 +342,7 @@ class Ensemble:
                 self._faults[member] = line
 
     def _see_to(self, member: int) -> None:
-        """Stop a member that has rolled back, and go on loading it and changing payloads in stations."""
+        """Stop a member after a rollback, and continue its loading and its payload changes in stations."""
         states, looks = self._states, self._looks
         simulation = states.enter(member)
         simulation.engine.stop_rolled_back()
@@ -373,7 +373,7 @@ class Ensemble:
                 self._revive([member])
 
     def _drive_alike(self, rows: Sequence[int], name: str, kind: str, given: FloatArray) -> bool:
-        """Drive a carriage in all of some members at once; False where only one by one says what is refused."""
+        """Drive a carriage in several members at once; False where some member would refuse the command."""
         states, vehicles = self._states, self.layout.vehicle_rows
         if name not in vehicles or any(states.variants[member] is not states.base for member in rows):
             return False
@@ -393,7 +393,7 @@ class Ensemble:
         return True
 
     def _gather(self, period: float) -> None:
-        """Gather key figures from the present state on."""
+        """Begin to gather the key figures of all members, from the present state on."""
         step = self._states.base.step
         steps = round(period / step) if math.isfinite(period) else 0
         if steps < 1 or abs(steps * step - period) > 1e-9:
@@ -404,7 +404,7 @@ class Ensemble:
         self._revive(range(len(self)))
 
     def _revive(self, rows: Sequence[int]) -> None:
-        """Forget what ended members, and their figures so far: they begin anew."""
+        """Reset ended members and their key figures to a new beginning."""
         states = self._states
         for member in rows:
             self._faults.pop(member, None)
@@ -416,13 +416,13 @@ class Ensemble:
 
     @property
     def _alive(self) -> NDArray[np.bool_]:
-        """Condition (members,) of not having ended."""
+        """Mask (members,) of the members that have not ended."""
         alive = np.ones(len(self), dtype=np.bool_)
         alive[list(self._faults)] = False
         return alive
 
     def _rows(self, members: Chosen) -> list[int]:
-        """Numbers of members.
+        """Numbers of the members that an argument names.
 
         Raises:
             ValueError: there is no such member.
@@ -438,7 +438,7 @@ class Ensemble:
         return [int(one) for one in given]
 
     def _bar(self, things: str, count: int) -> Any:
-        """Bar over a number of things, in a terminal."""
+        """Progress bar over a number of members or values, on a terminal only."""
         if not self._progress:
             return nullcontext(lambda: None)
         from rich.console import Console  # noqa: PLC0415 - for a terminal alone
@@ -448,7 +448,7 @@ class Ensemble:
         return count_shown(Console(stderr=True), things, count)
 
     def _share_bar(self, what: str) -> Any:
-        """Bar over the share of a call that is done, in a terminal."""
+        """Progress bar over the share of a call, on a terminal only."""
         if not self._progress:
             return nullcontext(lambda share: None)
         from rich.console import Console  # noqa: PLC0415 - for a terminal alone

@@ -37,7 +37,7 @@ from cable_twin.simulation.twin import PART, PERIOD, penetration_of, step_failur
 
 
 class MemberStates:
-    """Present state of each member, its settings beside the state, and the simulation that has its parameters.
+    """Present states of all members with their settings, and the simulation with the parameters of each.
 
     Simulations take turns in the memory of the first one: `enter` writes a member there, `leave` takes it back.
 
@@ -82,7 +82,7 @@ class MemberStates:
         self.take(rows, self.settings[0])
 
     def enter(self, member: int) -> Simulation:
-        """Simulation of the parameters of a member, at its present state."""
+        """Load the present state of a member into the simulation with its parameters."""
         variant, arrays, settings = self.variants[member], self.arrays, self.settings[member]
         self._write(member)
         stations, ropes = arrays.stations[member].copy(), arrays.ropes[member].copy()
@@ -92,7 +92,7 @@ class MemberStates:
         return variant
 
     def read(self, member: int) -> Simulation:
-        """Simulation of the parameters of a member at its present state, for its snapshot alone."""
+        """Load the present state of a member into a simulation, for its snapshot alone."""
         settings, variant = self.settings[member], self.variants[member]
         wanted = variant, settings.parameters, settings.start
         if not all(one is other for one, other in zip(wanted, self._entered, strict=True)):
@@ -102,13 +102,13 @@ class MemberStates:
         return variant
 
     def leave(self, member: int, simulation: Simulation) -> None:
-        """Keep the present state of a simulation as that of a member."""
+        """Store the present state of a simulation as the state of a member."""
         engine = self.base.engine
         self.arrays.states[member], self.arrays.motions[member] = engine.memory, engine.moving.memory
         self.take([member], simulation.engine.settings())
 
     def take(self, rows: Sequence[int], settings: Settings) -> None:
-        """Keep settings beside the state for some members."""
+        """Store settings beside the state of some members."""
         arrays, self._entered = self.arrays, (None, None, None)
         for member in rows:
             self.settings[member] = settings
@@ -154,17 +154,17 @@ class MemberStates:
         return times
 
     def reset_counts(self, rows: Any) -> None:
-        """Begin to count the steps of some members anew."""
+        """Begin to count the steps of some members from zero."""
         self.arrays.counts[rows], self.arrays.sums[rows] = 0, 0.0
 
     def report(self, member: int) -> SolverReport:
-        """Report of the steps of a member since its counts began."""
+        """Solver report of a member since its counts began."""
         counts, sums = self.arrays.counts[member], self.arrays.sums[member]
         steps, iterations, halvings = counts[[STEPS, ITERATIONS, HALVINGS]].tolist()
         return SolverReport(steps, iterations, halvings, *sums[[GAP, LOST, MOVED]].tolist())
 
     def fault(self, member: int, clock: int) -> str:
-        """Why a member has ended, empty for one that has not; `clock` steps were done when its steps left began."""
+        """Reason for the end of a member, empty while it runs; `clock` counts the steps done before this call."""
         if self.arrays.counts[member, STATUS] != FAILED:
             simulation = self.enter(member)
             pressed = penetration_of(simulation)
@@ -185,7 +185,7 @@ class MemberStates:
 
 
 def looks_of(base: Simulation) -> Looks:
-    """Occasions on which the steps of a simulation are interrupted."""
+    """Conditions for interrupting the steps of a simulation."""
     before, after = base.meeting_pairs
     nodes = sum(len(part.state.nodes.position) for part in base.engine.parts)
     return Looks(

@@ -24,7 +24,7 @@ UNLIMITED = 2**62  # steps
 
 
 class Lane:
-    """Memory of one thread: state, workspace and copies of a step, of all ropes and couplings.
+    """Memory of one thread: state, workspace and copies for a step, of all ropes and couplings.
 
     Args:
         engine: whose ropes and couplings they are.
@@ -47,7 +47,7 @@ class Lane:
         return self._bundles[id(bundle)]
 
     def forget(self, kept: Sequence[Bundle]) -> None:
-        """Forget parameters of couplings but for those of the present members."""
+        """Release parameters of couplings, except those of present members."""
         alive = {id(one) for one in kept}
         for number in self._bundles.keys() - alive:
             del self._bundles[number], self._tables[number]
@@ -77,7 +77,7 @@ class Threads:
         see_to: Callable[[int], object],
         on_part: Callable[[], object],
     ) -> None:
-        """Advance members by their steps left.
+        """Advance members by their remaining steps in all threads.
 
         Args:
             members: all members.
@@ -128,12 +128,12 @@ class Threads:
             other.result()
 
     def forget(self, bundles: Sequence[Bundle]) -> None:
-        """Forget parameters of couplings but for those of the present members."""
+        """Release parameters of couplings, except those of present members."""
         for lane in self._lanes:
             lane.forget(bundles)
 
     def close(self) -> None:
-        """End the threads."""
+        """End all threads of the ensemble."""
         if self._pool is not None:
             self._pool.shutdown(wait=True)
 

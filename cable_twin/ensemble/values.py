@@ -22,7 +22,7 @@ ALLOWED = (
 
 
 def values_of(members: int, parameters: Values, kept: Sequence[int] | None = None) -> list[dict[str, Any]]:
-    """Values by key of each member.
+    """Scenario values of each member, by key.
 
     Args:
         members: number of members.
@@ -49,7 +49,7 @@ def values_of(members: int, parameters: Values, kept: Sequence[int] | None = Non
 
 
 def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, rest: bool) -> Simulation:
-    """Simulation of other values of a scenario, on the compiled system and memory of a simulation.
+    """Simulation with other values of a scenario, on the compiled system and memory of an existing one.
 
     Args:
         base: the simulation.
@@ -70,7 +70,7 @@ def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, 
 
 
 def _refusal(base: Simulation, source: Source, values: Mapping[str, Any], error: OtherModelError) -> str:
-    """Message about a value that members of one ensemble cannot have, with the first key that is to blame."""
+    """Message about a value that members of one ensemble cannot have, with the key of the first such value."""
     for key, value in values.items():
         if needed := _needed(base, source, key, value):
             return f"{printable(key)}: given {value!r}, which needs {needed}; allowed: {ALLOWED}"
@@ -78,7 +78,7 @@ def _refusal(base: Simulation, source: Source, values: Mapping[str, Any], error:
 
 
 def _needed(base: Simulation, source: Source, key: str, value: Any) -> str:
-    """What one value needs that members of one ensemble cannot have, empty for nothing."""
+    """Change that a value needs beyond those allowed within one ensemble, in words; empty for none."""
     try:
         base.with_values(load_scenario(source, {key: value}), rest=False)
     except OtherModelError as error:

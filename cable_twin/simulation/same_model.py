@@ -1,4 +1,4 @@
-"""Other values of a scenario on the compiled system, mesh and memory of another one, and what these may not change."""
+"""Simulation of other scenario values on the compiled system, mesh and memory of an existing one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 
 class OtherModelError(ValueError):
-    """Value that would need another mesh, other parts or another solver: one line."""
+    """Value that would need another mesh, other parts or another solver; the text is one line."""
 
 
 def check_same_parts(scenario: Scenario, like: Scenario) -> None:
@@ -66,12 +66,12 @@ def _differences(record: Any, like: Any, name: str = "") -> Iterator[str]:
 
 
 def _is_whole(record: Any) -> bool:
-    """Whether a field is a number of things, or known to the compiler, and no mere condition."""
+    """Whether a field is a count or a compile-time constant, conditions excluded."""
     return isinstance(record, Known) or (isinstance(record, int) and not isinstance(record, bool))
 
 
 def sharing(record: R, like: Any) -> R:
-    """Record with the arrays of another one, and whole records of it, where they are equal."""
+    """Copy of a record that shares all equal arrays and inner records with another one."""
     if isinstance(record, np.ndarray):
         equal = record.shape == like.shape and record.tobytes() == like.tobytes()
         return like if equal else record  # type: ignore[return-value]
@@ -89,6 +89,6 @@ def _is_equal_number(own: Any, other: Any) -> bool:
 
 
 def with_rest_of(system: System, like: System) -> System:
-    """System with the joint compliance of another one, which depends on the tension at rest."""
+    """System with the joint compliance of another one, which depends on its tension at rest."""
     table = {name: getattr(like.cable, name) for name in OF_REST}
     return system._replace(cable=system.cable._replace(**table))
