@@ -38,7 +38,7 @@ def run(effort: Effort, progress: Progress) -> Part:
     notes = [
         f"{members} members at up to {SPEED:g} m/s for {duration:g} s, medians of {effort.repetitions}. Times real "
         "time is of all members together: with 9, each of them runs 9 times as fast as the clock.",
-        "Cores free: those that two threads get for nothing but sums; with fewer than 2, two threads gain as much less.",
+        "Cores free: those that two threads get for nothing but sums; with fewer than 2, two threads gain less.",
         "Members are equal to the last bit at 1, 2 and 7 threads, and to single simulations one after another.",
     ]
     return Part("Ensembles", [Table(f"{members} members beside single simulations", rows)], notes, faults)

@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import SyncVectorEnv
 from test_meeting import two_cabins
 
 from cable_twin.frame.snapshot import CABLE
@@ -160,8 +161,77 @@ def test_an_action_that_is_none(env):
             env.step(np.array(action))
 
 
+class First(gymnasium.Env):
+    """First environment of a vector of them, as the checker takes it."""
+
+    def __init__(self, many):
+        self.many, self.spec = many, None
+        self.action_space, self.observation_space = many.single_action_space, many.single_observation_space
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        observations, infos = self.many.reset(seed=seed, options=options)
+        return observations[0], {"time": float(infos["time"][0])}
+
+    def step(self, action):
+        parts = self.many.step(np.array([action] * self.many.num_envs))
+        observation, reward, terminated, truncated = (part[0] for part in parts[:4])
+        return observation, float(reward), bool(terminated), bool(truncated), {"time": float(parts[4]["time"][0])}
+
+
+@pytest.mark.parametrize("scenario", ["single_span", "gondola"])
+def test_the_checker_of_gymnasium_takes_environments_of_an_ensemble(scenario):
+    many = vector_env(2, scenario, prepare=windy, duration=1.0, threads=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # as above
+        check_env(First(many), skip_render_check=True)
+    assert many.action_space.shape == (2, 1)
+    many.close()
+
+
+def test_environments_of_an_ensemble_go_as_those_of_gymnasium_do():
+    """Bit for bit through ends of episodes by user, by time and by the solver, and the starts after them."""
+    given = {"reward": nearer, "ended": lambda after: after["cabin/speed"] > 1.0, "prepare": windy}
+    given |= {"period": 0.5, "duration": 2.0}
+    several = SyncVectorEnv([lambda: RopewayEnv("single_span", **given)] * 3)
+    many = vector_env(3, "single_span", **given, threads=2)
+    for one in (several, many):
+        one.reset(seed=5)
+    rng, ends = np.random.default_rng(0), 0
+    for _ in range(16):
+        actions = rng.uniform(-12.0, 12.0, (3, 1)) * [[1.0], [0.1], [1.0]]
+        *expected, infos = several.step(actions)
+        *found, own = many.step(actions)
+        for theirs, ours in zip(expected, found, strict=True):
+            assert np.array_equal(theirs, ours)
+        assert np.array_equal(infos["time"], own["time"])
+        ends += int(np.sum(expected[2] | expected[3]))
+    assert ends > 4
+    with pytest.raises(ValueError, match=r"actions: .* allowed: finite numbers \(3, 1\) for cabin"):
+        many.step(np.zeros((2, 1)))
+    for one in (several, many):
+        one.close()
+
+
+def test_what_the_solver_cannot_do_ends_an_episode_of_an_ensemble():
+    limits = {f"carriages.{name}.drive.limits.speed": 5.0 for name in ("up", "down")}
+    command = {"up": "speed", "down": "speed"}
+    many = vector_env(2, two_cabins(), overrides=limits, command=command, period=0.05, threads=1)
+    many.reset()
+    for _ in range(1000):
+        _, _, terminated, _, infos = many.step(np.array([[5.0, -5.0], [0.0, 0.0]]))
+        if terminated.any():
+            break
+    assert terminated.tolist() == [True, False]
+    assert "pressed through each other" in infos["fault"][0]
+    _, _, terminated, _, infos = many.step(np.zeros((2, 2)))
+    assert infos["time"][0] == 0.0 < infos["time"][1]
+    assert "fault" not in infos
+    many.close()
+
+
 def test_environments_in_processes_go_as_one_alone(env):
-    many = vector_env(2, "single_span", reward=nearer, period=0.1, context="spawn")
+    many = vector_env(2, "single_span", reward=nearer, period=0.1, processes=True, context="spawn")
     try:
         many.reset(seed=1)
         observations, rewards, *_ = many.step(np.array([[4.0], [-4.0]]))

@@ -71,7 +71,7 @@ class Ensemble:
                 raise ValueError(f"{name}: {number!r} given; allowed: a whole number from 1")
         self._source: Source = scenario.resolved() if isinstance(scenario, Scenario) else scenario
         base = Simulation(load_scenario(self._source), samples=samples, on_demand=True)
-        self.scenario = base.scenario
+        self.scenario = self._alike = base.scenario
         self._states = MemberStates(base, int(members))
         self._progress = sys.stderr.isatty() if progress is None else progress
         self._values: list[dict[str, Any]] = [{} for _ in range(len(self))]
@@ -164,8 +164,9 @@ class Ensemble:
             ValueError: it is of another scenario.
         """
         states, base = self._states, self._states.base
-        if simulation.scenario is not base.scenario and simulation.scenario.resolved() != base.scenario.resolved():
+        if simulation.scenario is not self._alike and simulation.scenario.resolved() != base.scenario.resolved():
             raise ValueError(f"fork: a simulation of other values or another scenario than '{base.scenario.name}'")
+        self._alike = simulation.scenario  # known to be: comparing takes longer than all that follows
         rows, settings = self._rows(members), simulation.engine.settings()
         states.arrays.states[rows] = simulation.engine.memory
         states.arrays.motions[rows] = simulation.engine.moving.memory

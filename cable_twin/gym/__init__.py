@@ -5,11 +5,12 @@
 
 import gymnasium
 
-from cable_twin.gym.environment import Observed, RopewayEnv, vector_env
+from cable_twin.gym.environment import Observed, RopewayEnv
+from cable_twin.gym.vector import RopewayVectorEnv, vector_env
 
 NAME = "cable_twin/Ropeway-v0"
 
 if NAME not in gymnasium.registry:
     gymnasium.register(NAME, entry_point="cable_twin.gym:RopewayEnv")
 
-__all__ = ["NAME", "Observed", "RopewayEnv", "vector_env"]
+__all__ = ["NAME", "Observed", "RopewayEnv", "RopewayVectorEnv", "vector_env"]

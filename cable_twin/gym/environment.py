@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import AsyncVectorEnv
 
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.quantities import by_default, chosen, quantities
@@ -68,6 +66,15 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         ended: takes an observation, returns whether the episode has ended.
         prepare: takes the simulation at its start and the random generator of the environment, before each episode.
 
+    Attributes:
+        simulation: the twin.
+        action_names: of the numbers of an action.
+        observation_names: of the numbers of an observation.
+        observation_units: of these.
+        columns: of them in the numbers of a snapshot.
+        period: simulated time (s) of a step.
+        steps: in an episode.
+
     Raises:
         ScenarioError: the scenario is invalid.
         EquilibriumError: the cable of the scenario has no equilibrium.
@@ -94,10 +101,10 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
             scenario = scenario.resolved()
         self.simulation = Simulation(load_scenario(scenario, overrides), samples=ENDS_OF_CABLE, on_demand=True)
         self._start = self.simulation.capture()
-        self._period, self._steps_left = _whole_steps(period, self.simulation.step), 0
-        if not duration >= self._period or not math.isfinite(duration):
-            raise ValueError(f"duration: {duration:g} s given; allowed: at least the period of {self._period:g} s")
-        self._steps = math.ceil(round(duration / self._period, 6))
+        self.period, self._steps_left = _whole_steps(period, self.simulation.step), 0
+        if not duration >= self.period or not math.isfinite(duration):
+            raise ValueError(f"duration: {duration:g} s given; allowed: at least the period of {self.period:g} s")
+        self.steps = math.ceil(round(duration / self.period, 6))
         limits = _limits(self.simulation.scenario, command)
         self.action_names = tuple(limits)
         high = np.array([limit for _, limit in limits.values()])
@@ -110,7 +117,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         seen = chosen(quantities(self.simulation.scenario, layout), patterns, self.simulation.snapshot)
         self.observation_names = tuple(seen)
         self.observation_units = tuple(one.unit for one in seen.values())
-        self._columns = np.array([one.column for one in seen.values()], dtype=np.intp)
+        self.columns = np.array([one.column for one in seen.values()], dtype=np.intp)
         self._numbers = {name: number for number, name in enumerate(seen)}
         bounds = np.array([(one.low, one.high) for one in seen.values()])
         self.observation_space = spaces.Box(bounds[:, 0], bounds[:, 1], dtype=np.float64)
@@ -138,11 +145,26 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
     ) -> tuple[FloatArray, dict[str, Any]]:
         """Begin an episode; `options` are not used."""
         super().reset(seed=seed)
-        self.simulation.restore(self._start)
-        self.prepare(self.simulation, self.np_random)
-        self._steps_left = self._steps
+        self.go_to_start(self.np_random)
+        self._steps_left = self.steps
         self._before = self._observed()
         return self._before.array.copy(), {"time": self.simulation.time}
+
+    def go_to_start(self, generator: np.random.Generator) -> None:
+        """Put the simulation at the start of an episode, as `prepare` makes it with a random generator."""
+        self.simulation.restore(self._start)
+        self.prepare(self.simulation, generator)
+
+    @property
+    def actions_by_kind(self) -> list[tuple[str, dict[str, int]]]:
+        """Kinds of commands, each with its names and the numbers of these in an action."""
+        return [(kind, {self.action_names[row]: row for row in rows}) for kind, rows in self._by_kind]
+
+    @property
+    def judges(self) -> bool:
+        """Whether steps have a reward or an end of their own."""
+        own = type(self).reward is not RopewayEnv.reward or type(self).ended is not RopewayEnv.ended
+        return own or self._reward is not None or self._ended is not None
 
     def step(self, action: FloatArray) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
         """Apply an action (n,) for one period.
@@ -163,7 +185,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
             simulation.apply(Command(kind, {names[i]: numbers[i] for i in members}))
         info: dict[str, Any] = {}
         try:
-            time = simulation.advance_to(simulation.time + self._period).time
+            time = simulation.advance_to(simulation.time + self.period).time
         except SolverError as error:
             info["fault"], time = str(error), simulation.time
         info["time"] = time
@@ -175,19 +197,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         return after.array.copy(), float(self.reward(before, np.array(numbers), after)), terminated, truncated, info
 
     def _observed(self) -> Observed:
-        return Observed(self._numbers, self.simulation.snapshot.numbers[self._columns])
-
-
-def vector_env(count: int, *arguments: Any, context: str | None = None, **named: Any) -> AsyncVectorEnv:
-    """Vector of `count` environments, each in its own process; full speed with one core for each.
-
-    Args:
-        count: number of environments.
-        arguments: arguments of `RopewayEnv`.
-        context: start method of `multiprocessing`; None for the default of the system.
-        named: keyword arguments of `RopewayEnv`.
-    """
-    return AsyncVectorEnv([partial(RopewayEnv, *arguments, **named)] * count, context=context)
+        return Observed(self._numbers, self.simulation.snapshot.numbers[self.columns])
 
 
 def _is_finite(value: object) -> bool:
