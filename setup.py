@@ -5,7 +5,7 @@ from configparser import ConfigParser
 from glob import glob
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 DECLARED = ConfigParser()
 DECLARED.read(Path(__file__).with_name("setup.cfg"), encoding="utf-8")
@@ -32,7 +32,16 @@ def behind_ros2_run() -> list[tuple[str, list[str]]]:
     return [("lib/cable_twin", [str(relay) for relay in relays])]
 
 
+class WithKernels(Distribution):
+    """A wheel with compiled kernels is for one Python on one kind of machine."""
+
+    def has_ext_modules(self) -> bool:
+        """Whether there are any: `python -m cable_twin.kernels build` makes them."""
+        return bool(glob("cable_twin/compiled/*"))
+
+
 setup(
+    distclass=WithKernels,
     python_requires=">=3.10",  # in setup.cfg it becomes an object that colcon cannot read
     packages=find_packages(include=["cable_twin", "cable_twin.*"]),
     scripts=[SHARED, *CONTROLLERS],

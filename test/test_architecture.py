@@ -17,7 +17,7 @@ OUTSIDE = ("rclpy", "mcap", "rerun", "pydantic", "rosbags", "gymnasium", "ruamel
 # files and folders directly in the package, and in the mechanics: each imports of those before it alone
 ROOMS = (
     *("basics", "mechanics", "scenario", "frame", "geometry", "key_figures", "simulation", "messages", "view"),
-    *("terminal", "ensemble", "gym", "recording", "offline", "runtime", "ros"),
+    *("terminal", "kernels", "ensemble", "gym", "recording", "offline", "runtime", "ros"),
 )
 FLOORS = ("language", "parameters", "state", "rope", "on_rope", "drives", "readout", "solution")
 MOST_ROOMS, MOST_ARROWS, MOST_ARROWS_OF_MECHANICS = 17, 80, 25

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +29,20 @@ def twice(x):
 """
 
 pytestmark = pytest.mark.skipif(not JIT, reason="nothing is kept without compilation")
+
+
+SHIPPED = """
+import sys
+from pathlib import Path
+from numba.core import event
+from cable_twin.mechanics.language import kernel_cache
+
+kernel_cache.SHIPPED = Path(sys.argv[1])
+import small
+
+with event.install_recorder("numba:compile") as recorder:
+    print(small.twice(2.0), len(recorder.buffer) // 2)
+"""
 
 
 def run(directory):
@@ -82,3 +97,67 @@ def test_a_cache_of_somebody_else_is_not_used(tmp_path, monkeypatch):
         monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
     with pytest.raises(PermissionError, match="it belongs to another user"):
         refuse_shared(tmp_path)
+
+
+def run_shipped(folder, shipped, own, **variables):
+    """Result and number of kernels compiled by a process for which those of a directory came with the package."""
+    paths = os.pathsep.join([str(folder), str(ROOT)])
+    done = subprocess.run(
+        [sys.executable, "-c", SHIPPED, str(shipped)],
+        env={
+            **os.environ,
+            "PYTHONPATH": paths,
+            "NUMBA_CACHE_DIR": str(own),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            **variables,
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split(), done.stderr
+
+
+def test_kernels_that_came_with_the_package_are_taken_wherever_it_is(tmp_path):
+    """Elsewhere, and written at another time, as a wheel is unpacked; the user's cache is not asked then."""
+    made, installed = tmp_path / "made", tmp_path / "installed"
+    made.mkdir()
+    (made / "small.py").write_text(MODULE)
+    assert run_shipped(made, tmp_path / "none", tmp_path / "cache")[0] == ["6.0", "2"]
+    shipped = (tmp_path / "cache" / "cable_twin").rename(tmp_path / "shipped")
+    for file in shipped.rglob("from_kernels"):
+        shutil.rmtree(file)
+    made.rename(installed)
+    for file in [*installed.iterdir(), *shipped.rglob("*")]:
+        os.utime(file, (1e9, 1e9))
+    shared = tmp_path / "own"
+    shared.write_text("no directory")  # as of a user without a home: nobody is told, as nothing is needed there
+    assert run_shipped(installed, shipped, shared) == (["6.0", "0"], "")
+    assert run_shipped(installed, shipped, shared, NUMBA_CPU_NAME="skylake") == (["6.0", "0"], "")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "result"), [("2.0 *", "3.0 *", "9.0"), ("x + 1.0", "x + 2.0", "8.0"), ("2.0 *", "1.0 *", "3.0")]
+)
+def test_kernels_of_other_sources_are_never_taken(tmp_path, before, after, result):
+    """A text as long, of the same time: neither that of the kernel itself nor that of one that it calls."""
+    file = tmp_path / "small.py"
+    for directory, text in (("shipped", MODULE), ("other", MODULE.replace(before, after))):
+        file.write_text(text)
+        os.utime(file, (1e9, 1e9))
+        printed, _ = run_shipped(tmp_path, tmp_path / "shipped" / "cable_twin", tmp_path / directory)
+    assert printed == [result, "2"]
+
+
+def test_a_damaged_file_that_came_with_the_package_is_compiled_anew_and_left_as_it_is(tmp_path):
+    (tmp_path / "small.py").write_text(MODULE)
+    run_shipped(tmp_path, tmp_path / "none", tmp_path / "cache")
+    shipped = tmp_path / "cache" / "cable_twin"
+    for file in shipped.rglob("*.nbc"):
+        file.write_bytes(b"garbage")
+    kept = {file: file.read_bytes() for file in shipped.rglob("*.nb?")}
+    printed, said = run_shipped(tmp_path, shipped, tmp_path / "own")
+    assert printed == ["6.0", "2"]
+    assert "its kernel is compiled anew" in said
+    assert kept == {file: file.read_bytes() for file in shipped.rglob("*.nb?")}

@@ -15,7 +15,7 @@ pytest.importorskip("rclpy")
 from ros_participant import Participant
 
 ROOT = Path(__file__).resolve().parents[2]
-GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "pictures")
+GENERATED = (".*", "__pycache__", "*.egg-info", "build", "install", "log", "cable_twin_logs", "pictures", "compiled")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,109 @@
+"""Kernels compiled beforehand, which go with the package into a wheel: `python -m cable_twin.kernels build`.
+
+They are those with which Python calls the solver, in the types of the shipped scenarios. The parts of which they are
+linked stay behind: a scenario of other types compiles its own ones at its first start, as it does without these files.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from cable_twin.basics.cpu import VARIABLE, class_of, machine, this_cpu
+from cable_twin.mechanics.language.kernel_cache import FROM_PYTHON, SHIPPED
+from cable_twin.scenario import ScenarioError, load_scenario, scenario_names
+from cable_twin.terminal.bars import count_shown
+from cable_twin.terminal.command_line import OneLineParser, print_line, tell
+
+COMMAND = "python -m cable_twin.kernels"
+DURATION = 0.1  # s of simulated time, in which a run has called all its kernels
+EPILOG = f"""\
+A wheel of the package that is made afterwards holds them, for this version of Python, numba and the class of this CPU;
+with another one, and with changed sources, they are not used. It takes two or three minutes.
+
+examples:
+  {COMMAND} build                  all shipped scenarios
+  {COMMAND} build single_span      one of them
+"""
+
+
+class BuildError(RuntimeError):
+    """Failure to compile beforehand; in one line."""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of the command."""
+    result = OneLineParser(COMMAND, "Compile the solver for the shipped scenarios, into the package.", EPILOG)
+    result.add_argument("action", choices=["build"], help="replace what is there")
+    result.add_argument("scenarios", nargs="*", metavar="SCENARIO", help="name or path; default: all shipped ones")
+    return result
+
+
+def build(scenarios: Sequence[str], target: Path = SHIPPED) -> None:
+    """Compile the kernels that Python calls in runs of scenarios, into a directory, in place of those there.
+
+    Raises:
+        ScenarioError: a scenario is none.
+        BuildError: one does not run, or kernels of this CPU are of no use elsewhere.
+        OSError: the directory cannot be written.
+    """
+    if class_of(machine(), this_cpu()) is None:
+        raise BuildError(
+            f"this CPU ({this_cpu().name}) is of no class that others are of: its kernels serve nobody else"
+        )
+    for scenario in scenarios:
+        load_scenario(scenario)
+    shutil.rmtree(target, ignore_errors=True)  # and nothing is taken from there
+    with tempfile.TemporaryDirectory(prefix="cable_twin_kernels_") as directory:
+        with count_shown(Console(stderr=True), "scenarios", len(scenarios)) as done:
+            for scenario in scenarios:
+                _run(scenario, directory)
+                done()
+        for kernels in (Path(directory) / "cable_twin").iterdir():
+            shutil.copytree(kernels / FROM_PYTHON, target / kernels.name / FROM_PYTHON)
+
+
+def _run(scenario: str, directory: str) -> None:
+    """Run a scenario as `simulate` does, with its cache in a directory."""
+    variables = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    command = [sys.executable, "-m", "cable_twin.offline.simulate", "--scenario", scenario, "--record", "off"]
+    result = subprocess.run(
+        [*command, "--duration", str(DURATION)],
+        env=variables | {"NUMBA_CACHE_DIR": directory, "NUMBA_DISABLE_JIT": "0"},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    if result.returncode:
+        raise BuildError(result.stderr.strip().rpartition("\n")[2].removeprefix("simulate: "))
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compile kernels beforehand and report; 0, or 1 where that failed."""
+    options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
+    scenarios, began = options.scenarios or scenario_names(), time.monotonic()
+    try:
+        build(scenarios)
+    except (BuildError, ScenarioError, OSError) as error:
+        tell(COMMAND, error)
+        return 1
+    files = list(SHIPPED.rglob("*.nbc"))
+    size = sum(file.stat().st_size for file in SHIPPED.rglob("*.nb?"))
+    print_line(
+        f"{SHIPPED}: {len(files)} kernels of {len(scenarios)} scenarios, {1e-6 * size:.1f} MB, "
+        f"in {time.monotonic() - began:.0f} s"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
