@@ -79,7 +79,7 @@ def test_simulate_compiles_nothing_and_scenarios_of_other_types_still_run(instal
     assert "compil" not in said
     assert not kept(variables)
     other = variables | {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
-    said = run(commands / "simulate", "seed_example", "--duration", "0.1", "--record", "off", cwd=tmp_path, env=other)
+    said = run(commands / "simulate", "windy_tramway", "--duration", "0.1", "--record", "off", cwd=tmp_path, env=other)
     assert "kernels compiled in " in said
     assert kept(other)
 
