@@ -55,7 +55,7 @@ class Sensors:
         return [measurement for _, measurement in sorted(arrived, key=lambda item: item[0])]
 
     def restart(self) -> None:
-        """Forget the previous frame, after a jump of the state."""
+        """Forget the previous frame of all sensors, after a jump of the state."""
         for sensor in self._all:
             sensor.restart()
 

@@ -42,7 +42,7 @@ def surroundings_of(scenario: Scenario) -> Surroundings:
 
 
 def first_rows(counts: Iterable[int]) -> IntArray:
-    """Row of the first item of each group of a count, one group after the other, with the total count appended."""
+    """Row of the first item of each group, for groups of given sizes one after the other, with the total appended."""
     return np.cumsum([0, *counts], dtype=np.int64)
 
 

@@ -88,7 +88,7 @@ def parser() -> OneLineParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Review one or two bags; see the exit codes above."""
+    """Run the command `review`: show one or more recorded runs; the help has the exit codes."""
     if argv is None:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `review BAG | head` ends without a word
     arguments = parser()

@@ -323,7 +323,7 @@ class Recorder:
         self._writing = False
 
     def _begin_files(self, beginning: _Beginning) -> None:
-        """Begin a file in every sink, then remove expired files."""
+        """Begin a file of log and view, then remove expired files."""
         number = self._number + (not beginning.first)
         before = self.directory
         for sink in tuple(self._sinks):
@@ -348,7 +348,7 @@ class Recorder:
         return simulated_time + duration - TICK if duration and self._log is not None else math.inf
 
     def _attempt(self, sink: _LogSink | _ViewSink, action: Callable[..., Any], *arguments: Any) -> None:
-        """Run an action of a sink; after an exception keep the fault and drop the sink."""
+        """Write to log or view; after an exception keep the fault and stop writing there."""
         try:
             action(*arguments)
         except Exception as error:
