@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from cable_twin.mechanics.parameters import ELASTIC_MODELS
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import Result, case
@@ -30,32 +31,77 @@ def counterweight_tension() -> Iterator[Result]:
     )
 
 
+@case("rope at another temperature", "a taut span: ΔT = -EA alpha ΔT; a counterweight: alpha ΔT L")
+def temperature() -> Iterator[Result]:
+    """A rope between fixed ends is tensioned or relieved, one with a counterweight gets longer at its tension."""
+    expansion, length, axial, pull = 12e-6, 50.0, 5e5, 1000.0
+    for model in ELASTIC_MODELS:
+        for kelvin in (30.0, -50.0):
+            scenario = bar(length, axial, pull)
+            scenario["air"] = {"temperature": 20.0 + kelvin}
+            scenario["cable"]["elastic_model"] = model
+            travel = Simulation(load_scenario(scenario)).snapshot.supports["end"].travel or 0.0
+            expected = length * (pull / axial + expansion * kelvin)
+            yield Result(f"travel at {kelvin:+g} K, {model}", "m", expected, travel, 1e-9)
+            scenario["cable"]["end"] = {"position": [length * (1.0 + pull / axial), 0.0], "support": "pinned"}
+            tensions = Simulation(load_scenario(scenario)).snapshot.cable.tensions
+            expected = pull - axial * expansion * kelvin
+            yield Result(f"tension of a taut span at {kelvin:+g} K, {model}", "N", expected, float(tensions[100]), 1e-6)
+
+
+@case("sag at another temperature", "elastic catenary of the length L (1 + alpha ΔT) and the weight of L")
+def sag_at_temperature() -> Iterator[Result]:
+    """Under the weight of the rope as well: a warm rope sags as one of that length, with as much mass and stiffness."""
+    expansion, kelvin, length, mass, axial = 12e-6, 40.0, 203.0, 2.0, 2e7
+    stretch = 1.0 + expansion * kelvin
+    for space in (2, 3):
+        heights = []
+        for own in (
+            {"unstrained_length": length, "mass_per_length": mass, "axial_stiffness": axial},
+            {
+                "unstrained_length": length * stretch,
+                "mass_per_length": mass / stretch,
+                "axial_stiffness": axial * stretch,
+            },
+        ):
+            ends = ([0.0, 0.0], [200.0, 20.0]) if space == 2 else ([0.0, 0.0, 0.0], [200.0, 0.0, 20.0])
+            start, end = ({"position": place, "support": "pinned"} for place in ends)
+            cable = {**own, "bending_stiffness": 0.0, "elements": 40, "start": start, "end": end}
+            warm = own["unstrained_length"] == length
+            air = {"temperature": 20.0 + (kelvin if warm else 0.0)}
+            simulation = Simulation(load_scenario({"gravity": GRAVITY, "space": space, "cable": cable, "air": air}))
+            middle = simulation.cable_positions(np.array([0.5 * own["unstrained_length"]]))[0, 2]
+            heights.append(float(middle))
+        yield Result(f"height of the middle, {space} dimensions", "m", heights[1], heights[0], 1e-6)
+
+
+def bar(length: float, axial: float, pull: float, mass: float = 40.0, **solver: Any) -> dict[str, Any]:
+    """Scenario of a straight rope (m) without weight, of a stiffness (N), and a counterweight with a pull (N)."""
+    return {
+        "gravity": 0.0,
+        "cable": {
+            "unstrained_length": length,
+            "mass_per_length": 0.6,
+            "axial_stiffness": axial,
+            "bending_stiffness": 1.0,
+            "elements": 24,
+            "start": {"position": [0.0, 0.0]},
+            "end": {
+                "position": [length, 0.0],
+                "support": "counterweight",
+                "direction": [1.0, 0.0],
+                "mass": mass,
+                "force": pull,
+            },
+        },
+        "solver": solver,
+    }
+
+
 def weighted_bar(push: float, mass: float = 40.0, **solver: Any) -> tuple[Simulation, float, float]:
     """A straight rope without weight, its counterweight moved by `push` (m) and held till then; length, at rest (m)."""
     length, axial, pull = 50.0, 5e5, 1000.0
-    simulation = Simulation(
-        load_scenario(
-            {
-                "gravity": 0.0,
-                "cable": {
-                    "unstrained_length": length,
-                    "mass_per_length": 0.6,
-                    "axial_stiffness": axial,
-                    "bending_stiffness": 1.0,
-                    "elements": 24,
-                    "start": {"position": [0.0, 0.0]},
-                    "end": {
-                        "position": [length, 0.0],
-                        "support": "counterweight",
-                        "direction": [1.0, 0.0],
-                        "mass": mass,
-                        "force": pull,
-                    },
-                },
-                "solver": solver,
-            }
-        )
-    )
+    simulation = Simulation(load_scenario(bar(length, axial, pull, mass, **solver)))
     stretched = length * (1.0 + pull / axial)
     with changing(simulation) as state:
         state.nodes.position[:, 0, 0] += push * np.linspace(0.0, 1.0, 25)

@@ -59,6 +59,7 @@ class Cable(NamedTuple):
     load_arc_length: FloatArray  # (loads,) m
     load_force: FloatArray  # (loads, dim) N
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
+    free_stretch: float = 1.0  # -, length without tension over the unstrained one: 1 + α ΔT, of its temperature
 
 
 def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:

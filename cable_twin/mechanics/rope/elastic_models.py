@@ -60,7 +60,7 @@ def add_products(c, matrix, k):
 def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
     """Force and tangent of the energy W = ½∫(EA ε² + EI k·k)dx with Kelvin-Voigt damping.
 
-    ε = |r_x| - 1, so that the axial force is the tension EA ε of the elastic catenary exactly; k is the derivative
+    ε = |r_x| - 1 - α ΔT, so that the axial force is the tension EA ε of the elastic catenary; k is the derivative
     of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
     the rate of k that a rotation in the plane of the bend does not make (in space, the spin of a bent cable about its
     own axis would still be damped). The tangent is exact in the axial part; of the bending part it keeps what acts on
@@ -95,7 +95,7 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
         rho = combine(slopes, d, a, b)
         norm = square_root(dot(rho, rho))
         per_norm = 1.0 / norm
-        strain = norm * per_length - 1.0
+        strain = norm * per_length - cable.free_stretch
         if damped:
             rate = dot(rho, combine(slopes, d_dot, a_dot, b_dot)) * per_norm * per_length
             strain += cable.damping_time * rate
@@ -178,7 +178,7 @@ def element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stif
         rho = combine(AXIAL_SLOPES[point], d, a, b)
         strain_rate = (dot(combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot), i) + dot(rho, i_dot)) / length
         weight = AXIAL_WEIGHT[point] * cable.axial_stiffness
-        tension = weight * (dot(rho, i) / length - 1.0 + damping * strain_rate)
+        tension = weight * (dot(rho, i) / length - cable.free_stretch + damping * strain_rate)
         force_d = add_scaled(c_d * tension, i, force_d)
         force_a = add_scaled(c_a * tension, i, force_a)
         force_b = add_scaled(c_b * tension, i, force_b)
@@ -281,13 +281,14 @@ def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
     """
     if cable.elastic_model == ELEMENT_FRAME:
         chord = square_root(dot(d, d))
-        return cable.axial_stiffness * ((chord + cable.damping_time * dot(d, d_dot) / chord) / length - 1.0)
+        stretch = (chord + cable.damping_time * dot(d, d_dot) / chord) / length
+        return cable.axial_stiffness * (stretch - cable.free_stretch)
     tension = 0.0 * d[0]
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
         norm = square_root(dot(rho, rho))
         strain_rate = dot(rho, combine(AXIAL_SLOPES[point], d_dot, a_dot, b_dot)) / (norm * length)
-        strain = norm / length - 1.0
+        strain = norm / length - cable.free_stretch
         tension += AXIAL_WEIGHT[point] * cable.axial_stiffness * (strain + cable.damping_time * strain_rate)
     return tension
 
@@ -310,7 +311,7 @@ def elastic_energy(cable, state, element):
     for point in range(AXIAL_POINTS):
         rho = combine(AXIAL_SLOPES[point], d, a, b)
         along = dot(rho, i) if cable.elastic_model == ELEMENT_FRAME else square_root(dot(rho, rho))
-        strain = along / length - 1.0
+        strain = along / length - cable.free_stretch
         energy += 0.5 * length * AXIAL_WEIGHT[point] * cable.axial_stiffness * strain * strain
     for point in range(BENDING_POINTS):
         rho = combine(BENDING_SLOPES[point], d, a, b)

@@ -35,6 +35,7 @@ class Rest(NamedTuple):
     length: FloatArray  # (spans,) m, unstrained
     weight: float  # N/m
     stiffness: float  # EA, N
+    free_stretch: float  # -, of the cable without tension
 
     def load(self) -> FloatArray:
         """Force (towers, dim) in N of each tower on the cable."""
@@ -47,9 +48,10 @@ class Rest(NamedTuple):
         span = np.clip(np.searchsorted(corner_at, arc_lengths, side="right") - 1, 0, self.length.size - 1)
         s = arc_lengths - corner_at[span]
         pull = self.pull[span]
-        shape = elastic_catenary(pull, s, self.weight, self.stiffness)
+        shape = elastic_catenary(pull, s, self.weight, self.stiffness, self.free_stretch)
         tension = pull + np.stack([np.zeros_like(s), self.weight * s], axis=-1)
-        slopes = tension / self.stiffness + tension / np.linalg.norm(tension, axis=-1, keepdims=True)
+        slopes = tension / self.stiffness
+        slopes += self.free_stretch * tension / np.linalg.norm(tension, axis=-1, keepdims=True)
         basis = self.basis[span]
         return self.corner[span] + _in_world(shape, basis), _in_world(slopes, basis)
 
@@ -59,16 +61,20 @@ def _in_world(vectors: FloatArray, basis: FloatArray) -> FloatArray:
     return np.einsum("nb,nbd->nd", vectors, basis)
 
 
-def elastic_catenary(pull: FloatArray, s: FloatArray, weight: float, stiffness: float) -> FloatArray:
+def elastic_catenary(
+    pull: FloatArray, s: FloatArray, weight: float, stiffness: float, free_stretch: float
+) -> FloatArray:
     """Place (n, 2), level and up in m, of elastic catenaries from the origin at arc lengths `s` (n,) in m.
 
-    With tension (H, V + w s), r_x = (1/EA + 1/T) (H, V + w s), integrated. `pull` (n, 2) is (H, V) in N, `weight` w in
-    N/m, `stiffness` EA in N.
+    With tension (H, V + w s), r_x = (1/EA + f/T) (H, V + w s), integrated. `pull` (n, 2) is (H, V) in N, `weight` w in
+    N/m, `stiffness` EA in N, `free_stretch` f the length without tension over the unstrained one.
     """
     level, rise = pull[..., 0], pull[..., 1]
     risen = rise + weight * s
-    along = level * s / stiffness + level / weight * (np.arcsinh(risen / level) - np.arcsinh(rise / level))
-    above = s * (rise + 0.5 * weight * s) / stiffness + (np.hypot(level, risen) - np.hypot(level, rise)) / weight
+    bent = level / weight * (np.arcsinh(risen / level) - np.arcsinh(rise / level))
+    raised = (np.hypot(level, risen) - np.hypot(level, rise)) / weight
+    along = level * s / stiffness + free_stretch * bent
+    above = s * (rise + 0.5 * weight * s) / stiffness + free_stretch * raised
     return np.stack([along, above], axis=-1)
 
 
@@ -116,7 +122,7 @@ def rest_over_supports(system: System) -> Rest:
     corner = np.concatenate([cable.end_position[:1], system.towers.top, cable.end_position[1:]])
     up = -gravity / strength if strength > 0.0 else np.eye(gravity.size)[-1]
     basis = np.array([_plane(way, up) for way in np.diff(corner, axis=0)])
-    stiffness, length = cable.axial_stiffness, cable.unstrained_length
+    stiffness, length, free = cable.axial_stiffness, cable.unstrained_length, cable.free_stretch
     # a cable without weight is taken as one of hardly any
     weight = max(cable.mass_per_length * strength, 1e-7 * stiffness / length if strength == 0.0 else 0.0)
     end, outwards, given = _weighted_end(counterweights, basis)
@@ -129,7 +135,7 @@ def rest_over_supports(system: System) -> Rest:
 
     spans = spans_at(0.0)
     spans[:, 0] = np.maximum(spans[:, 0], 1e-3 * length / spans.shape[0])
-    pulls, lengths = _first_guess(spans, weight, stiffness, length, given)
+    pulls, lengths = _first_guess(spans, weight / free, stiffness, length * free, given)
     scale, count = float(np.abs(pulls[0]).sum()), lengths.size
 
     def miss(unknown: FloatArray) -> FloatArray:
@@ -139,7 +145,7 @@ def rest_over_supports(system: System) -> Rest:
         if end < 0:
             goal[:, 0] = spans[:, 0]
         after = pull + np.stack([np.zeros(count), weight * s], axis=1)
-        gaps = (elastic_catenary(pull, s, weight, stiffness) - goal) / length
+        gaps = (elastic_catenary(pull, s, weight, stiffness, free) - goal) / length
         tensions = (np.hypot(*after[:-1].T) - np.hypot(*pull[1:].T)) / scale
         result = [gaps.ravel(), tensions, [s.sum() / length - 1.0]]
         if end >= 0:
@@ -161,7 +167,7 @@ def rest_over_supports(system: System) -> Rest:
         raise _too_light(end, given, reach, weight * length)
     if end >= 0:
         corner[-end] += found.x[-1] * length * counterweights.direction[end]
-    return Rest(corner, basis, pulls, lengths, weight, stiffness)
+    return Rest(corner, basis, pulls, lengths, weight, stiffness, free)
 
 
 class Cure(NamedTuple):

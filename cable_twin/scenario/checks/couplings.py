@@ -130,7 +130,8 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
                 allowed = f"at most its radius of {radius:g} m, or null"
                 yield refuse((*path, "position"), sheave.position, allowed, f"{apart:.4g} m from an end that it joins")
                 break
-    for key, unit in (("mass_per_length", "kg/m"), ("axial_stiffness", "N")):
+    equal = {"mass_per_length": "kg/m", "axial_stiffness": "N", "thermal_expansion": "1/K"}
+    for key, unit in (equal | {"reference_temperature": "degC"}).items():
         here, there = getattr(before, key), getattr(after, key)
         if here != there:
             why = f"{path[1]!r} joins it to {first!r} with {here!r} {unit}"

@@ -55,6 +55,13 @@ class Air(Section):
     """Air acting on ropes with a diameter and bodies with a drag area; wind without either is refused."""
 
     density: float = quantity("kg/m^3", "density of the air, by default at 15 degrees and sea level", 1.225, ge=0)
+    temperature: float = quantity(
+        "degC",
+        "temperature of ropes, which strains them by their thermal_expansion; by default their reference_temperature",
+        20.0,
+        ge=-100,
+        le=100,
+    )
     wind: Place = quantity(
         "m/s",
         f"mean wind along the track and upwards at the start, in space x, y, z; at most {STRONGEST_WIND:g}",

@@ -116,6 +116,12 @@ class Cable(Section):
     drag_coefficient: float = quantity("-", "drag coefficient across the cable", 1.2, ge=0)
     ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
     ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
+    thermal_expansion: float = quantity(
+        "1/K", "thermal strain per kelvin, by default that of steel wires in EN 1993-1-11", 12e-6, ge=0, le=1e-3
+    )
+    reference_temperature: float = quantity(
+        "degC", "temperature at which the unstrained length was measured", 20.0, ge=-100, le=100
+    )
 
     @property
     def ends(self) -> dict[str, EndSupport]:

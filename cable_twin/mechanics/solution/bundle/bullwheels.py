@@ -452,6 +452,7 @@ def update_end_tensions(bundle, motion, system, state):
             along = dot(force, r_x) / sqrt(dot(r_x, r_x))
             motion.tension[sheave, side] = along if side == 0 else -along
             stretch += 0.5 * motion.tension[sheave, side] / own.cable.axial_stiffness
+            stretch += 0.5 * (own.cable.free_stretch - 1.0)
             if sheaves.tensioning[sheave] != FIXED:
                 pull += dot(force, load(sheaves.direction[sheave], like))
         motion.pull[sheave], motion.stretch[sheave] = pull, stretch
