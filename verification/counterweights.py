@@ -31,7 +31,7 @@ def counterweight_tension() -> Iterator[Result]:
     )
 
 
-@case("rope at another temperature", "a taut span: ΔT = -EA alpha ΔT; a counterweight: alpha ΔT L")
+@case("rope at another temperature", "θ kelvin more: EA alpha θ less in a taut span, alpha θ L more travel")
 def temperature() -> Iterator[Result]:
     """A rope between fixed ends is tensioned or relieved, one with a counterweight gets longer at its tension."""
     expansion, length, axial, pull = 12e-6, 50.0, 5e5, 1000.0
@@ -49,7 +49,7 @@ def temperature() -> Iterator[Result]:
             yield Result(f"tension of a taut span at {kelvin:+g} K, {model}", "N", expected, float(tensions[100]), 1e-6)
 
 
-@case("sag at another temperature", "elastic catenary of the length L (1 + alpha ΔT) and the weight of L")
+@case("sag at another temperature", "elastic catenary of the length L (1 + alpha θ) and the weight of L")
 def sag_at_temperature() -> Iterator[Result]:
     """Under the weight of the rope as well: a warm rope sags as one of that length, with as much mass and stiffness."""
     expansion, kelvin, length, mass, axial = 12e-6, 40.0, 203.0, 2.0, 2e7
