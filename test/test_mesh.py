@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from cable_twin.mechanics.parameters import mesh_fields
 from cable_twin.mechanics.rope.point import element_at
+from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import Grading, build_system, load_scenario
 from cable_twin.scenario.builders.system import graded_nodes, short_zones
 
@@ -65,13 +66,15 @@ def test_a_number_makes_elements_that_are_equal_to_the_last_bit():
 
 @pytest.mark.parametrize("nodes", [np.linspace(0.0, 7.0, 8), np.array([0.0, 0.1, 0.35, 2.0, 2.1, 5.0, 5.05, 7.0])])
 def test_every_place_is_found_on_its_element(nodes):
-    cable = build_system(load_scenario("single_span")).cable._replace(**mesh_fields(nodes))
+    system = build_system(load_scenario("single_span"))
+    cable = system.cable._replace(**mesh_fields(nodes))
+    state = allocate_state(system._replace(cable=cable))
     places = np.concatenate([nodes, 0.5 * (nodes[1:] + nodes[:-1]), np.random.default_rng(1).uniform(0.0, 7.0, 200)])
     for place in places:
         expected = min(np.searchsorted(nodes, place, side="right") - 1, nodes.size - 2)
-        assert element_at(cable, place) == expected
-    assert element_at(cable, -1.0) == 0
-    assert element_at(cable, 9.0) == nodes.size - 2
+        assert element_at(cable, state, place) == expected
+    assert element_at(cable, state, -1.0) == 0
+    assert element_at(cable, state, 9.0) == nodes.size - 2
 
 
 def test_part_of_a_grading_is_changed_by_its_key():

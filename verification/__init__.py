@@ -28,6 +28,8 @@ MODULES = (
     "haul_ropes",
     "loads",
     "random_loads",
+    "load_statics",
+    "moving_loads",
     "meshes",
     "space",
     "rotation",

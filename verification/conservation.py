@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.rope.point import AFTER, BEFORE, R
 from cable_twin.mechanics.rope.shape_functions import MASS
 from cable_twin.mechanics.solution.newmark import coefficients
 from cable_twin.simulation import Simulation
@@ -25,8 +26,10 @@ def momentum(simulation: Simulation) -> tuple[FloatArray, float, FloatArray]:
     for element, length in enumerate(cable.element_length):
         scale = np.array([1.0, length, 1.0, length])
         mass = np.array(MASS) * np.outer(scale, scale) * cable.mass_per_length * length
-        e = state.nodes.position[element : element + 2].reshape(4, 2)
-        e_dot = state.nodes.velocity[element : element + 2].reshape(4, 2)
+        e, e_dot = (
+            array[[element, element, element + 1, element + 1], [R, AFTER, R, BEFORE]]
+            for array in (state.nodes.position, state.nodes.velocity)
+        )
         row = mass[0] + mass[2]
         linear += row @ e_dot
         first += row @ e
@@ -82,7 +85,7 @@ def axial_bar(
     wave = 0.5 * np.pi / length
     with changing(simulation) as state:
         state.nodes.position[:, 0, 0] += amplitude * np.sin(wave * arc_lengths)
-        state.nodes.position[:, 1, 0] += amplitude * wave * np.cos(wave * arc_lengths)
+        state.nodes.position[:, 1:, 0] += (amplitude * wave * np.cos(wave * arc_lengths))[:, None]
     start_moving(simulation)
     return simulation, float(frequency)
 
@@ -143,7 +146,7 @@ def kelvin_voigt() -> Iterator[Result]:
             arc_lengths = np.linspace(0.0, length, elements + 1)
             with changing(simulation) as state:
                 state.nodes.position[:, 0, 1] = amplitude * np.sin(wave * arc_lengths)
-                state.nodes.position[:, 1, 1] = amplitude * wave * np.cos(wave * arc_lengths)
+                state.nodes.position[:, 1:, 1] = (amplitude * wave * np.cos(wave * arc_lengths))[:, None]
             start_moving(simulation)
             row, column, start = elements // 2, 1, 0.0
         initial = simulation.state.nodes.position[row, 0, column] - start
@@ -195,7 +198,7 @@ def thrown_cable(
     with changing(simulation) as state:
         e = state.nodes.position
         state.nodes.velocity[:, 0] = throw + spin * np.stack([e[:, 0, 1], -e[:, 0, 0]], axis=-1)
-        state.nodes.velocity[:, 1] = spin * np.stack([e[:, 1, 1], -e[:, 1, 0]], axis=-1)
+        state.nodes.velocity[:, 1:] = spin * np.stack([e[:, 1:, 1], -e[:, 1:, 0]], axis=-1)
         q = state.bodies.position
         state.bodies.velocity[:, :2] = throw + spin * np.stack([q[:, 1], -q[:, 0]], axis=-1)
         state.bodies.velocity[:, 2] = spin

@@ -105,7 +105,7 @@ def weighted_bar(push: float, mass: float = 40.0, **solver: Any) -> tuple[Simula
     stretched = length * (1.0 + pull / axial)
     with changing(simulation) as state:
         state.nodes.position[:, 0, 0] += push * np.linspace(0.0, 1.0, 25)
-        state.nodes.position[:, 1, 0] += push / length
+        state.nodes.position[:, 1:, 0] += push / length
     return simulation, length, stretched
 
 

@@ -105,9 +105,9 @@ def moving_string_in_time() -> Iterator[Result]:
             (state.nodes.position, shape.real),
             (state.nodes.velocity, (1j * expected * shape).real),
         ):
-            flat = array[..., 1].ravel()
+            flat = array[:, :2, 1].ravel()
             flat[free] = values
-            array[..., 1] = flat.reshape(-1, 2)
+            array[..., 1] = flat.reshape(-1, 2)[:, [0, 1, 1]]
         state.nodes.acceleration[..., 1] = -(expected**2) * state.nodes.position[..., 1]
         state.nodes.algorithmic[:] = state.nodes.acceleration
     heights = []
@@ -224,7 +224,7 @@ def viscous_power(simulation: Simulation) -> float:
     powers = []
     for system in (simulation.system, undamped(simulation)):
         add_cable(system, state, 0.0, 0.0, 0.0, work)
-        powers.append(float(np.sum(work.right_side * state.nodes.velocity)))
+        powers.append(float(np.sum(work.right_side[:, :2] * state.nodes.velocity[:, :2])))
     return powers[1] - powers[0]
 
 

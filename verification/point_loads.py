@@ -168,6 +168,7 @@ def plain(rope: Rope, elements: int | Mapping[str, float], joint: str) -> dict[s
         "axial_stiffness": rope.stiffness,
         "bending_stiffness": 0.0,
         "elements": elements,
+        "joint": "node",
         "start": {"position": [0.0] * dim},
         "end": {"position": list(rope.end)},
     }

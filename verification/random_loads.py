@@ -120,6 +120,7 @@ def _system(name: str, rope: Rope, kind: str, elements: int, radius: float, step
     ropes: dict[str, Any] = {"cable": data["cable"]}
     if kind == "clamped":
         haul = {"mass_per_length": 0.3, "axial_stiffness": 0.3} | {"unstrained_length": 0.9995}
+        data["cable"]["joint"] = "paper"
         beside = {**data["cable"], **{key: share * data["cable"][key] for key, share in haul.items()}}
         ropes = {"ropes": {"track": data["cable"], "haul": beside}}
         for car in cars.values():

@@ -45,6 +45,15 @@ class Motion(NamedTuple):
 
 
 @by_reference
+class Mesh(NamedTuple):
+    """Mesh of a rope, whose nodes stand still but those that follow a load."""
+
+    arc_length: Annotated[FloatArray, Of("node", unit="m")]
+    length: Annotated[FloatArray, Of("element", unit="m")]  # of the elements, unstrained
+    plain: Annotated[FloatArray, Of("element", first=1.0)]  # 0 beside a node that follows a load, else 1
+
+
+@by_reference
 class Course(NamedTuple):
     """Reference motion of a drive, or prescribed travel of a rope; units as declared, and per second."""
 
@@ -84,7 +93,8 @@ class WindField(NamedTuple):
 class State(NamedTuple):
     """Motion of one rope with its vehicles at one time, and the commands of its drives."""
 
-    nodes: Annotated[Motion, Of("node", 2, "dim", unit="m")]  # e: r in m, r_x (-)
+    nodes: Annotated[Motion, Of("node", 3, "dim", unit="m")]  # e: r in m, r_x (-) before the node and after it
+    mesh: Mesh
     bodies: Annotated[
         Motion, Of("body", "rate", unit="m"), Of("body", "coordinate", unit="m", field="position")
     ]  # r: x, z in m, pitch in rad; in space x, y, z, and x, y, z, w of a unit quaternion, rates in m/s and, about the
@@ -93,6 +103,11 @@ class State(NamedTuple):
     # acceleration is known only to Runge-Kutta
     drums: Annotated[Motion, Of("vehicle", unit="m")]  # rope hauled by the drive drum of each haul rope
     hauled: Annotated[Motion, Of("vehicle", unit="m")]  # what each haul rope pulls: its way in space along the track
+    node_load: Annotated[
+        IntArray, Of("node", first=-1), Range(-1, "last vehicle")
+    ]  # vehicle that a node follows, or -1
+    joint_node: Annotated[IntArray, Of("vehicle", first=-1), Range(-1, "last element")]  # that follows the joint, or -1
+    node_follows: Annotated[BoolArray, Of("vehicle")]  # whether that goes along with it; near an end it stands
     joint_element: Annotated[IntArray, Of("vehicle"), Range(0, "last element")]  # element on which the joint is
     friction_deflection: Annotated[
         FloatArray, Of("vehicle"), SHARE
@@ -175,7 +190,19 @@ class Workspace(NamedTuple):
     group: Annotated[
         FloatArray, Of("element row", WIDTH)
     ]  # residual and tangent of a group of elements, as in `shape_functions`
-    right_side: Annotated[FloatArray, Of("node", 2, "dim")]  # minus the residual; after the solution the increment of e
+    patch_of: Annotated[IntArray, Of("element", first=-1)]  # load beside which the element is, else -1
+    patch_right: Annotated[IntArray, Of("element")]  # 1 for the element after that load, 0 for the one before
+    patch: Annotated[
+        FloatArray, Of("vehicle", "patch", "patch column")
+    ]  # tangent of both elements beside a load, with its right side as the last column; rows as in `point.patch_row`
+    along_held: Annotated[BoolArray, Of("vehicle")]  # whether the arc length of a load's node has a given increment
+    along_increment: Annotated[FloatArray, Of("vehicle", unit="m")]  # that increment
+    patch_elements: Annotated[IntArray, Of("beside load")]  # elements beside loads
+    patch_motion: Annotated[FloatArray, Of("patch motion", WIDTH)]  # of the rope on a group of these, one row a number
+    patch_elastic: Annotated[FloatArray, Of("element row", WIDTH)]  # elastic part of the `group` of these
+    patch_damped: Annotated[FloatArray, Of("damped row")]  # blocks of damping and drag of one of them, by nodal rates
+    patch_by_length: Annotated[FloatArray, Of("patch length", WIDTH)]  # derivatives of their elastic energy by length
+    right_side: Annotated[FloatArray, Of("node", 3, "dim")]  # minus the residual; after the solution the increment of e
     joint_gap: Annotated[
         FloatArray, Of("body", "dim", unit="m")
     ]  #  (or m/s² at acceleration level): what each joint has to close
@@ -271,6 +298,12 @@ def sizes_of(system: System) -> dict[str, int]:
         "dim²": dim * dim,
         "turn dim": turns * dim,
         "turn²": turns * turns,
+        "patch": 8 * dim + 2 if system.cable.load_nodes else 0,
+        "patch column": 8 * dim + 3 if system.cable.load_nodes else 0,
+        "beside load": 2 * system.carriages.fixed.size,
+        "patch motion": 13 * dim + 1,
+        "damped row": 16 * dim * dim,
+        "patch length": 3 * dim + 2,
         "element row": 4 * dim + 16 * dim * dim,  # residual and tangent of an element
     }
 
@@ -290,6 +323,7 @@ def allocate_states(systems: Sequence[System]) -> tuple[State, ...]:
 
 def _initialise(system: System, state: State) -> None:
     """Set the drives, ropes and quaternions of a new state."""
+    state.mesh.arc_length[:], state.mesh.length[:] = system.cable.node_arc_length, system.cable.element_length
     held = system.carriages.fixed | system.carriages.clamped
     state.axis[:] = np.where((system.haul_ropes.axial_stiffness > 0.0) & ~held, DRUM, JOINT)
     state.drives.mode[held] = SPEED

@@ -455,8 +455,12 @@ def leave_out_absent(systems: list[System]) -> list[System]:
     """Systems of one common type, which leaves features absent from all systems out of compiled kernels.
 
     There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
-    may be left out, and of a rope by itself its number, and its motion and contacts of vehicles if there are none.
+    may be left out, nodes that follow loads, and of a rope by itself its number, and its motion and contacts of
+    vehicles if there are none.
     """
+    if not any(system.cable.load_nodes for system in systems):
+        never = cast(bool, Known(False))
+        systems = [system._replace(cable=system.cable._replace(load_nodes=never)) for system in systems]
     if all(system.cable.elastic_model == CONTINUUM for system in systems):
         known = Known(CONTINUUM)
         systems = [system._replace(cable=system.cable._replace(elastic_model=known)) for system in systems]

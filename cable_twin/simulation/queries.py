@@ -57,7 +57,7 @@ class Queries:
         """
         part, arc_lengths = self._places(rope, arc_lengths)
         positions = np.empty((arc_lengths.size, 3))
-        sample_shape(part.system, part.state, places_on(part.system.cable, arc_lengths), positions)
+        sample_shape(part.system, part.state, places_on(part.system.cable, part.state, arc_lengths), positions)
         return positions
 
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
@@ -72,7 +72,7 @@ class Queries:
         tensions = np.empty(arc_lengths.size)
         self._engine.couple()
         recover_sections(part.system, part.state, part.sections)
-        places = places_on(part.system.cable, arc_lengths)
+        places = places_on(part.system.cable, part.state, arc_lengths)
         sample_tensions(part.system, part.state, part.sections, places, tensions)
         return tensions
 
@@ -122,7 +122,7 @@ class Queries:
         _, shapes = self._modes(count)
         arc_lengths = np.array(arc_lengths, dtype=np.float64, order="C")
         result = np.empty((count, arc_lengths.size, 3))
-        places = places_on(self._ropeway.system.cable, arc_lengths)
+        places = places_on(self._ropeway.system.cable, self._ropeway.state, arc_lengths)
         for shape, positions in zip(shapes, result, strict=True):
             nodes = self._ropeway.state.nodes._replace(position=np.ascontiguousarray(shape))
             mode = self._ropeway.state._replace(nodes=nodes)
@@ -200,7 +200,7 @@ class Observer:
     def _prepare(self) -> None:
         """Find the sample places on ropes: by kernels, for which a bare rope without an equilibrium is not to wait."""
         for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
-            places = places_on(part.system.cable, self.layout.arc_lengths[samples])
+            places = places_on(part.system.cable, part.state, self.layout.arc_lengths[samples])
             read = pack(part.state), pack(part.sections), pack(places)
             lateral = [*self.layout.laterals.values()][number]
             self._of_ropes.append((part, read, (lateral, pack(self.layout.columns_of(number, self._columns)))))

@@ -107,7 +107,7 @@ def _leave_out_rails(track: Ropeway, mass: float, row: int, columns: Columns) ->
 def _position(part: Ropeway, place: float) -> FloatArray:
     """Position (dim,) in m of a rope at an arc length (m)."""
     found = np.empty((1, 3))
-    sample_positions(part.system.cable, part.state, places_on(part.system.cable, np.array([place])), found)
+    sample_positions(part.system.cable, part.state, places_on(part.system.cable, part.state, np.array([place])), found)
     return found[0] if part.scenario.dim == 3 else found[0, ::2]
 
 

@@ -247,7 +247,7 @@ class Ropeway:
 
     def mean_tension(self) -> float:
         """Mean tension (N) of the rope."""
-        return float(np.average(self._element_tensions(), weights=self.system.cable.element_length))
+        return float(np.average(self._element_tensions(), weights=self.state.mesh.length))
 
     def _element_tensions(self) -> FloatArray:
         """Mean tensions (elements,) in N of the elements from their strains, for the compliance of sharp kinks."""

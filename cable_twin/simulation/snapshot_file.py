@@ -36,7 +36,7 @@ from cable_twin.mechanics.state import FIELDS, RANGES, VEHICLES, State
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 9
+FORMAT_VERSION = 10
 OWN_FIELDS = tuple(field.name for field in declared(State) if not is_common(field, VEHICLES))  # of a rope alone
 SUFFIX = ".npz"
 LARGEST = 2**28  # bytes of an array; the largest shipped scenario has 60 kB of them all
@@ -323,6 +323,7 @@ def _sizes(system: System, ropes: int) -> dict[str, float]:
     return {
         "last element": system.cable.element_count - 1,
         "vehicles": system.carriages.fixed.size,
+        "last vehicle": system.carriages.fixed.size - 1,
         "last rope": ropes - 1,
         "before the rope": -2.0 * length,  # an end stop yields, and a rope goes by
         "beyond the rope": 2.0 * length,
@@ -339,9 +340,25 @@ def _own_arrays(system: System, state: State) -> dict[str, Any]:
     return arrays
 
 
+def _mesh_faults(system: System, state: State) -> Iterator[str]:
+    """Faults of the mesh: nodes out of order, and such as follow loads that do not know of them."""
+    places = state.mesh.arc_length
+    if not np.all(np.diff(places) > 0.0) or np.any(np.abs(np.diff(places) - state.mesh.length) > 1e-9 * places[-1]):
+        yield "mesh.arc_length: nodes are out of order, or apart by other than mesh.length"
+    loads = np.flatnonzero(state.node_load >= 0)
+    followed = np.flatnonzero(vehicles_of(system, state) & (state.joint_node >= 0))
+    if loads.size > 0 and not system.cable.load_nodes:
+        yield f"node_load: node {loads[0]} follows a load; allowed: none with this scenario's cable.joint"
+    elif loads.size != followed.size or np.any(state.joint_node[state.node_load[loads]] != loads):
+        yield "node_load: nodes follow other loads than joint_node says"
+    elif np.any(loads == 0) or np.any(loads == places.size - 1):
+        yield "node_load: an end of the rope follows a load; allowed: inner nodes"
+
+
 def _state_faults(system: System, state: State) -> Iterator[str]:
     """Faults beyond ranges: joints off their elements, and quaternions of bodies in space without unit length."""
-    nodes = system.cable.node_arc_length
+    yield from _mesh_faults(system, state)
+    nodes = state.mesh.arc_length
     near = system.cable.element_length.max()  # within a step it goes on to the next one
     for joint in np.flatnonzero(state.attached & vehicles_of(system, state)):
         element, place = int(state.joint_element[joint]), float(state.joints.position[joint])

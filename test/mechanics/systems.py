@@ -189,9 +189,12 @@ def disturbed_state(system, seed=1):
     cable, dim = system.cable, len(system.cable.gravity)
     direction = np.eye(dim)[0] * 1.05 + 0.2 * np.eye(dim)[-1]
     state.nodes.position[:, 0] = cable.node_arc_length[:, None] * direction
-    state.nodes.position[:, 1] = direction
-    state.nodes.position[:] += 0.08 * rng.standard_normal(state.nodes.position.shape)
-    for array in (state.nodes.velocity, state.nodes.acceleration, state.bodies.velocity, state.bodies.acceleration):
+    state.nodes.position[:, 1:] = direction
+    nodes = cable.element_count + 1
+    state.nodes.position[:] += 0.08 * from_nodal_vectors(rng.standard_normal((nodes, 2, dim)), dim)
+    for array in (state.nodes.velocity, state.nodes.acceleration):
+        array[:] = from_nodal_vectors(rng.standard_normal((nodes, 2, dim)), dim)
+    for array in (state.bodies.velocity, state.bodies.acceleration):
         array[:] = rng.standard_normal(array.shape)
     state.bodies.position[:] = 0.5 * rng.standard_normal(state.bodies.position.shape)
     if dim == 3:
@@ -248,6 +251,16 @@ def dense_matrix(diagonal, upper, lower):
         if k < nodes - 1:
             matrix[here, after], matrix[after, here] = square(upper[k]), square(lower[k])
     return matrix
+
+
+def nodal_vectors(coordinates):
+    """Copy (2 nodes, dim) of r and r_x of all nodes, none of which follows a load."""
+    return coordinates[:, :2].reshape(-1, coordinates.shape[-1])
+
+
+def from_nodal_vectors(vectors, dim):
+    """Coordinates (nodes, 3, dim) of nodes of which none follows a load, from their r and r_x in any shape."""
+    return np.take(np.reshape(vectors, (-1, 2, dim)), [0, 1, 1], axis=1)
 
 
 def changed(state, **fields):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import dense_matrix, difference, disturbed_state, make_system
+from systems import dense_matrix, difference, disturbed_state, from_nodal_vectors, make_system, nodal_vectors
 
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
@@ -81,7 +81,7 @@ def test_elimination_solves_what_a_dense_solver_solves(dim, clamps):
             work.diagonal[:, i, i] += 8.0 * np.eye(dim).ravel()
         own = slice(first[rope], first[rope + 1])
         matrix[own, own] = dense_matrix(work.diagonal, work.upper, work.lower)
-        right[own] = work.right_side.ravel()
+        right[own] = nodal_vectors(work.right_side).ravel()
     for connector, (ropes, nodes) in enumerate(zip(ROPES, NODES, strict=True)):
         cross = random.normal(size=(dim, dim))
         scratch.cross[connector] = (cross + cross.T).ravel()
@@ -104,7 +104,7 @@ def test_elimination_solves_what_a_dense_solver_solves(dim, clamps):
     exact = np.linalg.solve(matrix, right)
     scratch.used[:], scratch.side[:] = 1, 7.0  # of the solution before, when the clamps were elsewhere
     assert solve_bundle(bundle, scratch, works[0], systems[0].cable.gravity)
-    found = [*(work.right_side.ravel() for work in works), scratch.clamp_right.ravel()]
+    found = [*(nodal_vectors(work.right_side).ravel() for work in works), scratch.clamp_right.ravel()]
     np.testing.assert_allclose(np.concatenate(found), exact, rtol=0, atol=1e-11)
 
 
@@ -128,13 +128,13 @@ def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor):
 
     def forces(change):
         for rope, (state, work) in enumerate(zip(states, works, strict=True)):
-            moved = change[first[rope] : first[rope + 1]].reshape(places[rope].shape)
+            moved = from_nodal_vectors(change[first[rope] : first[rope + 1]], dim)
             state.nodes.position[:] = places[rope] + moved
             state.nodes.velocity[:] = rate_factor * moved
             work.right_side[:] = 0.0
             work.diagonal[:] = 0.0
         add_connectors(bundle, moving, scratch, states[0], works[0], rate_factor, 1.0, like)
-        return np.concatenate([work.right_side.ravel() for work in works])
+        return np.concatenate([nodal_vectors(work.right_side).ravel() for work in works])
 
     numeric = -difference(forces, np.zeros(first[-1]), 1e-5)
     assert np.abs(forces(np.zeros(first[-1]))).max() > 1.0
@@ -224,7 +224,7 @@ def test_strings_that_swing_together_keep_their_frequency_and_energy():
     for own in state.states:
         s = np.linspace(0.0, 1.0, own.nodes.position.shape[0])
         own.nodes.velocity[:, 0, 1] = 0.02 * np.sin(np.pi * s)
-        own.nodes.velocity[:, 1, 1] = 0.02 * np.pi / (2.0 * MIDDLE) * np.cos(np.pi * s)
+        own.nodes.velocity[:, 1:, 1] = 0.02 * np.pi / (2.0 * MIDDLE) * np.cos(np.pi * s)[:, None]
     simulation.restore(state)
     before = simulation.energy().total
     times, heights = [], []

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import disturbed_state, make_limits, make_system, put, with_moving_cable
+from systems import disturbed_state, make_limits, make_system, nodal_vectors, put, with_moving_cable
 
 from cable_twin.mechanics.on_rope.sliding_joint import place_joint, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force, find_contact
@@ -25,18 +25,18 @@ def balance_of_end_nodes(system, state, work):
     cable = system.cable
     add_cable(system, state, 1.0, 0.0, 0.0, work)
     add_loads(cable, state, 0.0, work)
-    nodal = work.right_side.reshape(-1, work.right_side.shape[2])
+    nodal = nodal_vectors(work.right_side)
 
     def act(arc_length, force):
-        point = point_at(cable, arc_length)
+        point = point_at(cable, state, arc_length)
         nodal[2 * point.element : 2 * point.element + 4] += np.outer(point.shape, force)
 
     for carriage in np.flatnonzero(state.attached):
         act(state.joints.position[carriage], -state.multipliers[system.carriages.body_offset[carriage]])
         if system.carriages.hinge_damping.any():
-            point = point_at(cable, state.joints.position[carriage])
+            point = point_at(cable, state, state.joints.position[carriage])
             held = slice(2 * point.element, 2 * point.element + 4)
-            r_x = np.array(point.shape_x) @ state.nodes.position.reshape(-1, 2)[held]
+            r_x = np.array(point.shape_x) @ nodal_vectors(state.nodes.position)[held]
             turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch, by the slope
             nodal[held] -= tangent_moment(system, state, carriage)[0][0] * np.outer(point.shape_x, turn)
     for contact in range(system.towers.stiffness.size):

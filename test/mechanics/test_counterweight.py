@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import dense_blocks, difference, disturbed_state, make_system
+from systems import dense_blocks, difference, disturbed_state, from_nodal_vectors, make_system, nodal_vectors
 
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights, counterweight_energies, limit_force
@@ -31,12 +31,12 @@ def right_side(system, state, work, factors=(0.0, 0.0, 0.0)):
     for array in (work.right_side, work.diagonal, work.upper, work.lower):
         array[:] = 0.0
     add_counterweights(system.counterweights, system.cable, state, *factors, work)
-    return work.right_side.ravel().copy()
+    return nodal_vectors(work.right_side)
 
 
 def test_it_pulls_with_its_force_less_its_inertia_along_its_line():
     system, state, work = weighted((-10.0, 10.0))
-    got = right_side(system, state, work).reshape(work.right_side.shape)
+    got = right_side(system, state, work).reshape(-1, 2, 2)
     pull = 50.0 - 7.0 * DIRECTION @ state.nodes.acceleration[-1, 0]
     np.testing.assert_allclose(got[-1, 0], pull * DIRECTION)
     assert not got[:-1].any()
@@ -47,16 +47,15 @@ def test_it_pulls_with_its_force_less_its_inertia_along_its_line():
 def test_tangent_is_the_derivative_of_the_force(limits):
     system, state, work = weighted(limits)
     mass_factor, rate_factor = 40.0, 3.0
-    shape = state.nodes.position.shape
 
     def moved(change):
         after = clone(state)
-        after.nodes.position[:] += change.reshape(shape)
-        after.nodes.velocity[:] += rate_factor * change.reshape(shape)
-        after.nodes.acceleration[:] += mass_factor * change.reshape(shape)
-        return right_side(system, after, work)
+        after.nodes.position[:] += from_nodal_vectors(change, 2)
+        after.nodes.velocity[:] += rate_factor * from_nodal_vectors(change, 2)
+        after.nodes.acceleration[:] += mass_factor * from_nodal_vectors(change, 2)
+        return right_side(system, after, work).ravel()
 
-    exact = -difference(moved, np.zeros(state.nodes.position.size), 1e-4)
+    exact = -difference(moved, np.zeros(nodal_vectors(state.nodes.position).size), 1e-4)
     right_side(system, state, work, (mass_factor, rate_factor, 1.0))
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-8 * np.abs(exact).max())
 

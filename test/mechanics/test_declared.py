@@ -97,7 +97,7 @@ def test_every_array_of_the_solver_has_a_unit(record):
 def test_sizes_of_a_system_are_those_of_its_state(dim):
     system = make_system(dim, chains=(2, 1))
     state, sizes = allocate_state(system), sizes_of(system)
-    assert state.nodes.position.shape == (system.cable.element_count + 1, 2, dim)
+    assert state.nodes.position.shape == (system.cable.element_count + 1, 3, dim)
     assert state.bodies.position.shape == (3, 3 if dim == 2 else 7)
     assert state.bodies.velocity.shape == (3, sizes["rate"])
     assert sum(array.nbytes for array in arrays_of(state).values()) <= state.memory.size

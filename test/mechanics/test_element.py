@@ -6,7 +6,16 @@ but rounding.
 
 import numpy as np
 import pytest
-from systems import changed, dense_blocks, difference, disturbed_state, make_cable, make_system
+from systems import (
+    changed,
+    dense_blocks,
+    difference,
+    disturbed_state,
+    from_nodal_vectors,
+    make_cable,
+    make_system,
+    nodal_vectors,
+)
 
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME
 from cable_twin.mechanics.rope import elastic_models
@@ -128,18 +137,20 @@ def test_elastic_energy_is_that_of_the_strains(model, dim):
     state.nodes.velocity[:], state.nodes.acceleration[:] = 0.0, cable.gravity
 
     def total(e):
-        moved = changed(state, nodes_position=e.reshape(state.nodes.position.shape))
+        moved = changed(state, nodes_position=from_nodal_vectors(e, dim))
         return sum(elastic_models.elastic_energy(cable, moved, element) for element in range(cable.element_count))
 
     written = sum(
-        energy(cable, np.concatenate(elastic_models.chord_and_slopes(state.nodes.position, element, cable)), element)
+        energy(
+            cable, np.concatenate(elastic_models.chord_and_slopes(state.nodes.position, element, cable, state)), element
+        )
         for element in range(cable.element_count)
     )
-    assert total(state.nodes.position) == pytest.approx(written, rel=1e-13)
-    state.nodes.acceleration[:, 1] = 0.0  # r_ddot = g, so that inertia and gravity cancel
+    assert total(nodal_vectors(state.nodes.position)) == pytest.approx(written, rel=1e-13)
+    state.nodes.acceleration[:, 1:] = 0.0  # r_ddot = g, so that inertia and gravity cancel
     cable_element.add_cable(system, state, 0.0, 0.0, 0.0, work)
-    force = difference(total, state.nodes.position.ravel(), 1e-4)
-    np.testing.assert_allclose(-work.right_side.ravel(), force, rtol=0, atol=1e-8 * np.abs(force).max())
+    force = difference(total, nodal_vectors(state.nodes.position).ravel(), 1e-4)
+    np.testing.assert_allclose(-nodal_vectors(work.right_side).ravel(), force, rtol=0, atol=1e-8 * np.abs(force).max())
 
 
 STRAIGHT = 0.73 * np.outer(np.ones(3), [0.6, 0.8, 0.0])
@@ -308,7 +319,7 @@ def test_inertia_and_gravity_are_integrals_over_the_element(dim):
     cable = system.cable
     state, _ = disturbed_state(system)
     length = cable.element_length[1]
-    accelerations = state.nodes.acceleration[1:3].reshape(4, dim)
+    accelerations = nodal_vectors(state.nodes.acceleration[1:3])
     exact = np.zeros((4, dim))
     for u, weight in gauss(5):
         s = np.array(shape_functions(u * length, length))
@@ -324,8 +335,8 @@ def test_mean_tension_is_the_mean_of_the_strain(model, dim):
     """EA times the mean of ε + τ ε_dot over the Gauss points: to 1e-12."""
     system = make_system(dim, cable={"elastic_model": model, "damping_time": 0.02})
     state, _ = disturbed_state(system)
-    shape = elastic_models.chord_and_slopes(state.nodes.position, 1, system.cable)
-    rates = elastic_models.chord_and_slopes(state.nodes.velocity, 1, system.cable)
+    shape = elastic_models.chord_and_slopes(state.nodes.position, 1, system.cable, state)
+    rates = elastic_models.chord_and_slopes(state.nodes.velocity, 1, system.cable, state)
     q, q_dot = np.concatenate(shape), np.concatenate(rates)
     axial = strains(system.cable, q)[0] + 0.02 * gradient(lambda x: strains(system.cable, x)[0], q) @ q_dot
     exact = system.cable.axial_stiffness * np.array([weight for _, weight in gauss(AXIAL_POINTS)]) @ axial
@@ -344,7 +355,7 @@ def test_blocks_of_the_cable_are_the_derivative_of_its_residual(model, bending_s
     mass_factor, rate_factor, stiffness_factor = 90.0, 5.0, 1.0
 
     def residual(delta):
-        delta = delta.reshape(state.nodes.position.shape)
+        delta = from_nodal_vectors(delta, dim)
         moved = changed(
             state,
             nodes_position=state.nodes.position + stiffness_factor * delta,
@@ -352,8 +363,8 @@ def test_blocks_of_the_cable_are_the_derivative_of_its_residual(model, bending_s
             nodes_acceleration=state.nodes.acceleration + mass_factor * delta,
         )
         cable_element.add_cable(system, moved, mass_factor, rate_factor, stiffness_factor, work)
-        return -work.right_side.ravel()
+        return -nodal_vectors(work.right_side).ravel()
 
-    exact = difference(residual, np.zeros(state.nodes.position.size), 1e-4)
-    residual(np.zeros(state.nodes.position.size))
+    exact = difference(residual, np.zeros(nodal_vectors(state.nodes.position).size), 1e-4)
+    residual(np.zeros(nodal_vectors(state.nodes.position).size))
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=1e-9 * np.abs(exact).max())

@@ -6,7 +6,16 @@ its own tests. Their derivatives are differences of fourth order.
 
 import numpy as np
 import pytest
-from systems import changed, difference, disturbed_state, make_system, second_difference, turned
+from systems import (
+    changed,
+    difference,
+    disturbed_state,
+    from_nodal_vectors,
+    make_system,
+    nodal_vectors,
+    second_difference,
+    turned,
+)
 from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.language.declared import clone
@@ -131,7 +140,7 @@ def yielded(system, state, carriage, work):
 
 def constraints(system, state, work=None):
     """Φ (2 bodies,) in m of all joints of all carriages."""
-    e = state.nodes.position.reshape(-1, 2)
+    e = nodal_vectors(state.nodes.position)
     offset, result = system.carriages.body_offset, [np.zeros(0)]
     for carriage in range(system.carriages.fixed.size):
         chain = slice(offset[carriage], offset[carriage + 1])
@@ -146,10 +155,10 @@ def constraints(system, state, work=None):
 def rows(system, state, work):
     """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinates, joints."""
     cable, carriages = system.cable, system.carriages
-    e = state.nodes.position.reshape(-1, 2)
+    e = nodal_vectors(state.nodes.position)
     bare = system._replace(air=system.air._replace(present=False))
     add_cable(bare, state, 0.0, 0.0, 0.0, work)
-    on_cable = -work.right_side.reshape(-1, 2)
+    on_cable = -nodal_vectors(work.right_side)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
         element = np.searchsorted(cable.node_arc_length[1:-1], arc_length, side="right")
         weights = shape_functions(arc_length - cable.node_arc_length[element], cable.element_length[element])
@@ -173,7 +182,7 @@ def rows(system, state, work):
         shape_x = joint_weights(system, state, carriage, shape_functions_x)
         r_x, r_xx = shape_x @ e, joint_weights(system, state, carriage, shape_functions_xx) @ e
         turn = np.array([r_x[1], -r_x[0]]) / (r_x @ r_x)  # of the pitch atan2(-z, x), by the slope (x, z)
-        rate = turn @ (shape_x @ state.nodes.velocity.reshape(-1, 2) + state.joints.velocity[carriage] * r_xx)
+        rate = turn @ (shape_x @ nodal_vectors(state.nodes.velocity) + state.joints.velocity[carriage] * r_xx)
         direction = np.arctan2(-r_x[1], r_x[0]), rate
         moments = hinge_moments(own, bodies.position[chain, 2], bodies.velocity[chain, 2], direction)
         on_bodies.append(chain_residual(own, bodies.position[chain], forces, bodies.acceleration[chain], moments))
@@ -198,10 +207,10 @@ def rows(system, state, work):
 
 
 def split(system, unknown):
-    """Nodal (nodes, 2, 2), body (bodies, 3), sliding (carriages,) and multiplier (bodies, 2) parts of a vector."""
+    """Nodal (nodes, 3, 2), body (bodies, 3), sliding (carriages,) and multiplier (bodies, 2) parts of a vector."""
     nodes, bodies, count = system.cable.element_count + 1, system.carriages.mass.size, system.carriages.fixed.size
     parts = np.split(unknown, np.cumsum([4 * nodes, 3 * bodies, count]))
-    return parts[0].reshape(nodes, 2, 2), parts[1].reshape(bodies, 3), parts[2], parts[3].reshape(bodies, 2)
+    return from_nodal_vectors(parts[0], 2), parts[1].reshape(bodies, 3), parts[2], parts[3].reshape(bodies, 2)
 
 
 def held(system):

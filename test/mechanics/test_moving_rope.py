@@ -5,7 +5,18 @@ On a strand there is more rope on the mesh than that is long, and rope has other
 
 import numpy as np
 import pytest
-from systems import changed, dense_blocks, difference, disturbed_state, make_limits, make_system, put, with_moving_cable
+from systems import (
+    changed,
+    dense_blocks,
+    difference,
+    disturbed_state,
+    from_nodal_vectors,
+    make_limits,
+    make_system,
+    nodal_vectors,
+    put,
+    with_moving_cable,
+)
 from test_equations_of_motion import ELASTIC, check_newton_step, setup
 
 from cable_twin.mechanics.drives.moving_rope import move_rope, moving_rope_force
@@ -15,14 +26,9 @@ from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.on_rope.sliding_joint import joint_velocity
 from cable_twin.mechanics.parameters import SPEED, STANDING, MovingCable
-from cable_twin.mechanics.rope.ale import (
-    flow_energy,
-    flow_integrals,
-    rest_stretch,
-    rope_before,
-    transport_velocity,
-)
+from cable_twin.mechanics.rope.ale import rest_stretch, rope_before, transport_velocity
 from cable_twin.mechanics.rope.element import add_cable, element_tensions
+from cable_twin.mechanics.rope.flow import flow_energy, flow_integrals
 from cable_twin.mechanics.rope.shape_functions import (
     FLOW,
     SLOPE,
@@ -34,7 +40,7 @@ from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 from cable_twin.mechanics.solution.generalized_alpha import advance
 from cable_twin.mechanics.solution.stepping import Outcome
-from cable_twin.mechanics.state import allocate_workspace
+from cable_twin.mechanics.state import allocate_state, allocate_workspace
 
 MOVING = MovingCable(moving=True, loop_length=5.0, limits=make_limits(1, 0.8, 1.5))  # of which 2.1 m are the cable
 
@@ -57,7 +63,7 @@ def fields(system, coordinates, function):
     """S, S_x or S_xx times `coordinates` at the Gauss points of all elements, and all weights in m."""
     cable = system.cable
     points, weights = gauss()
-    e = coordinates.reshape(-1, coordinates.shape[-1])
+    e = nodal_vectors(coordinates)
     values = []
     for element, length in enumerate(cable.element_length):
         rows = np.array([function(u * length, length) for u in points])
@@ -71,7 +77,7 @@ def flow(system, state, rate_factor, stiffness_factor):
     for each in (system, system._replace(moving_cable=STANDING)):
         work = allocate_workspace(each)
         add_cable(each, state, 0.0, rate_factor, stiffness_factor, work)
-        found.append((work.right_side.copy(), dense_blocks(work)))
+        found.append((nodal_vectors(work.right_side), dense_blocks(work)))
     return found[0][0] - found[1][0], found[0][1] - found[1][1]
 
 
@@ -107,7 +113,7 @@ def test_force_is_that_of_the_convective_acceleration(dim):
     boundary = cable.mass_per_length * speed**2 * state.nodes.position[:, 1]
     expected[0] -= boundary[0]
     expected[-2] += boundary[-1]
-    np.testing.assert_allclose(forces.reshape(-1, dim), expected, atol=1e-12)
+    np.testing.assert_allclose(forces, expected, atol=1e-12)
 
 
 def test_a_cable_that_stands_still_has_no_such_force():
@@ -193,11 +199,10 @@ def loop(places, *, speed=1.0, element_length=0.7, **changes):
         },
     )
     system = with_moving_cable(standing, MOVING)
-    state, work = disturbed_state(system)
-    for array in arrays_of(state).values():
-        array[...] = 0
+    state, work = allocate_state(system), allocate_workspace(system)
+    state.attached[:] = False
     state.nodes.position[:, 0, 0] = 1.05 * system.cable.node_arc_length
-    state.nodes.position[:, 1, 0] = 1.05
+    state.nodes.position[:, 1:, 0] = 1.05
     state.drives.mode[:] = SPEED
     state.rope.velocity[:] = state.rope_drive.target[0] = speed
     attach_carriers(system, state)
@@ -227,7 +232,7 @@ def test_what_is_off_the_mesh_hangs_in_the_nearer_station(place, attached, stati
 def test_what_comes_onto_a_moving_cable_moves_with_its_joint():
     """Carrier upright, without a gap, with velocity and acceleration of its point of the cable."""
     system, state, work = loop([4.95])
-    state.nodes.velocity[1] = [[0.1, -0.3], [0.05, 0.2]]
+    state.nodes.velocity[1] = [[0.1, -0.3], [0.05, 0.2], [0.05, 0.2]]
     put(state.rope, 0.15, 1.3, 0.4)
     attach_carriers(system, state)
     assert state.attached[0]
@@ -239,9 +244,9 @@ def test_what_comes_onto_a_moving_cable_moves_with_its_joint():
 
     def place(t):
         """Position of the joint after `t` at the present velocities and rope acceleration."""
-        e = state.nodes.position + t[0] * state.nodes.velocity
+        e = nodal_vectors(state.nodes.position + t[0] * state.nodes.velocity)
         s = 0.1 + 1.3 * t[0] + 0.5 * 0.4 * t[0] ** 2
-        return np.array(shape_functions(s, system.cable.element_length[0])) @ e[:2].reshape(4, 2)
+        return np.array(shape_functions(s, system.cable.element_length[0])) @ e[:4]
 
     np.testing.assert_allclose(velocity, difference(place, np.zeros(1), 1e-3)[:, 0], atol=1e-10)
     step = 1e-3
@@ -355,13 +360,13 @@ def test_forces_are_those_of_points_of_the_rope():
     for elements in (20, 40, 80):
         system, state, work = strand(elements, axial_stiffness=0.0, gravity=(0.0, 0.0))
         for node, s in enumerate(system.cable.node_arc_length):
-            for row, function in enumerate((curve, by_s)):
+            for row, function in enumerate((curve, by_s, by_s)):
                 motion = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
                 for array, value in zip(motion, rates(function, s), strict=True):
                     array[node, row] = value
         add_cable(system, state, 0.0, 0.0, 0.0, work)
         nodal = np.array([[phi(s), (phi(s + 1e-5) - phi(s - 1e-5)) / 2e-5] for s in system.cable.node_arc_length])
-        errors.append(abs(float(np.sum(work.right_side * nodal)) - expected))
+        errors.append(abs(float(np.sum(work.right_side[:, :2] * nodal)) - expected))
     assert errors[-1] < 2e-3 * abs(expected), (errors, expected)
     assert np.log2(errors[0] / errors[-1]) / 2.0 > 1.7, errors
 
@@ -375,13 +380,13 @@ def test_tangent_is_the_derivative_of_the_force(of_loop, dim):
     def residual(change):
         moved = changed(
             state,
-            nodes_position=state.nodes.position + change.reshape(state.nodes.position.shape),
-            nodes_velocity=state.nodes.velocity + 25.0 * change.reshape(state.nodes.position.shape),
+            nodes_position=state.nodes.position + from_nodal_vectors(change, dim),
+            nodes_velocity=state.nodes.velocity + 25.0 * from_nodal_vectors(change, dim),
         )
         add_cable(system, moved, 0.0, 25.0, 1.0, work)
-        return -work.right_side.ravel()
+        return -nodal_vectors(work.right_side).ravel()
 
-    exact = difference(residual, np.zeros(state.nodes.position.size), 1e-4)
+    exact = difference(residual, np.zeros(nodal_vectors(state.nodes.position).size), 1e-4)
     add_cable(system, state, 0.0, 25.0, 1.0, work)
     tangent = dense_blocks(work)
     np.testing.assert_allclose(tangent, exact, atol=1e-9 * np.abs(tangent).max())
@@ -402,7 +407,7 @@ def test_tension_and_its_damping_follow_the_rope_that_comes_onto_the_mesh():
     """Straight mesh at rest: EA (ε + τ ε_dot) with ε = |r_s| / λ - 1, its rate by differences."""
     system, state, _ = strand(damping_time=0.02, even=True)
     state.nodes.position[:, 0, 0], state.nodes.position[:, 0, 1] = 1.2 * system.cable.node_arc_length, 0.0
-    state.nodes.position[:, 1] = 1.2, 0.0
+    state.nodes.position[:, 1:] = 1.2, 0.0
     state.nodes.velocity[:] = 0.0
     tensions = np.empty((1, WIDTH))
     element_tensions(system.cable, state, tensions)

@@ -11,8 +11,10 @@ from systems import (
     changed,
     difference,
     disturbed_state,
+    from_nodal_vectors,
     make_limits,
     make_system,
+    nodal_vectors,
     second_difference,
     with_moving_cable,
 )
@@ -261,7 +263,7 @@ def weights(system, state, function):
 
 def direction(system, state):
     """Tangent (3,) at the joint, its spin (3,) in rad/s, r_x and r_xx (3,), and its rotation (3, 3) by r_x."""
-    e, e_dot = state.nodes.position.reshape(-1, 3), state.nodes.velocity.reshape(-1, 3)
+    e, e_dot = nodal_vectors(state.nodes.position), nodal_vectors(state.nodes.velocity)
     shape_x = weights(system, state, shape_functions_x)
     r_x, r_xx = shape_x @ e, weights(system, state, shape_functions_xx) @ e
     turn = np.stack([np.cross(r_x, axis) for axis in np.eye(3)], axis=1) / (r_x @ r_x)
@@ -273,7 +275,7 @@ def chain(system, state, work=None):
     """Chain of the carriage at its present place, by definition."""
     still = np.zeros((system.carriages.mass.size, 6))
     tangent, spin, *_ = direction(system, state)
-    place = weights(system, state, shape_functions) @ state.nodes.position.reshape(-1, 3)
+    place = weights(system, state, shape_functions) @ nodal_vectors(state.nodes.position)
     return Moved(system, state, still, tangent, spin, np.zeros(3), place - yielded(system, state, work)[0])
 
 
@@ -299,7 +301,7 @@ def rows(system, state, holding, work):
     add_loads(system.cable, state, 0.0, work)
     add_towers(system.cable, system.towers, state, 0.0, 0.0, work)
     add_counterweights(system.counterweights, system.cable, state, 0.0, 0.0, 0.0, work)
-    on_cable = -work.right_side.reshape(-1, 3)
+    on_cable = -nodal_vectors(work.right_side)
     force, moment = state.multipliers[0], moved.moments(holding)[0]
     _, _, r_x, r_xx, turn = direction(system, state)
     on_cable = on_cable + np.outer(weights(system, state, shape_functions), force)
@@ -323,12 +325,12 @@ def dense_newton_step(system, state, work):
     """Increments of all unknowns from the uncondensed system: nodes, bodies, s, multipliers, constraint moments."""
     bodies, driven = system.carriages.mass.size, state.drives.mode[0] == SPEED
     start, turned = stored_holding(chain(system, state), state), work.turned.copy()
-    size = state.nodes.position.size
+    size = nodal_vectors(state.nodes.position).size
     parts = np.cumsum([size, 6 * bodies, 1, 3 * bodies])
 
     def residual(unknown):
         e, q, s, multipliers, holding = np.split(unknown, parts)
-        e, q = e.reshape(state.nodes.position.shape), q.reshape(bodies, 6)
+        e, q = from_nodal_vectors(e, 3), q.reshape(bodies, 6)
         places, grown = state.bodies.position.copy(), q.copy()
         places[:, :3] += q[:, :3]
         for body, turn in enumerate(map(Rotation.from_rotvec, q[:, 3:])):
@@ -366,6 +368,7 @@ def check_newton_step(system, state, work, tolerance=1e-5):
     """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
     freeze_compliance(system, state, work)
     exact = dense_newton_step(system, state, work)
+    exact[0] = from_nodal_vectors(exact[0], 3).ravel()
     before, start = state.multipliers.copy(), chain(system, state)
     holding = stored_holding(start, state)
     measure_gaps(system, state, work, True)

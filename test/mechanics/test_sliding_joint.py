@@ -17,6 +17,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 )
 from cable_twin.mechanics.rope.point import element_at, point_at, position_on_cable
 from cable_twin.mechanics.rope.shape_functions import shape_functions
+from cable_twin.mechanics.state import allocate_state
 
 ROUGH = {"rolling_friction": np.array([0.3]), "viscous_friction": np.array([5.0])}
 
@@ -35,16 +36,17 @@ def one_joint(s=1.2, **carriages):
 )
 def test_arc_length_belongs_to_an_element(arc_length, element, local):
     """Extrapolation of the end element beyond an end."""
-    cable = make_system(cable={"node_arc_length": np.array([0.0, 0.6, 1.1, 1.7, 2.1])}).cable
-    point = point_at(cable, arc_length)
+    system = make_system(cable={"node_arc_length": np.array([0.0, 0.6, 1.1, 1.7, 2.1])})
+    point = point_at(system.cable, allocate_state(system), arc_length)
     assert point.element == element
-    np.testing.assert_allclose(point.shape, shape_functions(local, cable.element_length[element]), atol=1e-15)
+    np.testing.assert_allclose(point.shape, shape_functions(local, system.cable.element_length[element]), atol=1e-15)
 
 
 @pytest.mark.parametrize(("arc_length", "element"), [(float("nan"), 0), (float("inf"), 2), (-float("inf"), 0)])
 def test_what_is_no_arc_length_still_names_an_element(arc_length, element):
     """Broken states reach the checks of the solver instead of an index out of range."""
-    assert element_at(make_system().cable, arc_length) == element
+    system = make_system()
+    assert element_at(system.cable, allocate_state(system), arc_length) == element
 
 
 def test_cable_passes_through_its_nodes_smoothly():

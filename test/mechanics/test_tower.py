@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import dense_blocks, difference, disturbed_state, make_system
+from systems import dense_blocks, difference, disturbed_state, from_nodal_vectors, make_system, nodal_vectors
 
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.tower import (
@@ -24,7 +24,7 @@ PLACES = (0.3, 0.9, 1.6)  # m, on three elements of 0.7 m
 
 def on_rope(cable, state, s):
     """Position and slope (2,) of the rope at an arc length."""
-    point = point_at(cable, s)
+    point = point_at(cable, state, s)
     return [np.array(function(state.nodes.position, point, cable.gravity)) for function in (value, slope)]
 
 
@@ -61,7 +61,7 @@ def forces_on_nodes(system, state, work, rate_factor=0.0, stiffness_factor=0.0):
     for array in (work.right_side, work.diagonal, work.upper, work.lower):
         array[:] = 0.0
     add_towers(system.cable, system.towers, state, rate_factor, stiffness_factor, work)
-    return work.right_side.ravel().copy()
+    return nodal_vectors(work.right_side).ravel()
 
 
 @pytest.mark.parametrize("start", [-0.15, 0.0, 0.2])
@@ -100,11 +100,11 @@ def test_tangent_is_the_derivative_of_the_force(case, tolerance):
 
     def right_side(change):
         moved = clone(state)
-        moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
-        moved.nodes.velocity[:] += rate_factor * change.reshape(state.nodes.position.shape)
+        moved.nodes.position[:] += from_nodal_vectors(change, len(system.cable.gravity))
+        moved.nodes.velocity[:] += rate_factor * from_nodal_vectors(change, len(system.cable.gravity))
         return forces_on_nodes(system, moved, work)
 
-    exact = -difference(right_side, np.zeros(state.nodes.position.size), 2e-5)
+    exact = -difference(right_side, np.zeros(nodal_vectors(state.nodes.position).size), 2e-5)
     forces_on_nodes(system, state, work, rate_factor, 1.0)
     np.testing.assert_allclose(dense_blocks(work), exact, rtol=0, atol=tolerance * np.abs(exact).max())
     assert np.abs(exact).max() > 100.0
@@ -116,14 +116,14 @@ def test_without_friction_and_damping_the_force_has_a_potential(depth):
 
     def energy(change):
         moved = clone(state)
-        moved.nodes.position[:] += change.reshape(state.nodes.position.shape)
+        moved.nodes.position[:] += from_nodal_vectors(change, 2)
         total = 0.0
         for contact in range(3):
             find_contact(system.cable, system.towers, moved, contact)
             total += contact_energy(system.cable, system.towers, moved, contact)
         return np.array([total])
 
-    slope = difference(energy, np.zeros(state.nodes.position.size), 2e-5)[0]
+    slope = difference(energy, np.zeros(nodal_vectors(state.nodes.position).size), 2e-5)[0]
     got = forces_on_nodes(system, state, work)
     np.testing.assert_allclose(got, -slope, rtol=0, atol=1e-7 * np.abs(slope).max())
     np.testing.assert_allclose(dense_blocks(work), dense_blocks(work).T)
@@ -187,7 +187,7 @@ def lying(aside=0.0, depth=0.03, ratio=0.5, hold_down=False):
     system = make_system(3, towers={"contacts": 1, "friction": np.zeros(1)})
     state, work = disturbed_state(system)
     state.nodes.position[:, 0] = system.cable.node_arc_length[:, None] * np.array([1.0, 0.0, 0.0])
-    state.nodes.position[:, 1] = [1.0, 0.0, 0.0]
+    state.nodes.position[:, 1:] = [1.0, 0.0, 0.0]
     for array in (state.nodes.velocity, state.nodes.acceleration):
         array[:] = 0.0
     state.contact_arc_length[:] = state.contact_origin[:] = 0.9

@@ -7,7 +7,7 @@ from cable_twin.mechanics.drives.moving_rope import move_rope
 from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.drives.reference import advance_reference, follow, force_limit
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import add_scaled, scale
+from cable_twin.mechanics.language.vectors import add_scaled, scale, store
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
@@ -18,6 +18,8 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 )
 from cable_twin.mechanics.parameters import DRUM, FORCE, SPEED
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
+from cable_twin.mechanics.rope.patch import at_node, mean_slope
+from cable_twin.mechanics.rope.point import R
 
 
 @kernel
@@ -115,6 +117,9 @@ def set_going(system, state, carriage, speed):
         place = state.drums.position[carriage]
     follow(state.reference, carriage, place, speed, 0.0)
     place_joint(cable, state, carriage)
+    if at_node(cable, state, carriage):  # which goes along, between the velocities of the rope on either side
+        node = state.joint_node[carriage]
+        store(scale(speed, mean_slope(state.nodes.position, node, cable.gravity)), state.nodes.velocity[node, R])
     velocity = joint_velocity(cable, state, carriage)
     if has_joint_compliance(cable):  # what the joint yields changes on the way
         bent = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0])

@@ -16,7 +16,8 @@ from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint, joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import START
-from cable_twin.mechanics.rope.ale import flow_integrals, transport_velocity
+from cable_twin.mechanics.rope.ale import transport_velocity
+from cable_twin.mechanics.rope.flow import flow_integrals
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import point_at, slope
 
@@ -43,7 +44,7 @@ def moving_rope_force(system, state):
                 force -= compliance_of_joint(cable, state, carriage, pull).along
             force += tangent_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
-        r_x = slope(state.nodes.position, point_at(cable, state.contact_arc_length[contact]), cable.gravity)
+        r_x = slope(state.nodes.position, point_at(cable, state, state.contact_arc_length[contact]), cable.gravity)
         force -= dot(contact_force(cable, system.towers, state, contact)[0], r_x)
     return force
 

@@ -50,7 +50,8 @@ def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
         condense_drum(system, state, carriage, mass_factor, rate_factor, work)
     elif system.haul_ropes.axial_stiffness[carriage] > 0.0:  # held at rest, by its rope
         r_x = joint_tangent(system.cable, state, carriage)
-        work.haul_force[carriage] = driven_force(system, state, carriage) * sqrt(dot(r_x, r_x))
+        state.drives.force[carriage] = driven_force(system, state, carriage)
+        work.haul_force[carriage] = state.drives.force[carriage] * sqrt(dot(r_x, r_x))
         store(haul_direction(system, state, carriage), work.haul_direction[carriage])
 
 

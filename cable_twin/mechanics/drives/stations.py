@@ -21,6 +21,7 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
 )
 from cable_twin.mechanics.parameters import ALONE
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
+from cable_twin.mechanics.rope.following_nodes import give_back
 from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 
 
@@ -48,6 +49,8 @@ def park(system, state, carriage, place):
 def hang_in_station(system, state, carriage, station):
     """Detach a carriage and hang it at rest at the end of the cable with the arc length `station` (m)."""
     cable = system.cable
+    if cable.load_nodes and state.joint_node[carriage] >= 0:
+        give_back(system, state, state.joint_node[carriage])
     state.attached[carriage] = False
     keep_on(system, state, carriage)
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0

@@ -56,6 +56,12 @@ def gather_vectors(rows: Any, first: Any, like: Vec) -> Vec:
 
 
 @formula
+def read_vector(rows: Any, first: Any, like: Vec) -> Vec:
+    """Vector (dim,) of lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    return Vec(read_lanes(rows, (first + axis, 0), WIDTH) for axis in range(len(like)))
+
+
+@formula
 def spread(values: Vec | Mat, rows: Any, first: Any) -> None:
     """Write the lanes of a vector or matrix to as many rows of `rows` (rows, WIDTH), from row `first` on."""
     for k, value in enumerate(values.entries):

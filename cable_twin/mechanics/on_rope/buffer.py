@@ -21,7 +21,8 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, product, scale, subtract
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.presence import belongs
-from cable_twin.mechanics.rope.point import point_on, slope, value
+from cable_twin.mechanics.rope.patch import at_node, mean_slope
+from cable_twin.mechanics.rope.point import R, point_on, slope, value
 
 
 @kernel
@@ -69,7 +70,10 @@ LEAST_SPEED = 0.01  # m/s, slower than that two which have met before only lean 
 @inlined_kernel
 def place_and_velocity(cable, state, carriage):
     """Position (dim,) in m and velocity (dim,) in m/s of a joint."""
-    point, like = point_on(cable, state.joint_element[carriage], state.joints.position[carriage]), cable.gravity
+    if at_node(cable, state, carriage):
+        node = state.joint_node[carriage]
+        return load(state.nodes.position[node, R], cable.gravity), load(state.nodes.velocity[node, R], cable.gravity)
+    point, like = point_on(state, state.joint_element[carriage], state.joints.position[carriage]), cable.gravity
     moving = value(state.nodes.velocity, point, like)
     velocity = add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, like), moving)
     return value(state.nodes.position, point, like), velocity
@@ -147,7 +151,10 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
     """Condense a vehicle in buffer contact along the rope: stiffness and inertia (N/m), and force (N)."""
     cable, carriages, like = system.cable, system.carriages, system.cable.gravity
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
-    r_x = slope(state.nodes.position, point_on(cable, state.joint_element[carriage], s), like)
+    if at_node(cable, state, carriage):
+        r_x = mean_slope(state.nodes.position, state.joint_node[carriage], like)
+    else:
+        r_x = slope(state.nodes.position, point_on(state, state.joint_element[carriage], s), like)
     norm = sqrt(dot(r_x, r_x))
     way, first = scale(1.0 / norm, r_x), carriages.body_offset[carriage]
     if work.driven[carriage]:

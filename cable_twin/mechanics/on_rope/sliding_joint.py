@@ -34,6 +34,7 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.buffer import push_on, stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
+from cable_twin.mechanics.on_rope.load_node import direction_at_node, hang_at_node, pull_along
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.tangent_hinge import (
     add_tangent_hinge,
@@ -42,21 +43,25 @@ from cable_twin.mechanics.on_rope.tangent_hinge import (
     turn_by_slope,
 )
 from cable_twin.mechanics.on_rope.vehicle_impedance import contact_force, impedance_at_joint, impedance_at_pivot
+from cable_twin.mechanics.parameters import JOINT
 from cable_twin.mechanics.rope.element import group_tension
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance, kink_length, shares
-from cable_twin.mechanics.rope.point import add_block, add_to, bend, coordinate, element_at, point_on, slope, value
+from cable_twin.mechanics.rope.patch import at_node, mean_slope
+from cable_twin.mechanics.rope.point import R, add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
 
 @kernel
 def place_joint(cable, state, carriage):
     """Update the element of the joint; explicit integrators keep it until a node on the way is found."""
-    state.joint_element[carriage] = element_at(cable, state.joints.position[carriage])
+    if cable.load_nodes and state.joint_node[carriage] >= 0:
+        return  # `follow_joints` does
+    state.joint_element[carriage] = element_at(cable, state, state.joints.position[carriage])
 
 
 @inlined_kernel
 def joint_point(cable, state, carriage):
     """Point of the joint on its present element."""
-    return point_on(cable, state.joint_element[carriage], state.joints.position[carriage])
+    return point_on(state, state.joint_element[carriage], state.joints.position[carriage])
 
 
 @kernel
@@ -67,7 +72,9 @@ def joint_position(cable, state, carriage):
 
 @kernel
 def joint_tangent(cable, state, carriage):
-    """Slope S_x(n) e (dim,) of the cable at the joint."""
+    """Slope S_x(n) e (dim,) of the cable at the joint; the mean of both sides of a node that follows it."""
+    if at_node(cable, state, carriage):
+        return mean_slope(state.nodes.position, state.joint_node[carriage], cable.gravity)
     return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
 
 
@@ -87,7 +94,9 @@ def compliance_of_joint(cable, state, carriage, force):
 
 @kernel
 def joint_velocity(cable, state, carriage):
-    """Velocity (dim,) in m/s of the joint: S ė + ṡ S_x e."""
+    """Velocity (dim,) in m/s of the joint: S ė + ṡ S_x e, or that of the node that follows it."""
+    if at_node(cable, state, carriage):
+        return load(state.nodes.velocity[state.joint_node[carriage], R], cable.gravity)
     point = joint_point(cable, state, carriage)
     moving = value(state.nodes.velocity, point, cable.gravity)
     return add_scaled(state.joints.velocity[carriage], slope(state.nodes.position, point, cable.gravity), moving)
@@ -105,6 +114,8 @@ def direction_above(system, state, carriage):
 @inlined_kernel
 def cable_direction(cable, state, carriage):
     """Orientation of the cable at the joint, and its angular velocity G (S_x ė + ṡ S_xx e), as `hinge.Above`."""
+    if at_node(cable, state, carriage):
+        return direction_at_node(state, state.joint_node[carriage], cable.gravity)
     point, like = joint_point(cable, state, carriage), cable.gravity
     r_x = slope(state.nodes.position, point, like)
     turning = slope(state.nodes.velocity, point, like)
@@ -127,6 +138,8 @@ def tangent_moment(system, state, carriage):
     if not is_hinged(system.carriages, first):
         return still, 0.0
     moment = tangent_hinge(system, state, carriage, 0.0, 0.0).moment
+    if at_node(system.cable, state, carriage):
+        return moment, 0.0
     point = joint_point(system.cable, state, carriage)
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
     return moment, dot(moment, product(by_slope, bend(state.nodes.position, point, like)))
@@ -136,6 +149,8 @@ def tangent_moment(system, state, carriage):
 def tangent_moment_force(system, state, carriage, row):
     """Force (dim,) in N of a carriage's moment on coordinate `row` of the joint's element: -S_x Gᵀ m."""
     moment, _ = tangent_moment(system, state, carriage)
+    if at_node(system.cable, state, carriage):
+        return scale(0.0, system.cable.gravity)  # on its slopes alone
     point, like = joint_point(system.cable, state, carriage), system.cable.gravity
     by_slope = turn_by_slope(slope(state.nodes.position, point, like))
     return scale(-point.shape_x[row], product(moment, by_slope))
@@ -176,6 +191,9 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     """
     cable, carriages = system.cable, system.carriages
     like = cable.gravity
+    if at_node(cable, state, carriage):
+        hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work)
+        return
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     point = joint_point(cable, state, carriage)
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
@@ -231,7 +249,7 @@ def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
     for i in range(4):
         column = load(columns[i], like)
         pull = add_scaled(shape[i], contact, scale(right / pivot, column))
-        add_to(scale(-1.0, pull), work.right_side, point.element, i)
+        add_to(scale(-1.0, pull), point.element, i, work)
         for j in range(4):
             condensed = outer(1.0 / pivot, column, load(rows[j], like))
             add_block(subtract(block(shape[i] * shape[j], impedance, 0.0), condensed), point.element, i, j, work)
@@ -250,6 +268,10 @@ def driven_force(system, state, carriage):
     if system.buffers.present:
         force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
     norm, tangential, _, normal = along_and_across(force, r_x)
+    if at_node(cable, state, carriage):
+        tangential = pull_along(system, state, carriage)
+        if system.haul_ropes.axial_stiffness[carriage] > 0.0 and state.axis[carriage] == JOINT:
+            tangential += state.drives.force[carriage]  # of its haul rope at rest, which the cable does not feel
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
     _, turning = tangent_moment(system, state, carriage)
@@ -263,6 +285,8 @@ def recover_joint(system, state, carriage, work):
     """Increment of s, and displacement (dim,) of the joint on the cable, from the nodal increments."""
     cable = system.cable
     like = cable.gravity
+    if at_node(cable, state, carriage):
+        return load(work.right_side[state.joint_node[carriage], R], like)
     point = joint_point(cable, state, carriage)
     by_s = slope(state.nodes.position, point, like)
     if has_joint_compliance(cable):
@@ -286,6 +310,9 @@ def recover_turn(system, state, carriage, work):
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):
         return still
     element, rows = state.joint_element[carriage], outer(0.0, still, like)
+    if at_node(system.cable, state, carriage):
+        both = scale(2.0, mean_slope(work.right_side, state.joint_node[carriage], like))
+        return product(load(work.grip_row[carriage, 0], rows), both)
     turned = scale(work.sliding_increment[carriage], load(work.grip_by_s[carriage], still))
     for i in range(4):
         vehicle = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like))
@@ -317,8 +344,8 @@ def slackness(cable, state, work):
     for first in range(0, cable.element_count, WIDTH):
         spread((group_tension(cable, state, first),), work.group, 0)
         for lane in range(min(WIDTH, cable.element_count - first)):
-            now += cable.element_length[first + lane] * work.group[0, lane]
-            rest += cable.element_length[first + lane] * cable.rounding_tension[first + lane]
+            now += state.mesh.length[first + lane] * work.group[0, lane]
+            rest += state.mesh.length[first + lane] * cable.rounding_tension[first + lane]
     return rest / max(now, rest / SLACKEST)
 
 

@@ -113,7 +113,7 @@ def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s,
     shape, shape_x, shape_xx = point.shape, point.shape_x, point.shape_xx
     e, e_dot, s_dot = state.nodes.position, state.nodes.velocity, state.joints.velocity[carriage]
     r_x, r_xx = slope(e, point, like), bend(e, point, like)
-    r_xxx = interpolate(e, point.element, shape_functions_xxx(cable.element_length[point.element]), like)
+    r_xxx = interpolate(e, point.element, shape_functions_xxx(state.mesh.length[point.element]), like)
     g = turn_by_slope(r_x)
     turning = add_scaled(s_dot, r_xx, slope(e_dot, point, like))  # w
     bending = add_scaled(s_dot, r_xxx, bend(e_dot, point, like))  # ∂w/∂s
@@ -147,6 +147,6 @@ def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s,
         for i in range(4):
             tangent = add_scaled(shape_x[i] * shape_x[j], stiff, scale(shape[i], on_node))
             add_block(add_scaled(shape_x[i], on_slope, tangent), point.element, i, j, work)
-        add_to(scale(-shape_x[j], product(residual, g)), work.right_side, point.element, j)
+        add_to(scale(-shape_x[j], product(residual, g)), point.element, j, work)
     pivot = dot(lever, product(tp, joint_by_s)) + dot(bent, r_xx) + dot(force, r_xxx)
     return free * pivot + dot(on_s, by_s), -free * dot(residual, lever)

@@ -49,20 +49,20 @@ NEAR = 1e-6  # of an element's length: a last move below leaves its square
 def find_contact(cable, towers, state, contact):
     """Update the arc length of a contact to the nearest point of the rope."""
     point = load(towers.position[contact], cable.gravity)
-    state.contact_arc_length[contact] = nearest(cable, state.nodes.position, point, state.contact_arc_length[contact])
+    state.contact_arc_length[contact] = nearest(cable, state, point, state.contact_arc_length[contact])
 
 
 @kernel
-def nearest(cable, coordinates, place, arc_length):
+def nearest(cable, state, place, arc_length):
     """Arc length (m) of the point of the rope nearest to `place` (dim,) in m, by Newton's method from `arc_length`.
 
     Where the rope bends so sharply around the place that the distance is no minimum, which no rope at rest does, the
     slope is kept positive.
     """
-    s = arc_length
+    s, coordinates = arc_length, state.nodes.position
     for _ in range(MAX_MOVES):
-        point = point_at(cable, s)
-        length = cable.element_length[point.element]
+        point = point_at(cable, state, s)
+        length = state.mesh.length[point.element]
         r_x, r_xx = slope(coordinates, point, place), bend(coordinates, point, place)
         apart = subtract(value(coordinates, point, place), place)
         squared = dot(r_x, r_x)
@@ -107,7 +107,7 @@ def contact_frame(cable, towers, state, contact):
         rope in m/s.
     """
     like = cable.gravity
-    point = point_at(cable, state.contact_arc_length[contact])
+    point = point_at(cable, state, state.contact_arc_length[contact])
     r_x = slope(state.nodes.position, point, like)
     apart = subtract(value(state.nodes.position, point, like), load(towers.position[contact], like))
     moving = value(state.nodes.velocity, point, like)
@@ -151,7 +151,7 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
         groove, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
-        add_force(with_groove(force, groove, rub, r_x, normal, apart, moving), point, work.right_side)
+        add_force(with_groove(force, groove, rub, r_x, normal, apart, moving), point, work)
         if stiffness_factor == 0.0:
             continue
 

@@ -13,9 +13,11 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_along, spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
-from cable_twin.mechanics.rope.ale import flow_energy, rest_stretch
+from cable_twin.mechanics.rope.ale import nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_energy, tension_of
+from cable_twin.mechanics.rope.flow import flow_energy
 from cable_twin.mechanics.rope.joint_compliance import compliance_energy, has_joint_compliance
+from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
 
@@ -34,15 +36,16 @@ def energies(system, state):
         elastic += elastic_energy(cable, state, element)
         if state.kink_length[element] > 0.0:  # rope that the tension has given to kinks
             elastic -= tension_of(cable, state, element) * state.kink_length[element]
-        length = cable.element_length[element]
+        length = state.mesh.length[element]
+        rates = nodal_vectors(state.nodes.velocity, element, like)
+        if beside_load(cable, state, element):
+            rates = motion_at_rest(cable, state, element, state.nodes.acceleration, state.joints.acceleration)[1]
         for i in range(4):
             scale_i = length if i % 2 else 1.0
-            v_i = coordinate(state.nodes.velocity, element, i, like)
             for j in range(4):
                 scale_j = length if j % 2 else 1.0
-                v_j = coordinate(state.nodes.velocity, element, j, like)
                 share = mass_per_length * length * MASS[i][j] * scale_i * scale_j
-                kinetic += 0.5 * share * dot(v_i, v_j)
+                kinetic += 0.5 * share * dot(rates[i], rates[j])
             # the position shape functions sum to one, so a row of M applied to g is the weight
             row = mass_per_length * length * scale_i * (MASS[i][0] + MASS[i][2])
             gravitational -= row * dot(like, coordinate(state.nodes.position, element, i, like))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Places(NamedTuple):
     rising: bool  # whether none is before the one that it comes after
 
 
-def places_on(cable: Cable, arc_lengths: FloatArray) -> Places:
+def places_on(cable: Cable, state: Any, arc_lengths: FloatArray) -> Places:
     """Sample places at `arc_lengths` (n,) in m."""
     count = arc_lengths.size
     places = Places(
@@ -56,24 +56,26 @@ def places_on(cable: Cable, arc_lengths: FloatArray) -> Places:
         share=np.zeros(count),
         rising=bool(np.all(np.diff(arc_lengths) >= 0.0)),
     )
-    find_places(cable, places)
+    find_places(cable, state, places)
     return places
 
 
 @kernel
-def find_places(cable, places):
+def find_places(cable, state, places):
     """Fill elements and shape functions of sample places from their arc lengths."""
     for k in range(places.arc_length.size):
-        point = point_at(cable, places.arc_length[k])
+        point = point_at(cable, state, places.arc_length[k])
         places.element[k] = point.element
         store(point.shape, places.shape[k])
-        x = places.arc_length[k] - cable.node_arc_length[point.element]
-        places.share[k] = x / cable.element_length[point.element]
+        x = places.arc_length[k] - state.mesh.arc_length[point.element]
+        places.share[k] = x / state.mesh.length[point.element]
 
 
 @kernel
 def sample_positions(cable, state, places, positions):
     """Fill `positions` (n, 3) in m at all places."""
+    if cable.load_nodes:
+        find_places(cable, state, places)
     for k in range(places.arc_length.size):
         shape = load(places.shape[k], (0.0, 0.0, 0.0, 0.0))
         store_in_space(interpolate(state.nodes.position, places.element[k], shape, cable.gravity), positions[k])
@@ -89,7 +91,7 @@ def sample_shape(system, state, places, positions):
             way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
             place, reach = (
                 state.joints.position[carriage],
-                KINK_REACH * cable.element_length[state.joint_element[carriage]],
+                KINK_REACH * state.mesh.length[state.joint_element[carriage]],
             )
             for k in range(first_from(arc_lengths, place - reach) if rising else 0, arc_lengths.size):
                 off = arc_lengths[k] - place

@@ -29,7 +29,8 @@ from cable_twin.mechanics.on_rope.sliding_joint import tangent_moment_force
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import flows, rest_stretch
-from cable_twin.mechanics.rope.element import force_of_element, forces_of_elements, strand_now
+from cable_twin.mechanics.rope.element import forces_of_elements, strand_now
+from cable_twin.mechanics.rope.patch import beside_load, nodal_force
 from cable_twin.mechanics.rope.point import point_at, point_on, slope
 
 NONE = -1  # no further point load on an element
@@ -112,17 +113,19 @@ def recover_sections(system, state, sections):
         spread(forces_of_elements(system, state, strand, first, 0), sections.lanes, 0)
         for lane in range(min(WIDTH, cable.element_count - first)):
             store(load(sections.lanes[:, lane], like), sections.node_force[first + lane])
+            if beside_load(cable, state, first + lane):
+                store(nodal_force(system, state, first + lane, 0), sections.node_force[first + lane])
             sections.first[first + lane] = NONE
-    store(scale(-1.0, force_of_element(system, state, last, 2)), sections.node_force[last + 1])
+    store(scale(-1.0, nodal_force(system, state, last, 2)), sections.node_force[last + 1])
     given = sections.given[0]
     for number in range(given):
-        add_point_load(cable, sections, number)
+        add_point_load(cable, state, sections, number)
     for own in range(own_count(system)):
         place, number = own_place(system, state, own), given + own
         if not isnan(place):
             sections.place[number] = place
             store(own_force(system, state, own), sections.force[number])
-            add_point_load(cable, sections, number)
+            add_point_load(cable, state, sections, number)
     for carriage in range(system.carriages.fixed.size):
         if rides(system, state, carriage):
             element = state.joint_element[carriage]
@@ -133,9 +136,9 @@ def recover_sections(system, state, sections):
 
 
 @kernel
-def add_point_load(cable, sections, number):
+def add_point_load(cable, state, sections, number):
     """Register a point load on its element, and add its shares to the section forces at the nodes."""
-    point = point_at(cable, sections.place[number])
+    point = point_at(cable, state, sections.place[number])
     force = load(sections.force[number], cable.gravity)
     sections.following[number], sections.first[point.element] = sections.first[point.element], number
     accumulate(scale(point.shape[0], force), sections.node_force[point.element])
@@ -149,7 +152,7 @@ def find_node_tensions(system, state, sections):
     like, going = system.cable.gravity, momentum_of(system, state)
     for node in range(system.cable.element_count + 1):
         section, r_s = load(sections.node_force[node], like), load(state.nodes.position[node, 1], like)
-        section = with_momentum(system, going, system.cable.node_arc_length[node], r_s, section)
+        section = with_momentum(system, going, state.mesh.arc_length[node], r_s, section)
         sections.node_tension[node] = signed_size(section, r_s)
 
 
@@ -185,7 +188,7 @@ def signed_size(section, r_s):
 @kernel
 def tensions_beside(system, state, sections, element, arc_length):
     """Tension (N) at an arc length (m) on an element with point loads: before and after a load at this place."""
-    cable, like = system.cable, system.cable.gravity
+    like = system.cable.gravity
     on_element, before, at = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     number = sections.first[element]
     while number != NONE:
@@ -197,9 +200,9 @@ def tensions_beside(system, state, sections, element, arc_length):
             at = add_scaled(1.0, force, at)
         number = sections.following[number]
     here, there = load(sections.node_force[element], like), load(sections.node_force[element + 1], like)
-    u = (arc_length - cable.node_arc_length[element]) / cable.element_length[element]
+    u = (arc_length - state.mesh.arc_length[element]) / state.mesh.length[element]
     along = subtract(subtract(here, there), on_element)
-    r_s = slope(state.nodes.position, point_on(cable, element, arc_length), like)
+    r_s = slope(state.nodes.position, point_on(state, element, arc_length), like)
     section = subtract(add_scaled(-u, along, here), before)
     section = with_momentum(system, momentum_of(system, state), arc_length, r_s, section)
     return signed_size(section, r_s), signed_size(subtract(section, at), r_s)
@@ -229,7 +232,7 @@ def tension_range(system, state, sections, lowest, highest):
     cable, contacts = system.cable, first_contact(system, sections)
     lowest[0], highest[0] = inf, -inf
     for node in range(cable.element_count + 1):
-        take_tension(sections.node_tension[node], cable.node_arc_length[node], lowest, highest)
+        take_tension(sections.node_tension[node], state.mesh.arc_length[node], lowest, highest)
         number = sections.first[node] if node < cable.element_count else NONE
         while number != NONE:
             if number < contacts:
@@ -272,11 +275,11 @@ def end_force(system, state, end):
     Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
     """
     element, row = (0, 0) if end == 0 else (system.cable.element_count - 1, 2)
-    total = force_of_element(system, state, element, row)
+    total = nodal_force(system, state, element, row)
     for own in range(own_count(system)):
         place = own_place(system, state, own)
         if not isnan(place):
-            point = point_at(system.cable, place)
+            point = point_at(system.cable, state, place)
             share = point.shape[row]
             if point.element == element and share != 0.0:
                 total = add_scaled(share, own_force(system, state, own), total)

@@ -13,9 +13,9 @@ The rate of a strain |r_s| / λ - 1 is that of |r_s| less λ_t / λ of it, which
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.simd import WIDTH, add_spread, gather, gather_numbers, sum_of_lanes
+from cable_twin.mechanics.language.simd import add_spread
 from cable_twin.mechanics.language.traced import formula
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
+from cable_twin.mechanics.language.vectors import add_scaled, load, scale
 from cable_twin.mechanics.rope.shape_functions import (
     FLOW,
     FLOW_OF_CHORD,
@@ -37,7 +37,7 @@ def rest_stretch(cable, state):
 @inlined_kernel
 def rest_length(cable, state, element):
     """Unstrained length (m) of the rope on an element, less the rope taken by sharp kinks."""
-    return rest_stretch(cable, state) * cable.element_length[element] - state.kink_length[element]
+    return rest_stretch(cable, state) * state.mesh.length[element] - state.kink_length[element]
 
 
 @inlined_kernel
@@ -60,6 +60,15 @@ def transport_velocity(cable, state, arc_length):
     rate = (speed[0] - speed[1]) / cable.unstrained_length
     on_mesh = between_ends(cable, speed, arc_length) / stretch
     return on_mesh, (between_ends(cable, state.rope.acceleration, arc_length) - 2.0 * on_mesh * rate) / stretch
+
+
+@inlined_kernel
+def flow_on_mesh(cable, state, arc_length):
+    """Transport velocity w (m/s) on the mesh at an arc length (m), and its derivatives w_s (1/s) and w_t (m/s²)."""
+    stretch, speed = rest_stretch(cable, state), state.rope.velocity
+    along = (speed[1] - speed[0]) / (cable.unstrained_length * stretch)
+    on_mesh = between_ends(cable, speed, arc_length) / stretch
+    return on_mesh, along, between_ends(cable, state.rope.acceleration, arc_length) / stretch + on_mesh * along
 
 
 @kernel
@@ -136,64 +145,12 @@ def flow_forces(length, shape, shape_rates, factors):
     )
 
 
-@kernel
-def flow_energy(cable, state):
-    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds, with the speed u at mid-rope."""
-    along, squared, _, _ = flow_integrals(cable, state)
-    speed = 0.5 * (state.rope.velocity[0] + state.rope.velocity[1])
-    return speed * along + 0.5 * speed * speed * squared / rest_stretch(cable, state)
-
-
-@kernel
-def flow_integrals(cable, state):
-    """∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N) and ∫ρA r_x·r_tx dx (kg/s).
-
-    Elements are computed `WIDTH` at a time, and those that are left over one by one.
-    """
-    e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
-    like = cable.gravity
-    grouped = cable.element_count - cable.element_count % WIDTH
-    lanes = 0.0 * gather(e, 0, like)[0][0]
-    sums = lanes, lanes, lanes, lanes
-    for first in range(0, grouped, WIDTH):
-        length = gather_numbers(cable.element_length, first)
-        products = flow_products(
-            length, gather(e, first, like), gather(e_dot, first, like), gather(e_ddot, first, like)
-        )
-        sums = (sums[0] + products[0], sums[1] + products[1], sums[2] + products[2], sums[3] + products[3])
-    by_velocity, squared = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
-    by_acceleration, by_rate = sum_of_lanes(sums[2]), sum_of_lanes(sums[3])
-    for element in range(grouped, cable.element_count):
-        place, rate = nodal_vectors(e, element, like), nodal_vectors(e_dot, element, like)
-        length = cable.element_length[element]
-        products = flow_products(length, place, rate, nodal_vectors(e_ddot, element, like))
-        by_velocity, squared = by_velocity + products[0], squared + products[1]
-        by_acceleration, by_rate = by_acceleration + products[2], by_rate + products[3]
-    mass = cable.mass_per_length
-    return mass * by_velocity, mass * squared, mass * by_acceleration, mass * by_rate
-
-
 @formula
 def nodal_vectors(coordinates, element, like):
     """Positions and slopes (dim,) at both nodes of an element, or their rates: r_A, slope A, r_B, slope B."""
     return (
         load(coordinates[element, 0], like),
-        load(coordinates[element, 1], like),
+        load(coordinates[element, 2], like),
         load(coordinates[element + 1, 0], like),
         load(coordinates[element + 1, 1], like),
     )
-
-
-@formula
-def flow_products(length, place, rate, acceleration):
-    """Integrals of `flow_integrals` over elements, without ρA, from nodal vectors and their rates."""
-    d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
-    by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
-    for i in range(4):
-        factor = length if i % 2 else 1.0
-        flow, slope = combine(FLOW_OF_CHORD[i], d, a, b), combine(SLOPE_OF_CHORD[i], d, a, b)
-        by_velocity += factor * dot(rate[i], flow)
-        by_acceleration += factor * dot(acceleration[i], flow)
-        squared += factor / length * dot(place[i], slope)
-        by_rate += factor / length * dot(rate[i], slope)
-    return by_velocity, squared, by_acceleration, by_rate

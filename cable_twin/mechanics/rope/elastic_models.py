@@ -34,12 +34,12 @@ from cable_twin.mechanics.rope.shape_functions import (
 
 
 @kernel
-def chord_and_slopes(coordinates, element, cable):
+def chord_and_slopes(coordinates, element, cable, state):
     """Chord d and end slopes A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
     like = cable.gravity
     chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
-    slope_a = scale(cable.element_length[element], load(coordinates[element, 1], like))
-    slope_b = scale(cable.element_length[element], load(coordinates[element + 1, 1], like))
+    slope_a = scale(state.mesh.length[element], load(coordinates[element, 2], like))
+    slope_b = scale(state.mesh.length[element], load(coordinates[element + 1, 1], like))
     return chord, slope_a, slope_b
 
 
@@ -296,7 +296,7 @@ def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
 @kernel
 def tension_of(cable, state, element):
     """Mean tension (N) of an element, without damping."""
-    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
+    d, a, b = chord_and_slopes(state.nodes.position, element, cable, state)
     still = scale(0.0, d)
     return mean_tension(cable, rest_length(cable, state, element), d, a, b, still, still, still)
 
@@ -305,7 +305,7 @@ def tension_of(cable, state, element):
 def elastic_energy(cable, state, element):
     """Strain energy (J) of an element (eq. 8), with the strains of its elastic model."""
     length = rest_length(cable, state, element)
-    d, a, b = chord_and_slopes(state.nodes.position, element, cable)
+    d, a, b = chord_and_slopes(state.nodes.position, element, cable, state)
     i = scale(1.0 / square_root(dot(d, d)), d)
     energy = 0.0
     for point in range(AXIAL_POINTS):

@@ -30,7 +30,7 @@ from cable_twin.mechanics.rope.ale import (
     nodal_vectors,
     rest_stretch,
 )
-from cable_twin.mechanics.rope.elastic_models import chord_force, elastic_force, mean_tension
+from cable_twin.mechanics.rope.elastic_models import chord_force, elastic_force, mean_tension, tension_of
 from cable_twin.mechanics.rope.rope_drag import add_drag, drag_on
 from cable_twin.mechanics.rope.shape_functions import MASS, block_row, combine, vector_row
 
@@ -65,7 +65,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
     clear_array(work.right_side[0])
     clear_array(work.diagonal[0])
     for first in range(0, cable.element_count, WIDTH):
-        length = gather_numbers(cable.element_length, first)
+        length = gather_numbers(state.mesh.length, first)
         r_a, slope_a, r_b, slope_b = gather(e, first, like)
         shape = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         rates = gather(e_dot, first, like)
@@ -77,19 +77,22 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         elastic = elastic_force(cable, at_rest, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
         if system.moving_cable.moving and flowing:
-            factors = flow_factors(cable, state, gather_numbers(cable.node_arc_length, first) + 0.5 * length)
+            factors = flow_factors(cable, state, gather_numbers(state.mesh.arc_length, first) + 0.5 * length)
             add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group)
         if system.air.present:
             wind = gather_vectors(state.wind_field.along_rope, first, like)
             add_drag(system.air.rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
         for lane in range(min(WIDTH, cable.element_count - first)):
-            add_element(group, lane, first + lane, like, work)
+            if cable.load_nodes and work.patch_of[first + lane] >= 0:
+                clear_element(first + lane, like, work)  # its own are added with the patch of its load
+            else:
+                add_element(group, lane, first + lane, like, work)
 
 
 @inlined_kernel
 def group_tension(cable, state, first):
     """Mean tension (N) of `WIDTH` elements from `first` on, with damping."""
-    length, like = gather_numbers(cable.element_length, first), cable.gravity
+    length, like = gather_numbers(state.mesh.length, first), cable.gravity
     r_a, slope_a, r_b, slope_b = gather(state.nodes.position, first, like)
     d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
     r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, first, like)
@@ -104,6 +107,10 @@ def element_tensions(cable, state, tensions):
     """Fill `tensions` (groups, WIDTH) in N with element means; the last element is repeated to fill its group."""
     for group in range(tensions.shape[0]):
         spread((group_tension(cable, state, group * WIDTH),), tensions, group)
+        for lane in range(min(WIDTH, cable.element_count - group * WIDTH)):
+            element = group * WIDTH + lane
+            if state.node_load[element] >= 0:  # of which the lanes have the slope before the load
+                tensions[group, lane] = tension_of(cable, state, element)
 
 
 @formula
@@ -129,14 +136,14 @@ def forces_of_elements(system, state, strand, first, row):
 
     Takes the `strand_now`.
     """
-    cable, like = system.cable, system.cable.gravity
+    like = system.cable.gravity
     wind = gather_vectors(state.wind_field.along_rope, first, like)
     return along_element(
         system,
         state,
         strand,
-        gather_numbers(cable.element_length, first),
-        gather_numbers(cable.node_arc_length, first),
+        gather_numbers(state.mesh.length, first),
+        gather_numbers(state.mesh.arc_length, first),
         gather_numbers(state.kink_length, first),
         gather(state.nodes.position, first, like),
         gather(state.nodes.velocity, first, like),
@@ -149,13 +156,13 @@ def forces_of_elements(system, state, strand, first, row):
 @kernel
 def force_of_element(system, state, element, row):
     """Nodal force (dim,) in N of one element with all distributed loads, on r_A (row 0) or r_B (row 2)."""
-    cable, like = system.cable, system.cable.gravity
+    like = system.cable.gravity
     return along_element(
         system,
         state,
         strand_now(system, state),
-        cable.element_length[element],
-        cable.node_arc_length[element],
+        state.mesh.length[element],
+        state.mesh.arc_length[element],
         state.kink_length[element],
         nodal_vectors(state.nodes.position, element, like),
         nodal_vectors(state.nodes.velocity, element, like),
@@ -230,6 +237,18 @@ def write_pair(matrix, group, i, j, like):
     """Write the block of coordinates i and j, and its transpose for j and i."""
     spread(matrix, group, block_row(i, j, like))
     spread(transpose(matrix), group, block_row(j, i, like))
+
+
+@inlined_kernel
+def clear_element(element, like, work):
+    """Clear what `add_element` writes."""
+    zero = outer(0.0, like, like)
+    for i in range(2):
+        store(scale(0.0, like), work.right_side[element + 1, i])
+        for j in range(2):
+            store(zero, work.diagonal[element + 1, i, j])
+            store(zero, work.upper[element, i, j])
+            store(zero, work.lower[element, i, j])
 
 
 @inlined_kernel

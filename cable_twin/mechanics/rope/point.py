@@ -16,6 +16,9 @@ from cable_twin.mechanics.rope.shape_functions import shape_functions, shape_fun
 Four = tuple[float, float, float, float]
 
 
+R, BEFORE, AFTER = 0, 1, 2  # rows of a node: its position, and its slopes towards the start and the end of the rope
+
+
 class Point(NamedTuple):
     """Point on an element, given by the shape functions (eq. 2) and their derivatives at this point."""
 
@@ -26,27 +29,30 @@ class Point(NamedTuple):
 
 
 @kernel
-def element_at(cable, arc_length):
+def element_at(cable, state, arc_length):
     """Element at an `arc_length` (m); beyond an end, the end element; the first one for NaN."""
     place = arc_length / cable.cell_length
     cell = int(min(place, cable.cell_element.size - 1.0)) if place > 0.0 else 0
     element = cable.cell_element[cell]
-    while element < cable.element_count - 1 and arc_length >= cable.node_arc_length[element + 1]:
+    nodes = state.mesh.arc_length  # which may have moved from where the grid has them
+    while element > 0 and arc_length < nodes[element]:
+        element -= 1
+    while element < cable.element_count - 1 and arc_length >= nodes[element + 1]:
         element += 1
     return element
 
 
 @inlined_kernel
-def point_on(cable, element, arc_length):
+def point_on(state, element, arc_length):
     """Point at an `arc_length` (m) on a given element, extrapolated beyond its nodes."""
-    x, length = arc_length - cable.node_arc_length[element], cable.element_length[element]
+    x, length = arc_length - state.mesh.arc_length[element], state.mesh.length[element]
     return Point(element, shape_functions(x, length), shape_functions_x(x, length), shape_functions_xx(x, length))
 
 
 @inlined_kernel
-def point_at(cable, arc_length):
+def point_at(cable, state, arc_length):
     """Point at an `arc_length` (m) of the whole cable."""
-    return point_on(cable, element_at(cable, arc_length), arc_length)
+    return point_on(state, element_at(cable, state, arc_length), arc_length)
 
 
 @formula
@@ -57,11 +63,11 @@ def interpolate(coordinates, element, weights, like):
         load(coordinates[element, 0], like),
         add_scaled(
             weights[1],
-            load(coordinates[element, 1], like),
+            load(coordinates[element, AFTER], like),
             add_scaled(
                 weights[2],
                 load(coordinates[element + 1, 0], like),
-                scale(weights[3], load(coordinates[element + 1, 1], like)),
+                scale(weights[3], load(coordinates[element + 1, BEFORE], like)),
             ),
         ),
     )
@@ -88,34 +94,83 @@ def bend(coordinates, point, like):
 @kernel
 def position_on_cable(cable, state, arc_length):
     """R (dim,) in m at an arc length."""
-    return value(state.nodes.position, point_at(cable, arc_length), cable.gravity)
+    return value(state.nodes.position, point_at(cable, state, arc_length), cable.gravity)
 
 
 @formula
 def coordinate(array, element, i, like):
     """Coordinate `i` (dim,) of an element in an `array` (nodes, 2, dim)."""
-    return load(array[element + i // 2, i % 2], like)
+    return load(array[element + i // 2, (i % 2) * (AFTER - i // 2)], like)
 
 
 @formula
-def add_to(vector, array, element, i):
-    """Add a vector (dim,) to coordinate `i` of an element in an `array` (nodes, 2, dim)."""
+def accumulate_vector(vector, array, element, i):
+    """Add a vector (dim,) to coordinate `i` of an element in an `array` (nodes, rows, dim) of unloaded nodes."""
     accumulate(vector, array[element + i // 2, i % 2])
 
 
 @inlined_kernel
-def add_force(force, point, right_side):
+def add_to(vector, element, i, work):
+    """Add a vector (dim,) to coordinate `i` of an element in the right side."""
+    load_number = work.patch_of[element]
+    if load_number < 0:
+        accumulate_vector(vector, work.right_side, element, i)
+    else:
+        row = patch_row(work.patch_right[element], i, len(vector))
+        add_column(vector, work.patch[load_number], row, work.patch.shape[1])
+
+
+@inlined_kernel
+def add_force(force, point, work):
     """Add a force (dim,) in N at a place to the right side of the nodes."""
     for i in range(4):
-        add_to(scale(point.shape[i], force), right_side, point.element, i)
+        add_to(scale(point.shape[i], force), point.element, i, work)
 
 
 @inlined_kernel
 def add_block(matrix, element, i, j, work):
     """Add a full matrix to the tangent block of coordinates `i` and `j` of an element."""
-    if i // 2 == j // 2:
+    load_number = work.patch_of[element]
+    if load_number >= 0:
+        right, dim = work.patch_right[element], len(matrix)
+        add_matrix(matrix, work.patch[load_number], patch_row(right, i, dim), patch_row(right, j, dim))
+    elif i // 2 == j // 2:
         accumulate(matrix, work.diagonal[element + i // 2, i % 2, j % 2])
     elif i // 2 == 0:
         accumulate(matrix, work.upper[element, i % 2, j % 2])
     else:
         accumulate(matrix, work.lower[element, i % 2, j % 2])
+
+
+@formula
+def add_matrix(matrix, array, row, column):
+    """Add a full matrix to a part of a two-dimensional `array`, from a row and a column on."""
+    for i, line in enumerate(matrix):
+        for j, entry in enumerate(line):
+            array[row + i, column + j] = array[row + i, column + j] + entry
+
+
+@formula
+def add_column(vector, array, row, column):
+    """Add a vector to a part of a column of a two-dimensional `array`, from a row on."""
+    for i, entry in enumerate(vector):
+        array[row + i, column] = array[row + i, column] + entry
+
+
+@formula
+def add_row(vector, array, row, column):
+    """Add a vector to a part of a row of a two-dimensional `array`, from a column on."""
+    for j, entry in enumerate(vector):
+        array[row, column + j] = array[row, column + j] + entry
+
+
+@formula
+def patch_row(right, i, dim):
+    """First row, in a patch of a load, of coordinate `i` of the element before (`right` 0) or after (1) the load.
+
+    Rows are those of the node before the load, r and r_x; of the load, r, r_x before and after it, and s; of the node
+    after the load likewise, whose last ones are used where it follows a load too.
+    """
+    before = i * dim  # r, r_x of the node before, r and r_x before of the load
+    after = 2 * dim + (i % 2) * 2 * dim + (i // 2) * (3 * dim + 1) - (i // 2) * (i % 2) * dim
+    return before + right * (after - before)

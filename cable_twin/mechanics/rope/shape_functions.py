@@ -43,6 +43,7 @@ def _rows(table: FloatArray) -> tuple[tuple[float, ...], ...]:
 
 _AXIAL, _AXIAL_WEIGHT = _abscissae(AXIAL_POINTS)
 _BENDING, _BENDING_WEIGHT = _abscissae(BENDING_POINTS)
+AXIAL_PLACES = tuple(_AXIAL.tolist())
 AXIAL_WEIGHT = tuple(_AXIAL_WEIGHT.tolist())
 AXIAL_SLOPES = _rows(_slopes(_AXIAL))
 BENDING_WEIGHT = tuple(_BENDING_WEIGHT.tolist())

@@ -47,7 +47,7 @@ def numerical_loss(system, before, after, c, h):
         h: its length, s.
     """
     factors = loss_factors(c, h)
-    lost, moved = cable_loss(system.cable, before.nodes, after.nodes, factors)
+    lost, moved = cable_loss(system.cable, before, after, factors)
     for end in range(2):
         here, there = counterweight_loss(system, before.nodes, after.nodes, end, factors)
         lost, moved = lost + here, moved + there
@@ -117,14 +117,25 @@ def joint_work(system, at, before, after, carriage):
 
     Joints that yield (`rope.joint_compliance`) have some of their own on the cable.
     """
-    cable, carriages, like = system.cable, system.carriages, system.cable.gravity
-    first = carriages.body_offset[carriage]
+    cable, like = system.cable, system.cable.gravity
     place, element = at.joints.position[carriage], at.joint_element[carriage]
-    point = point_on(cable, element, place)
+    point = point_on(at, element, place)
+    if cable.load_nodes and at.joint_node[carriage] >= 0:
+        node = at.joint_node[carriage]
+        above = changed(before.nodes.position[node, 0], after.nodes.position[node, 0], like)
+        return chain_work(system, at, before, after, carriage, above)
     above = subtract(value(after.nodes.position, point, like), value(before.nodes.position, point, like))
     slid = after.joints.position[carriage] - before.joints.position[carriage]
-    above = add_scaled(slid, slope(at.nodes.position, point, like), above)
-    work = 0.0
+    return chain_work(
+        system, at, before, after, carriage, add_scaled(slid, slope(at.nodes.position, point, like), above)
+    )
+
+
+@inlined_kernel
+def chain_work(system, at, before, after, carriage, above):
+    """Work (J) of the joint forces of a carriage over a displacement `above` (dim,) in m of the rope at its joint."""
+    cable, carriages, like, work = system.cable, system.carriages, system.cable.gravity, 0.0
+    first = carriages.body_offset[carriage]
     for body in range(first, carriages.body_offset[carriage + 1]):
         way = subtract(load(after.bodies.position[body], like), load(before.bodies.position[body], like))
         turn, axes = (
@@ -175,36 +186,40 @@ def product(one, other):
 
 
 @inlined_kernel
-def cable_loss(cable, before, after, factors):
+def cable_loss(cable, start, end, factors):
     """Energy lost by the integrator and change of kinetic energy (J) of the consistent mass of all elements.
 
-    Elements are computed `WIDTH` at a time, and those that are left over one by one.
+    Elements are computed `WIDTH` at a time, and those that are left over one by one; those beside loads, whose nodes
+    move over the rope, are left out.
     """
-    like = cable.gravity
+    like, lengths, before, after = cable.gravity, end.mesh.length, start.nodes, end.nodes
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(after.position, 0, like)[0][0]
     sums = lanes, lanes
     for element in range(0, grouped, WIDTH):
         here, there = elements_loss(
             cable.mass_per_length,
-            gather_numbers(cable.element_length, element),
+            gather_numbers(lengths, element),
             factors,
             (gather(before.algorithmic, element, like), gather(after.algorithmic, element, like)),
             (gather(before.acceleration, element, like), gather(after.acceleration, element, like)),
             (gather(before.velocity, element, like), gather(after.velocity, element, like)),
         )
+        if cable.load_nodes:
+            plain = gather_numbers(end.mesh.plain, element)
+            here, there = plain * here, plain * there
         sums = sums[0] + here, sums[1] + there
     lost, moved = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
     for element in range(grouped, cable.element_count):
         here, there = elements_loss(
             cable.mass_per_length,
-            cable.element_length[element],
+            lengths[element],
             factors,
             (nodal_vectors(before.algorithmic, element, like), nodal_vectors(after.algorithmic, element, like)),
             (nodal_vectors(before.acceleration, element, like), nodal_vectors(after.acceleration, element, like)),
             (nodal_vectors(before.velocity, element, like), nodal_vectors(after.velocity, element, like)),
         )
-        lost, moved = lost + here, moved + there
+        lost, moved = lost + end.mesh.plain[element] * here, moved + end.mesh.plain[element] * there
     return lost, moved
 
 
@@ -225,12 +240,16 @@ def stretching_error(cable, before, after):
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(last, 0, like)[0][0]
     for element in range(0, grouped, WIDTH):
-        length = gather_numbers(cable.element_length, element)
-        lanes += tension_error(length, gather(first, element, like), gather(last, element, like))
+        length = gather_numbers(after.mesh.length, element)
+        error = tension_error(length, gather(first, element, like), gather(last, element, like))
+        if cable.load_nodes:
+            error = gather_numbers(after.mesh.plain, element) * error
+        lanes += error
     total = sum_of_lanes(lanes)
     for element in range(grouped, cable.element_count):
-        length = cable.element_length[element]
-        total += tension_error(length, nodal_vectors(first, element, like), nodal_vectors(last, element, like))
+        length = after.mesh.length[element]
+        error = tension_error(length, nodal_vectors(first, element, like), nodal_vectors(last, element, like))
+        total += after.mesh.plain[element] * error
     return cable.axial_stiffness * total
 
 

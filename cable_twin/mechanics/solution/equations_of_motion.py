@@ -37,6 +37,7 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.on_rope.buffer import predict_contacts
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, joint_accelerations, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
+from cable_twin.mechanics.on_rope.load_node import follow_joints
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
     add_joint,
@@ -55,8 +56,10 @@ from cable_twin.mechanics.on_rope.wind import drag_bodies
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance
+from cable_twin.mechanics.rope.patch_assembly import add_patches, begin_patches
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
+from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
 
 @inlined_kernel
@@ -65,6 +68,8 @@ def measure_gaps(system, state, work, place):
 
     With `place` true, joints are first put on the element that holds them. What a joint yields is a part of its gap.
     """
+    if place and system.cable.load_nodes:
+        follow_joints(state)
     for carriage in range(system.carriages.fixed.size):
         if not rides(system, state, carriage):
             leave_out(system.carriages, carriage, work)
@@ -130,6 +135,14 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         work: takes the result.
     """
     assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    close_rope(system, state, work)
+
+
+@inlined_kernel
+def close_rope(system, state, work):
+    """Eliminate the loads of a rope and hold its ends, after all contributions."""
+    if system.cable.load_nodes:
+        condense_patches(state, work, system.cable.gravity)
     hold_ends(system.cable, work)
 
 
@@ -137,7 +150,12 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
 def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Residual and tangent of rows 1-4 before supports, carriages eliminated; open for further contributions."""
     cable, carriages = system.cable, system.carriages
+    count = 0
+    if cable.load_nodes:
+        count = begin_patches(state, work)
     add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    if cable.load_nodes:
+        add_patches(system, state, mass_factor, rate_factor, stiffness_factor, count, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
         drag_bodies(system, state, rate_factor, stiffness_factor, work)
@@ -166,7 +184,7 @@ def add_loads(cable, state, stiffness_factor, work):
     """
     like = cable.gravity
     for k in range(cable.load_arc_length.size):
-        add_force(load(cable.load_force[k], like), point_at(cable, cable.load_arc_length[k]), work.right_side)
+        add_force(load(cable.load_force[k], like), point_at(cable, state, cable.load_arc_length[k]), work)
     for end in range(2):
         moment = cable.end_moment[end]
         if moment != 0.0:
@@ -226,6 +244,7 @@ def solve(system, state, work):
     like = system.cable.gravity
     if solve_block_tridiagonal(work.diagonal, work.upper, work.lower, work.right_side, like) >= 0:
         return False
+    recover_patches(state, work, like)
     recover(system, state, work)
     return True
 

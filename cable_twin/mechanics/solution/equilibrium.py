@@ -8,6 +8,7 @@ from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of, declared
+from cable_twin.mechanics.on_rope.load_node import LEAST
 from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
 from cable_twin.mechanics.rope.ale import rest_stretch
@@ -23,7 +24,7 @@ LONGEST_WAY_TOGETHER = 0.2  # m, that a point goes in one
 COARSE = 1e-9  # of its length: increment at which a start of the second method ends
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
 GIVEN = {"joints.position", "axis", "drives.mode", "attached", "vehicle_rope", "wind", "clock"}  # what a start has
-GIVEN |= {"rope.position"}
+GIVEN |= {"rope.position", "mesh.arc_length", "mesh.length", "mesh.plain", "node_load", "joint_node", "node_follows"}
 GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
 
 
@@ -111,11 +112,11 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
 
 def lay_straight(system: System, state: State, start: FloatArray, end: FloatArray) -> None:
     """Initialise the cable straight and unstrained from `start` towards `end` (dim,) in m, carriages hanging below."""
-    cable = system.cable
+    lay_mesh(system, state)
     direction = (end - start) / np.linalg.norm(end - start)
-    arc_lengths = cable.node_arc_length
+    arc_lengths = state.mesh.arc_length
     state.nodes.position[:, 0] = start + np.outer(arc_lengths, direction)
-    state.nodes.position[:, 1] = direction
+    state.nodes.position[:, 1:] = direction
     hang_at_rest(system, state)
 
 
@@ -128,11 +129,49 @@ def hang_at_rest(system: System, state: State) -> None:
 
 def lay_taut(system: System, state: State) -> None:
     """Initialise the cable straight and evenly stretched between its ends, carriages hanging below."""
+    lay_mesh(system, state)
     cable = system.cable
     start, end = cable.end_position
-    state.nodes.position[:, 1] = (end - start) / cable.unstrained_length
-    state.nodes.position[:, 0] = start + cable.node_arc_length[:, None] * state.nodes.position[0, 1]
+    state.nodes.position[:, 1:] = (end - start) / cable.unstrained_length
+    state.nodes.position[:, 0] = start + state.mesh.arc_length[:, None] * state.nodes.position[0, 1]
     hang_at_rest(system, state)
+
+
+def lay_mesh(system: System, state: State) -> None:
+    """Initialise the mesh, with nodes at all loads on the rope if nodes follow them."""
+    homes, own = system.cable.node_arc_length, vehicles_of(system, state)
+    state.mesh.arc_length[:], state.mesh.length[:], state.mesh.plain[:] = homes, system.cable.element_length, 1.0
+    state.node_load[:], state.joint_node[own], state.node_follows[own] = -1, -1, False
+    if not system.cable.load_nodes:
+        return
+    riders = np.flatnonzero(own & state.attached)
+    riders = riders[np.argsort(state.joints.position[riders], kind="stable")]
+    for rider, node in zip(riders.tolist(), nodes_for(homes, state.joints.position[riders]), strict=True):
+        s, before = float(state.joints.position[rider]), max(state.mesh.arc_length[node - 1], homes[0])
+        if 0 < node < homes.size - 1 and before + LEAST * system.cable.cell_length < s < homes[node + 1]:
+            state.mesh.arc_length[node] = s
+            state.node_load[node], state.joint_node[rider], state.joint_element[rider] = rider, node, node - 1
+            state.node_follows[rider] = True
+    beside = (state.node_load[:-1] >= 0) | (state.node_load[1:] >= 0)
+    state.mesh.length[:] = np.where(beside, np.diff(state.mesh.arc_length), state.mesh.length)
+
+
+def nodes_for(homes: FloatArray, places: FloatArray) -> list[int]:
+    """Numbers of the nodes, each another one and near, that are to follow loads at rising arc lengths (m).
+
+    Loads that want the same nodes have a train of nodes whose middle is that of the loads.
+    """
+    last = homes.size - 2
+    trains: list[list[float]] = []  # first node, and places of the loads in elements
+    for place in np.interp(places, homes, np.arange(homes.size)).tolist():
+        trains.append([0.0, place])
+        while True:
+            own = trains[-1]
+            own[0] = float(np.clip(round(float(np.mean(own[1:])) - 0.5 * (len(own) - 2)), 1, max(last, 1)))
+            if len(trains) < 2 or own[0] > trains[-2][0] + len(trains[-2]) - 2:
+                break
+            trains[-2:] = [[0.0, *trains[-2][1:], *own[1:]]]
+    return [int(train[0]) + number for train in trains for number in range(len(train) - 1)]
 
 
 def lay_cable(system: System, state: State) -> None:
@@ -142,7 +181,7 @@ def lay_cable(system: System, state: State) -> None:
         EquilibriumError: when there is no such place.
     """
     cable, towers = system.cable, system.towers
-    arc_lengths = cable.node_arc_length
+    arc_lengths = state.mesh.arc_length
     ends = cable.end_position.copy()
     stretch = as_python(rest_stretch)(cable, state)
     whole = system._replace(cable=cable._replace(unstrained_length=stretch * cable.unstrained_length))
@@ -163,7 +202,7 @@ def lay_cable(system: System, state: State) -> None:
             positions[end] = place  # the catenary gives it roughly, and of a vertical span makes a steep one
         if np.all(np.isfinite(direction)):
             slopes[end] = direction * np.linalg.norm(slopes[end])
-    state.nodes.position[:, 0], state.nodes.position[:, 1] = positions, slopes
+    state.nodes.position[:, 0], state.nodes.position[:, 1:] = positions, slopes[:, None]
 
 
 def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool) -> tuple[int, float]:
@@ -246,6 +285,7 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
     if state.bodies.position.shape[1] > state.bodies.velocity.shape[1]:
         state.bodies.position[own["body"], -1] = 1.0  # of a quaternion
     work.turned[:] = 0.0
+    lay_mesh(system, state)
     lay_cable(system, state)
     state.friction_origin[own["vehicle"]] = state.joints.position[own["vehicle"]]
     held = hold_all(system, state)

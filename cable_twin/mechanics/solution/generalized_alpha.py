@@ -12,6 +12,7 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.on_rope.buffer import contact_error
+from cable_twin.mechanics.on_rope.load_node import update_load_nodes
 from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
 from cable_twin.mechanics.solution.bundle.couplings import (
     correct_couplings,
@@ -217,7 +218,10 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
             element = worst_element(rope_of(bundle, 0, system, state, work)[2])
             return False, done, iterations, halvings, worst_gap, increment, element, lost, moved
         for rope in range(bundle.records.shape[0]):
-            record_at(bundle.records[rope, STATE], state).clock[0] += 1
+            own, here, _ = rope_of(bundle, rope, system, state, work)
+            here.clock[0] += 1
+            if own.cable.load_nodes:
+                update_load_nodes(own, here)
         taken = done + 1
         if wheels_gone_back(moving.sheaves) > gone_back:
             break

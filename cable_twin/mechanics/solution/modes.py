@@ -27,6 +27,8 @@ from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.parameters import FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import rest_length, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import chord_and_slopes, elastic_force
+from cable_twin.mechanics.rope.patch import at_node
+from cable_twin.mechanics.rope.patch_assembly import begin_patches
 from cable_twin.mechanics.rope.point import element_at
 from cable_twin.mechanics.rope.shape_functions import MASS, shape_functions, shape_functions_x
 from cable_twin.mechanics.state import State, Workspace, allocate_workspace
@@ -44,12 +46,12 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
         count: how many.
 
     Returns:
-        Frequencies (count,) in Hz, rising; shapes (count, nodes, 2, dim) of the nodal coordinates, largest entry 1.
+        Frequencies (count,) in Hz, rising; shapes (count, nodes, 3, dim) of the nodal coordinates, largest entry 1.
 
     Raises:
         ValueError: when the system has fewer modes than `count`, or fewer than one is asked for.
     """
-    free, carriages = _free_directions(system), hanging_carriages(system, state)
+    free, carriages = _free_directions(system, state), hanging_carriages(system, state)
     nodal, angles = free.shape[0], sum(carriage.angles for carriage in carriages)
     unknowns = free.shape[1] + angles
     if not 1 <= count <= unknowns:
@@ -58,7 +60,7 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
 
     support_stiffness, counterweight_mass = _tower_matrices(system, state)
     nothing = csc_array((angles, angles))
-    mass = _block_diagonal(rest_stretch(system.cable, state) * _cable_mass(system) + counterweight_mass, nothing)
+    mass = _block_diagonal(rest_stretch(system.cable, state) * _cable_mass(system, state) + counterweight_mass, nothing)
     stiffness = _block_diagonal(_cable_stiffness(system, state) + support_stiffness, nothing)
     for carriage, places in zip(carriages, _places(carriages, nodal), strict=True):
         rows, columns = np.repeat(places, places.size), np.tile(places, places.size)
@@ -75,7 +77,7 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
         shift = -((1e-3 * wave_speed / system.cable.unstrained_length) ** 2)
         squared, vectors = eigsh(csc_array(stiffness), count, M=csc_array(mass), sigma=shift, which="LM")
     order = np.argsort(squared)
-    shapes = (basis @ vectors[:, order])[:nodal].T.reshape(count, -1, 2, len(system.cable.gravity))
+    shapes = (basis @ vectors[:, order])[:nodal].T.reshape(count, -1, 3, len(system.cable.gravity))
     largest = np.take_along_axis(
         shapes.reshape(count, -1), np.abs(shapes.reshape(count, -1)).argmax(axis=1)[:, None], axis=1
     )
@@ -106,39 +108,35 @@ def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
     return coo_array((np.concatenate([a.data, b.data]), (rows, columns)), shape=shape).tocsc()
 
 
-def _free_directions(system: System) -> csc_array:
-    """Orthonormal directions of the nodal coordinates left free by the supports, (nodes 2 dim, free)."""
-    cable = system.cable
-    dim = len(cable.gravity)
-    size = (cable.element_count + 1) * 2 * dim
-    columns: list[FloatArray] = []
-    rows: list[IntArray] = []
-    for end, first in ((0, 0), (1, size - 2 * dim)):
-        for slot in range(2):
-            values, vectors = np.linalg.eigh(cable.end_projector[end, slot].reshape(dim, dim))
-            for vector in vectors[:, values > 0.5].T:
-                columns.append(vector)
-                rows.append(first + slot * dim + np.arange(dim))
-    inner = np.arange(2 * dim, size - 2 * dim)
-    held = coo_array(
-        (
-            np.concatenate([np.ones(inner.size), *columns]),
-            (
-                np.concatenate([inner, *rows]).astype(np.int64),
-                np.concatenate(
-                    [np.arange(inner.size), *(np.full(dim, inner.size + k) for k in range(len(columns)))]
-                ).astype(np.int64),
-            ),
-        ),
-        shape=(size, inner.size + len(columns)),
-    )
-    return held.tocsc()
+def _free_directions(system: System, state: State) -> csc_array:
+    """Directions of the nodal coordinates left free by the supports, (nodes 3 dim, free).
+
+    Both slopes of a node are one, but where it follows a load.
+    """
+    cable, dim = system.cable, len(system.cable.gravity)
+    entries: list[tuple[int, int, float]] = []
+    count = 0
+    for node in range(cable.element_count + 1):
+        end = {0: 0, cable.element_count: 1}.get(node)
+        at_load = state.node_load[node] >= 0
+        for slot, rows in ((0, (0,)), (1, (1,)), (2, (2,))) if at_load else ((0, (0,)), (1, (1, 2))):
+            axes = np.eye(dim)
+            if end is not None:
+                values, vectors = np.linalg.eigh(cable.end_projector[end, slot].reshape(dim, dim))
+                axes = vectors[:, values > 0.5].T
+            for vector in axes:
+                for row in rows:
+                    entries += [((3 * node + row) * dim + axis, count, float(vector[axis])) for axis in range(dim)]
+                count += 1
+    places, columns, directions = zip(*entries, strict=True)
+    size = 3 * dim * (cable.element_count + 1)
+    return coo_array((np.array(directions), (np.array(places), np.array(columns))), shape=(size, count)).tocsc()
 
 
-def _cable_mass(system: System) -> csc_array:
-    """Mass matrix (nodes 2 dim, nodes 2 dim) of the cable (eq. 5, 6)."""
+def _cable_mass(system: System, state: State) -> csc_array:
+    """Mass matrix (nodes 3 dim, nodes 3 dim) of the cable (eq. 5, 6)."""
     cable = system.cable
-    length, dim = cable.element_length, len(cable.gravity)
+    length, dim = state.mesh.length, len(cable.gravity)
     scale = np.stack([np.ones_like(length), length, np.ones_like(length), length], axis=1)
     weights = np.array(MASS) * scale[:, :, None] * scale[:, None, :] * (cable.mass_per_length * length)[:, None, None]
     every_axis = np.einsum("eij,ab->eiajb", weights, np.eye(dim))
@@ -155,10 +153,10 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
         d, a, b = (tuple(row.tolist()) for row in vectors.reshape(3, dim))
         return np.concatenate(elastic_force(cable, at_rest, d, a, b, zero, zero, zero, 0.0, 0.0)[:3])
 
-    for element, length in enumerate(cable.element_length.tolist()):
+    for element, length in enumerate(state.mesh.length.tolist()):
         # chord and slopes (d, l r_x(A), l r_x(B)) from the nodal coordinates of an element
         shape = np.kron(np.array([[-1.0, 0, 1, 0], [0, length, 0, 0], [0, 0, 0, length]]), np.eye(dim))
-        vectors = np.concatenate(chord_and_slopes(state.nodes.position, element, cable))
+        vectors = np.concatenate(chord_and_slopes(state.nodes.position, element, cable, state))
         tangent, at_rest = np.empty((3 * dim, 3 * dim)), rest_length(cable, state, element)
         for column, change in enumerate(np.eye(3 * dim) * DIFFERENCE * length):
             both = force(at_rest, vectors + change) - force(at_rest, vectors - change)
@@ -168,43 +166,64 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
 
 
 def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
-    """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 2 dim square)."""
+    """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 3 dim square)."""
     state, work = clone(state), allocate_workspace(system)
     state.nodes.velocity[:] = 0.0
     smooth = system.towers._replace(friction=np.zeros_like(system.towers.friction))
     matrices = []
     for mass_factor, stiffness_factor in ((0.0, 1.0), (1.0, 0.0)):
         work.diagonal[:], work.upper[:], work.lower[:] = 0.0, 0.0, 0.0
+        if system.cable.load_nodes:
+            begin_patches(state, work)
         add_towers(system.cable, smooth, state, 0.0, stiffness_factor, work)
         add_counterweights(system.counterweights, system.cable, state, mass_factor, 0.0, stiffness_factor, work)
-        matrices.append(_nodal_matrix(work))
+        matrices.append(_nodal_matrix(work) + _patch_matrix(state, work))
     return matrices[0], matrices[1]
 
 
 def _nodal_matrix(work: Workspace) -> csc_array:
     """Block-tridiagonal matrix of a workspace, as a sparse matrix."""
     nodes, dim = work.diagonal.shape[0], round(work.diagonal.shape[3] ** 0.5)
-    size = 2 * dim
+    size, step = 2 * dim, 3 * dim  # of the equations of a node, and from one to the next one
     entries, rows, columns = [], [], []
     for blocks, down, right in ((work.diagonal, 0, 0), (work.upper, 0, 1), (work.lower, 1, 0)):
         square = blocks.reshape(-1, 2, 2, dim, dim).transpose(0, 1, 3, 2, 4).reshape(-1, size, size)
-        first = size * np.arange(square.shape[0])[:, None, None]
+        first = step * np.arange(square.shape[0])[:, None, None]
         entries.append(square.ravel())
-        rows.append((first + size * down + np.arange(size)[:, None] + np.zeros((1, size), np.int64)).ravel())
-        columns.append((first + size * right + np.arange(size)[None, :] + np.zeros((size, 1), np.int64)).ravel())
+        rows.append((first + step * down + np.arange(size)[:, None] + np.zeros((1, size), np.int64)).ravel())
+        columns.append((first + step * right + np.arange(size)[None, :] + np.zeros((size, 1), np.int64)).ravel())
     places = (np.concatenate(rows), np.concatenate(columns))
-    return coo_array((np.concatenate(entries), places), shape=(nodes * size,) * 2).tocsc()
+    return coo_array((np.concatenate(entries), places), shape=(nodes * step,) * 2).tocsc()
+
+
+def _patch_matrix(state: State, work: Workspace) -> csc_array:
+    """Matrix of what is on elements beside loads, arc lengths held (nodes 3 dim square)."""
+    size, dim = state.nodes.position.size, state.nodes.position.shape[2]
+    matrix = csc_array((size, size))
+    for node in np.flatnonzero(state.node_load >= 0).tolist():
+        own, first = np.arange(3 * dim), 3 * dim * (node - 1)
+        places = np.concatenate([first + own[: 2 * dim], first + 3 * dim + np.arange(6 * dim)])
+        kept = np.concatenate([np.arange(5 * dim), 5 * dim + 1 + own])
+        entries = work.patch[state.node_load[node]][np.ix_(kept, kept)]
+        matrix = matrix + coo_array(
+            (entries.ravel(), (np.repeat(places, kept.size), np.tile(places, kept.size))), shape=(size, size)
+        )
+    return matrix
 
 
 def _assemble(system: System, matrices: FloatArray) -> csc_array:
     """Sum of element matrices (elements, 4 dim, 4 dim) over the nodes."""
-    size = 2 * len(system.cable.gravity)
-    count = matrices.shape[0]
-    places = size * np.arange(count)[:, None] + np.arange(2 * size)
-    rows = np.repeat(places, 2 * size, axis=1)
-    columns = np.tile(places, (1, 2 * size))
-    shape = ((count + 1) * size,) * 2
+    dim, count = len(system.cable.gravity), matrices.shape[0]
+    places = 3 * dim * np.arange(count)[:, None] + _of_element(dim)
+    rows = np.repeat(places, 4 * dim, axis=1)
+    columns = np.tile(places, (1, 4 * dim))
+    shape = ((count + 1) * 3 * dim,) * 2
     return coo_array((matrices.ravel(), (rows.ravel(), columns.ravel())), shape=shape).tocsc()
+
+
+def _of_element(dim: int) -> IntArray:
+    """Numbers (4 dim,) of the coordinates of the first element: r and the slope after its node A, before B."""
+    return np.concatenate([row * dim + np.arange(dim) for row in (0, 2, 3, 4)])
 
 
 LATERAL = np.array([0.0, 1.0, 0.0])
@@ -213,7 +232,7 @@ LATERAL = np.array([0.0, 1.0, 0.0])
 class Hanging(NamedTuple):
     """Mass and stiffness of one carriage in n unknowns: nodal coordinates of its element, then its hinge angles."""
 
-    places: IntArray  # (4 dim,) number of each of these nodal coordinates
+    places: IntArray  # number of each of these nodal coordinates
     bodies: IntArray  # numbers of its bodies
     directions: FloatArray  # (bodies, 6, n) how each body moves and turns
     mass: FloatArray  # (n, n)
@@ -235,24 +254,30 @@ def _hanging(system: System, state: State, carriage: int) -> Hanging:
     """Unknowns, inertia and stiffness of one carriage."""
     cable, carriages = system.cable, system.carriages
     dim, s = len(cable.gravity), float(state.joints.position[carriage])
-    element = int(element_at(cable, s))
-    within = s - cable.node_arc_length[element], cable.element_length[element]
     lift = np.eye(3)[:, [0, 2]] if dim == 2 else np.eye(3)
+    if at_node(cable, state, carriage):
+        places = 3 * dim * int(state.joint_node[carriage]) + np.arange(3 * dim)
+        shape, shape_x = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.5, 0.5])
+    else:
+        element = int(element_at(cable, state, s))
+        within = s - state.mesh.arc_length[element], state.mesh.length[element]
+        places = 3 * dim * element + _of_element(dim)
+        shape, shape_x = np.array(shape_functions(*within)), np.array(shape_functions_x(*within))
     bodies = np.arange(carriages.body_offset[carriage], carriages.body_offset[carriage + 1])
     rotations = [_rotation(state, body, lift) for body in bodies]
-    r_x = lift @ (np.array(shape_functions_x(*within)) @ state.nodes.position[element : element + 2].reshape(4, dim))
+    r_x = lift @ (shape_x @ state.nodes.position.ravel()[places].reshape(-1, dim))
     norm = float(np.linalg.norm(r_x))
     hinges = _hinges(system, bodies, rotations, r_x / norm)
 
-    size = 4 * dim + sum(len(axes) for axes, _ in hinges)
+    size = places.size + sum(len(axes) for axes, _ in hinges)
     place, along = np.zeros((3, size)), np.zeros((3, size))
-    place[:, : 4 * dim] = np.kron(shape_functions(*within), lift)
-    along[:, : 4 * dim] = np.kron(shape_functions_x(*within), lift) / norm
+    place[:, : places.size] = np.kron(shape, lift)
+    along[:, : places.size] = np.kron(shape_x, lift) / norm
     turn = _crossed(r_x / norm) @ along
     turns, on_cable = [turn], np.zeros(3)
     mass, stiffness, directions = np.zeros((size, size)), np.zeros((size, size)), []
     forces = np.vstack([state.multipliers[bodies] @ lift.T, np.zeros(3)])
-    column = 4 * dim
+    column = places.size
     for number, (body, rotation, (axes, springs)) in enumerate(zip(bodies, rotations, hinges, strict=True)):
         for axis, spring in zip(axes, springs, strict=True):
             turns.append(np.zeros((3, size)))
@@ -272,7 +297,7 @@ def _hanging(system: System, state: State, carriage: int) -> Hanging:
     # the shortest turn of the tangent to second order: t x δ - (t x δ) (t·δ), with δ = δr_x / |r_x|
     across, stretch = np.cross(on_cable, r_x / norm) @ along, r_x / norm @ along
     stiffness -= np.outer(across, stretch) + np.outer(stretch, across)
-    return Hanging(2 * dim * element + np.arange(4 * dim), bodies, np.array(directions), mass, stiffness)
+    return Hanging(places, bodies, np.array(directions), mass, stiffness)
 
 
 def _rotation(state: State, body: int, lift: FloatArray) -> FloatArray:

@@ -100,7 +100,10 @@ def predict_vehicles(c, h, system, state, work):
         if belongs(system, state, vehicle):
             for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
                 predict_body(c, h, state.bodies, body, work.turned, system.cable.gravity)
-            predict_massless(c, h, state.joints, vehicle)
+            if system.cable.load_nodes:
+                predict_one(c, h, state.joints, vehicle)
+            else:
+                predict_massless(c, h, state.joints, vehicle)
             predict_massless(c, h, state.hauled, vehicle)
             predict_one(c, h, state.drums, vehicle)
 

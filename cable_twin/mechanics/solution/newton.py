@@ -12,7 +12,8 @@ from cable_twin.mechanics.solution.bundle.couplings import add_couplings
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
-from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, hold_ends, measure_gaps, recover
+from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, close_rope, measure_gaps, recover
+from cable_twin.mechanics.solution.patch_elimination import recover_patches
 
 
 @kernel
@@ -26,7 +27,7 @@ def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_fact
 def recover_rope(system, state, work):
     """Recover the eliminated unknowns of one rope; returns its largest increment (m)."""
     recover(system, state, work)
-    return largest_increment(system, work)
+    return largest_increment(system, state, work)
 
 
 @kernel
@@ -47,10 +48,13 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor
         )
     for rope in range(ropes):
-        own, _, room = rope_of(bundle, rope, system, state, work)
-        hold_ends(own.cable, room)
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        close_rope(own, here, room)
     if not solve_nodes(bundle, scratch, system, work):
         return False, largest, changed
+    for rope in range(ropes):
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        recover_patches(here, room, own.cable.gravity)
     if bundle.coupled:
         like = system.cable.gravity
         recover_clamps(bundle, moving, scratch, state, work, like)
@@ -81,9 +85,9 @@ def solve_nodes(bundle, scratch, system, work):
 
 
 @kernel
-def largest_increment(system, work):
+def largest_increment(system, state, work):
     """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if any is."""
-    like, lengths, increments = system.cable.gravity, system.cable.element_length, work.right_side
+    like, lengths, increments = system.cable.gravity, state.mesh.length, work.right_side
     worst, total = 0.0, 0.0
     for node in range(increments.shape[0]):
         length = lengths[min(node, lengths.size - 1)]
@@ -92,6 +96,9 @@ def largest_increment(system, work):
             r, slope = increments[node, 0, i], length * increments[node, 1, i]
             largest = max(largest, abs(r), abs(slope))
             gone += r + slope
+            if system.cable.load_nodes:
+                after = length * increments[node, 2, i]
+                largest, gone = max(largest, abs(after)), gone + after
         worst = max(worst, largest)
         total += gone
     for body in range(work.body_increment.shape[0]):

@@ -142,7 +142,7 @@ def copy_place(source, target):
 def place_in_element(cable, state, carriage):
     """Relative position of a joint on its element, from 0 to 1."""
     element = state.joint_element[carriage]
-    return (state.joints.position[carriage] - cable.node_arc_length[element]) / cable.element_length[element]
+    return (state.joints.position[carriage] - state.mesh.arc_length[element]) / state.mesh.length[element]
 
 
 @kernel
@@ -186,7 +186,7 @@ def step_to_node(system, state, start, total, h, work):
         else:
             long = taken
         # the joint moves almost evenly within a step, so Newton's guess from its speed is nearly right
-        speed = state.joints.velocity[which] / cable.element_length[state.joint_element[which]]
+        speed = state.joints.velocity[which] / state.mesh.length[state.joint_element[which]]
         place = place_in_element(cable, state, which)
         guess = taken - (place - (1.0 if speed > 0.0 else 0.0)) / speed if speed != 0.0 else 0.5 * (short + long)
         taken = guess if short < guess < long else 0.5 * (short + long)

@@ -49,7 +49,8 @@ def build_system(
         nodes = nodes_of(scenario, system)
     if marks is not None:
         nodes = with_marks(nodes, marks)
-    return system._replace(cable=system.cable._replace(**parameters.mesh_fields(nodes)))
+    mesh = parameters.mesh_fields(nodes) | {"load_nodes": scenario.cable.joint == "node"}
+    return system._replace(cable=system.cable._replace(**mesh))
 
 
 def _build_cable(scenario: Scenario) -> parameters.Cable:

@@ -30,6 +30,7 @@ def line_faults(scenario: Scenario) -> Iterator[Fault]:
     yield from _dimensions(scenario)
     yield from _grading(scenario.cable)
     yield from _kinks(scenario)
+    yield from _joint(scenario)
     yield from _supports(scenario)
     yield from _span(scenario)
     yield from _towers(scenario)
@@ -90,6 +91,21 @@ def _kinks(scenario: Scenario) -> Iterator[Fault]:
         f"beside {clamped!r}, which is clamped to another rope": clamped is not None,
     }
     yield from [refuse(("cable", "kinks"), cable.kinks, "rounded", why) for why, holds in reasons.items() if holds][:1]
+
+
+def _joint(scenario: Scenario) -> Iterator[Fault]:
+    """Fault of nodes that follow loads beside a key with which they do not work."""
+    cable = scenario.cable
+    if cable.joint == "paper":
+        return
+    clamped = next((name for name, vehicle in scenario.vehicles.items() if vehicle.clamped_to), None)
+    reasons = {
+        f"beside elastic_model {cable.elastic_model}": cable.elastic_model != "continuum",
+        f"beside integrator {scenario.solver.integrator}": scenario.solver.integrator != "generalized_alpha",
+        f"beside kinks {cable.kinks}, which mend the joint of the paper": cable.kinks != "rounded",
+        f"beside {clamped!r}, which is clamped to another rope": clamped is not None,
+    }
+    yield from [refuse(("cable", "joint"), cable.joint, "paper", why) for why, holds in reasons.items() if holds][:1]
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:

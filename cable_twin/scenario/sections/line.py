@@ -95,6 +95,11 @@ class Cable(Section):
         description="bend of the rope under a vehicle: rounded by the elements, or sharp, with the missing deflection "
         "as a compliance of the joint",
     )
+    joint: Literal["paper", "node"] = Field(
+        default="paper",
+        description="joint of a vehicle: at a place of an element, as in the paper, or at a node of the mesh that "
+        "follows it, with a slope of the rope on either side",
+    )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
     mass_damping: float = quantity("1/s", "damping per mass, of one of several ropes", 0.0, ge=0)
     tension_damping: float = quantity(

@@ -64,8 +64,8 @@ def clamp_gap(bundle, moving, clamp, system, state, like):
     track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
     other = moving.clamp_rope[clamp]
     haul = record_at(bundle.records[other, SYSTEM], system).cable
-    there = record_at(bundle.records[other, STATE], state).nodes
-    held = value(there.position, point_at(haul, moving.clamp_place[clamp]), like)
+    there = record_at(bundle.records[other, STATE], state)
+    held = value(there.nodes.position, point_at(haul, there, moving.clamp_place[clamp]), like)
     at = add_scaled(1.0, load(bundle.clamps.offset[clamp], like), joint_position(track.cable, here, carriage))
     return subtract(subtract(held, at), load(moving.clamp_slack[clamp], like))
 
@@ -132,7 +132,7 @@ def gap_rate(bundle, moving, clamp, system, state, like):
     track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
     haul, there = record_at(bundle.records[other, SYSTEM], system), record_at(bundle.records[other, STATE], state)
     place = moving.clamp_place[clamp]
-    held = point_at(haul.cable, place)
+    held = point_at(haul.cable, there, place)
     speed, _ = transport_velocity(haul.cable, there, place)
     goes = add_scaled(speed, slope(there.nodes.position, held, like), value(there.nodes.velocity, held, like))
     return subtract(goes, joint_velocity(track.cable, here, carriage))
@@ -185,9 +185,12 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
         rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
         track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
         own, beside = record_at(bundle.records[rope, WORK], work), record_at(bundle.records[other, WORK], work)
-        haul = record_at(bundle.records[other, SYSTEM], system).cable
+        haul, there = (
+            record_at(bundle.records[other, SYSTEM], system).cable,
+            record_at(bundle.records[other, STATE], state),
+        )
         force = load(here.clamp_force[carriage], like)
-        joint, held = joint_point(track.cable, here, carriage), point_at(haul, moving.clamp_place[clamp])
+        joint, held = joint_point(track.cable, here, carriage), point_at(haul, there, moving.clamp_place[clamp])
         r_x = joint_tangent(track.cable, here, carriage)
         gap = clamp_gap(bundle, moving, clamp, system, state, like)
         size = sqrt(dot(gap, gap))
@@ -205,7 +208,7 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
         store(scale(own.sliding_right[carriage], e_1), scratch.clamp_right[clamp, 1])
 
         # what the rails carry is in F too, as that of the other rope less what is not on it
-        add_force(scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force)), held, beside.right_side)
+        add_force(scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force)), held, beside)
         out, back = scratch.clamp_out[clamp], scratch.clamp_in[clamp]
         clear_array(out)
         clear_array(back)
@@ -290,8 +293,8 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
     if 0.0 < s < length:
         found = track_state.joints.position[carriage]
         if not attached:
-            held = value(strand_state.nodes.position, point_at(strand.cable, s), offset)
-            found = nearest(track.cable, track_state.nodes.position, subtract(held, offset), ridden * s / length)
+            held = value(strand_state.nodes.position, point_at(strand.cable, strand_state, s), offset)
+            found = nearest(track.cable, track_state, subtract(held, offset), ridden * s / length)
         if STATION < found < ridden - STATION:
             if not attached:
                 speed, rate = speed_beside(strand.cable, strand_state, s, track.cable, track_state, found, offset)
@@ -306,7 +309,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
 @kernel
 def speed_beside(strand, strand_state, s, track, track_state, place, like):
     """Speed (m/s) and its rate along a track at an arc length, beside a moving point `s` (m) of a strand."""
-    own, beside = point_at(strand, s), point_at(track, place)
+    own, beside = point_at(strand, strand_state, s), point_at(track, track_state, place)
     speed, rate = transport_velocity(strand, strand_state, s)
     r_x, along = slope(strand_state.nodes.position, own, like), slope(track_state.nodes.position, beside, like)
     moving = subtract(value(strand_state.nodes.velocity, own, like), value(track_state.nodes.velocity, beside, like))

@@ -98,7 +98,7 @@ def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
     like = cable.gravity
     unit = full(1.0, symmetric(1.0, 0.0, like), 0.0)
     for element in range(cable.element_count):
-        length = cable.element_length[element]
+        length = state.mesh.length[element]
         mass = by_mass * cable.mass_per_length * length
         for i in range(4):
             scale_i = length if i % 2 else 1.0
@@ -108,4 +108,4 @@ def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
                 damping = scale_j * (mass * MASS[i][j] + tension_time / length * SLOPE[i][j])
                 total = add_scaled(-damping, coordinate(state.nodes.velocity, element, j, like), total)
                 add_block(scale(rate_factor * damping, unit), element, i, j, work)
-            add_to(total, work.right_side, element, i)
+            add_to(total, element, i, work)

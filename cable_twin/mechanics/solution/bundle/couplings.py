@@ -119,6 +119,6 @@ def give_forces(bundle, moving, system, state, sections):
     for pantograph in range(bundle.pantographs.rope.size):
         rope, place = bundle.pantographs.rope[pantograph], moving.arc_length[pantograph]
         cable = record_at(bundle.records[rope, SYSTEM], system).cable
-        nodes = record_at(bundle.records[rope, STATE], state).nodes
-        push = push_direction(nodes, point_at(cable, place), load(bundle.up, like), like)
+        here = record_at(bundle.records[rope, STATE], state)
+        push = push_direction(here.nodes, point_at(cable, here, place), load(bundle.up, like), like)
         give(record_at(bundle.records[rope, SECTIONS], sections), place, scale(moving.contact_force[pantograph], push))

@@ -18,11 +18,11 @@ SEARCHES = 4  # Newton steps for the place above the head, from the one before
 
 
 @kernel
-def find_place(cable, nodes, arc_length, x):
+def find_place(cable, state, arc_length, x):
     """Arc length (m) of a rope at `x` (m) along the track, by Newton's method from `arc_length`."""
-    like = cable.gravity
+    like, nodes = cable.gravity, state.nodes
     for _ in range(SEARCHES):
-        point = point_at(cable, arc_length)
+        point = point_at(cable, state, arc_length)
         arc_length += (x - value(nodes.position, point, like)[0]) / slope(nodes.position, point, like)[0]
         arc_length = min(max(arc_length, 0.0), cable.unstrained_length)
     return arc_length
@@ -61,11 +61,12 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
     for pantograph in range(bundle.pantographs.rope.size):
         rope = bundle.pantographs.rope[pantograph]
         cable = record_at(bundle.records[rope, SYSTEM], system).cable
-        nodes = record_at(bundle.records[rope, STATE], state).nodes
+        here = record_at(bundle.records[rope, STATE], state)
+        nodes = here.nodes
         own = record_at(bundle.records[rope, WORK], work)
         x = moving.place.position[pantograph]
-        moving.arc_length[pantograph] = find_place(cable, nodes, moving.arc_length[pantograph], x)
-        point = point_at(cable, moving.arc_length[pantograph])
+        moving.arc_length[pantograph] = find_place(cable, here, moving.arc_length[pantograph], x)
+        point = point_at(cable, here, moving.arc_length[pantograph])
         gap = moving.stages.position[pantograph, 0] - dot(value(nodes.position, point, like), up)
         under_rope = 0.0 < moving.arc_length[pantograph] < cable.unstrained_length  # and not past one of its ends
         touches = 1 if gap > 0.0 and under_rope else 0
@@ -76,7 +77,7 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
         given, share = condense_stages(bundle.pantographs, moving, scratch, pantograph, contact, force, factors)
         if touches:
             push = push_direction(nodes, point, up, like)
-            add_force(scale(force + contact * stiffness_factor * given, push), point, own.right_side)
+            add_force(scale(force + contact * stiffness_factor * given, push), point, own)
             stiff = stiffness_factor * contact * (1.0 - stiffness_factor * contact * share)
             square = outer(stiff, push, push)
             for i in range(4):
@@ -126,11 +127,12 @@ def recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_
     for pantograph in range(bundle.pantographs.rope.size):
         rope = bundle.pantographs.rope[pantograph]
         cable = record_at(bundle.records[rope, SYSTEM], system).cable
-        nodes = record_at(bundle.records[rope, STATE], state).nodes
+        here = record_at(bundle.records[rope, STATE], state)
+        nodes = here.nodes
         own = record_at(bundle.records[rope, WORK], work)
         lifted = 0.0
         if moving.tight[bundle.connectors.length.size + pantograph]:
-            point = point_at(cable, moving.arc_length[pantograph])
+            point = point_at(cable, here, moving.arc_length[pantograph])
             push = push_direction(nodes, point, up, like)
             for i in range(4):
                 lifted += point.shape[i] * dot(push, coordinate(own.right_side, point.element, i, like))

@@ -1,0 +1,227 @@
+"""Joint at a node of the mesh that follows it: contact of a vehicle, force along the rope, and the node's place.
+
+The joint is at r of the node, and turns with the mean r_x of both slopes there. Along the rope acts what the elements
+beside the node give (`rope.patch`), against drive, friction and end stop: Q_X = |r_x| f_t, with the mean |r_x|. Of an
+inextensible rope that is λ·r_x = |r_x| f_t, the last row of the paper's eq. 16.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.rotations import no_turn
+from cable_twin.mechanics.language.vectors import (
+    add_scaled,
+    dot,
+    load,
+    product,
+    scale,
+    store,
+    transpose,
+)
+from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
+from cable_twin.mechanics.on_rope.hinge import Above, hinge, is_hinged
+from cable_twin.mechanics.on_rope.presence import rides
+from cable_twin.mechanics.on_rope.tangent_hinge import (
+    moment_by_slope,
+    spin_by_slope,
+    tangent_orientation,
+    turn_by_slope,
+)
+from cable_twin.mechanics.on_rope.vehicle_impedance import impedance_at_pivot
+from cable_twin.mechanics.rope.following_nodes import (
+    give_back,
+    go_along,
+    put_node,
+    shift_train,
+    stand_still,
+    take_node,
+)
+from cable_twin.mechanics.rope.patch import mean_slope, pull_of_element
+from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, element_at
+
+LEAST = 0.02  # of the shortest element: room that a node keeps to its neighbours
+
+
+@inlined_kernel
+def rope_passing(coordinates, node, like):
+    """Stretched rope (-) that passes a load per arc length: mean |r_x| of both sides of its node."""
+    before, after = load(coordinates[node, BEFORE], like), load(coordinates[node, AFTER], like)
+    return 0.5 * (sqrt(dot(before, before)) + sqrt(dot(after, after)))
+
+
+@inlined_kernel
+def direction_at_node(state, node, like):
+    """Orientation of the rope at a node that follows a load, and its angular velocity, as `hinge.Above`."""
+    r_x = mean_slope(state.nodes.position, node, like)
+    turning = mean_slope(state.nodes.velocity, node, like)
+    return Above(tangent_orientation(r_x), product(turn_by_slope(r_x), turning))
+
+
+@kernel
+def follow_joints(state):
+    """Move all nodes that go along with a load to its joint, and set the lengths of the elements beside them."""
+    for node in range(1, state.node_load.size - 1):
+        number = state.node_load[node]
+        if number >= 0:
+            s = state.joints.position[number]
+            if state.node_follows[number]:
+                put_node(state, node, s)
+                state.joint_element[number] = node - 1
+            else:
+                state.joint_element[number] = node - 1 if s < state.mesh.arc_length[node] else node
+
+
+@inlined_kernel
+def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
+    """Add a vehicle to the patch of its joint's node; needs the chain and the drive condensed, as `add_joint`."""
+    carriages, like = system.carriages, system.cable.gravity
+    dim, node, first = len(like), state.joint_node[carriage], system.carriages.body_offset[carriage]
+    patch, last = work.patch[carriage], work.patch.shape[1]
+    place, along = 2 * dim, 5 * dim
+    r_x = mean_slope(state.nodes.position, node, like)
+    vehicle = impedance_at_pivot(system, state, carriage, work)
+    force = vehicle.force
+    add_matrix(vehicle.by_place, patch, place, place)
+    add_column(scale(-1.0, add_scaled(1.0, force, vehicle.left)), patch, place, last)
+    if is_hinged(carriages, first):
+        add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work)
+    if work.driven[carriage]:
+        hold_along(work, carriage, work.sliding_increment[carriage])
+        return
+    work.along_held[carriage] = False
+    s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
+    _, tangential, normal_force, normal = along_and_across(force, r_x)
+    passing = rope_passing(state.nodes.position, node, like)
+    f_stop, stop_by_s, stop_by_s_dot = stop_force(carriages, system.cable, carriage, s, s_dot)
+    f_friction, friction_by_s, friction_by_s_dot, by_normal = friction_force(carriages, state, carriage, normal)
+    f_t = work.given_force[carriage] + f_friction + f_stop
+    direction = scale(1.0 / max(normal, 1e-12), normal_force)
+    patch[along, last] += passing * (f_t + by_normal * dot(direction, vehicle.left))
+    stiff = stiffness_factor * (stop_by_s + friction_by_s) + rate_factor * (stop_by_s_dot + friction_by_s_dot)
+    patch[along, along] -= passing * stiff
+    by_place = product(transpose(vehicle.by_place), direction)
+    add_row(scale(-passing * by_normal, by_place), patch, along, place)
+    turned = scale(tangential * by_normal, direction)
+    for row in (BEFORE, AFTER):
+        side = load(state.nodes.position[node, row], like)
+        by_slope = add_scaled(-f_t / sqrt(dot(side, side)), side, turned)
+        add_row(scale(0.5 * stiffness_factor, by_slope), patch, along, (2 + row) * dim)
+
+
+@inlined_kernel
+def hold_along(work, carriage, increment):
+    """Give the increment (m) of a load's node along the rope."""
+    work.along_held[carriage], work.along_increment[carriage] = True, increment
+
+
+@inlined_kernel
+def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work):
+    """Add the hinge of a vehicle at a node to its patch, on the mean of both slopes; as in `tangent_hinge`."""
+    like, node = system.cable.gravity, state.joint_node[carriage]
+    dim, still, patch, last = len(like), no_turn(like), work.patch[carriage], work.patch.shape[1]
+    above = direction_at_node(state, node, like)
+    first = system.carriages.body_offset[carriage]
+    joint = hinge(system.carriages, state, first, True, above, stiffness_factor, rate_factor, like)
+    g, turning = turn_by_slope(r_x), mean_slope(state.nodes.velocity, node, like)
+    rated = joint.steep[1] > 0.0 and joint.by_turn[0][0] > 0.0
+    share = stiffness_factor * joint.steep[1] / joint.by_turn[0][0] if rated else 0.0
+    turned = scale(0.5, add_scaled(share, spin_by_slope(turning, r_x), g))  # of the rope, by either slope
+    store(turned, work.grip_row[carriage, 0])
+    store(still, work.grip_by_s[carriage])
+    residual = add_scaled(1.0, joint.moment, vehicle.moment_left)
+    by_turn, by_place = product(vehicle.by_turn, turned), scale(0.5, product(transpose(g), vehicle.moment_by_place))
+    stiff = scale(0.25 * stiffness_factor, moment_by_slope(joint.moment, r_x))
+    both = add_scaled(1.0, stiff, scale(0.5, product(transpose(g), product(vehicle.moment_by_turn, turned))))
+    for i in range(2):
+        row = (3 + i) * dim
+        add_matrix(by_turn, patch, 2 * dim, row)
+        add_matrix(by_place, patch, row, 2 * dim)
+        add_matrix(both, patch, row, 3 * dim)
+        add_matrix(both, patch, row, 4 * dim)
+        add_column(scale(-0.5, product(residual, g)), patch, row, last)
+
+
+@kernel
+def pull_along(system, state, carriage):
+    """Force (N) along the rope on a joint at a node, by the elements beside it: Q_X over the mean |r_x|."""
+    node = state.joint_node[carriage]
+    pull = pull_of_element(system, state, node - 1, 1) + pull_of_element(system, state, node, 0)
+    return pull / rope_passing(state.nodes.position, node, system.cable.gravity)
+
+
+HOLD = 0.55  # of an element, that a load goes from the place of its node before the next one takes it over
+FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is found to follow it
+
+
+@kernel
+def update_load_nodes(system, state):
+    """Assign a node to each load on the rope: take, hand on, and give back, where loads have come, moved, or gone."""
+    last, places = state.node_load.size - 1, state.mesh.arc_length
+    room = LEAST * system.cable.cell_length
+    for node in range(1, last):
+        number = state.node_load[node]
+        if number >= 0:
+            s = state.joints.position[number]
+            if not rides(system, state, number):
+                give_back(system, state, node)
+            elif state.node_follows[number]:
+                if s - places[node - 1] < room or places[node + 1] - s < room:
+                    stand_still(system, state, node)
+            elif places[node - 1] + room <= s <= places[node + 1] - room:
+                if abs(s - places[node]) < room:
+                    go_along(system, state, node)
+                else:
+                    give_back(system, state, node)
+    for node in range(last - 1, 0, -1):
+        if state.node_load[node] >= 0 and node + 1 < last and state.node_load[node + 1] < 0:
+            pass_on(system, state, node, 1)
+    for node in range(1, last):
+        if state.node_load[node] >= 0 and node > 1 and state.node_load[node - 1] < 0:
+            pass_on(system, state, node, -1)
+    for carriage in range(state.joint_node.size):
+        if rides(system, state, carriage) and state.joint_node[carriage] < 0:
+            find_node(system, state, carriage)
+
+
+@kernel
+def pass_on(system, state, front, way):
+    """Hand the loads behind and at a node on by one node, where they have gone far enough towards it."""
+    homes, places, total, count, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, 0, front
+    room = LEAST * system.cable.cell_length
+    while 0 < node < places.size - 1 and state.node_load[node] >= 0:
+        gone = way * (places[node] - homes[node])
+        total += gone / (way * (homes[node + way] - homes[node]))
+        count += 1
+        free = gone > room and way * (homes[node] - places[node - way]) > room
+        if free and total > HOLD * count:
+            shift_train(system, state, min(node, front), max(node, front), way)
+            return
+        node -= way
+
+
+@kernel
+def find_node(system, state, carriage):
+    """Find a free node, in the order of the loads, to follow a vehicle that has come onto the rope."""
+    s, last, homes = state.joints.position[carriage], state.node_load.size - 1, system.cable.node_arc_length
+    element = element_at(system.cable, state, s)
+    state.joint_element[carriage] = element
+    room = LEAST * system.cable.cell_length
+    nearest = element if s - homes[element] < homes[element + 1] - s else element + 1
+    nearest = min(max(nearest, 1), last - 1)
+    way = 1
+    if state.node_load[nearest] >= 0 and state.joints.position[state.node_load[nearest]] > s:
+        way = -1
+    node = nearest
+    for _ in range(FARTHEST):
+        if not 0 < node < last:
+            return
+        if state.node_load[node] < 0:
+            if state.mesh.arc_length[node - 1] + room < s < state.mesh.arc_length[node + 1] - room:
+                take_node(system, state, carriage, node)
+            return
+        if way * (state.joints.position[state.node_load[node]] - s) > 0.0:
+            return
+        node += way

@@ -1,0 +1,72 @@
+"""Momentum and kinetic energy of a rope that moves through its mesh."""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, sum_of_lanes
+from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.vectors import dot, scale, subtract
+from cable_twin.mechanics.rope.ale import nodal_vectors, rest_stretch
+from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
+from cable_twin.mechanics.rope.shape_functions import FLOW_OF_CHORD, SLOPE_OF_CHORD, combine
+
+
+@kernel
+def flow_energy(cable, state):
+    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds, with the speed u at mid-rope."""
+    along, squared, _, _ = flow_integrals(cable, state)
+    speed = 0.5 * (state.rope.velocity[0] + state.rope.velocity[1])
+    return speed * along + 0.5 * speed * speed * squared / rest_stretch(cable, state)
+
+
+@kernel
+def flow_integrals(cable, state):
+    """∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N) and ∫ρA r_x·r_tx dx (kg/s).
+
+    Elements are computed `WIDTH` at a time, and those that are left over, or beside a load, one by one.
+    """
+    e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
+    like = cable.gravity
+    grouped = cable.element_count - cable.element_count % WIDTH
+    lanes = 0.0 * gather(e, 0, like)[0][0]
+    sums = lanes, lanes, lanes, lanes
+    for first in range(0, grouped, WIDTH):
+        length = gather_numbers(state.mesh.length, first)
+        products = flow_products(
+            length, gather(e, first, like), gather(e_dot, first, like), gather(e_ddot, first, like)
+        )
+        if cable.load_nodes:
+            plain = gather_numbers(state.mesh.plain, first)
+            products = plain * products[0], plain * products[1], plain * products[2], plain * products[3]
+        sums = (sums[0] + products[0], sums[1] + products[1], sums[2] + products[2], sums[3] + products[3])
+    by_velocity, squared = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
+    by_acceleration, by_rate = sum_of_lanes(sums[2]), sum_of_lanes(sums[3])
+    for element in range(0 if cable.load_nodes else grouped, cable.element_count):
+        if element < grouped and not beside_load(cable, state, element):
+            continue
+        length = state.mesh.length[element]
+        if beside_load(cable, state, element):
+            place, rate, acceleration = motion_at_rest(cable, state, element, e_ddot, state.joints.acceleration)
+        else:
+            place, rate = nodal_vectors(e, element, like), nodal_vectors(e_dot, element, like)
+            acceleration = nodal_vectors(e_ddot, element, like)
+        products = flow_products(length, place, rate, acceleration)
+        by_velocity, squared = by_velocity + products[0], squared + products[1]
+        by_acceleration, by_rate = by_acceleration + products[2], by_rate + products[3]
+    mass = cable.mass_per_length
+    return mass * by_velocity, mass * squared, mass * by_acceleration, mass * by_rate
+
+
+@formula
+def flow_products(length, place, rate, acceleration):
+    """Integrals of `flow_integrals` over elements, without ρA, from nodal vectors and their rates."""
+    d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
+    by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
+    for i in range(4):
+        factor = length if i % 2 else 1.0
+        flow, slope = combine(FLOW_OF_CHORD[i], d, a, b), combine(SLOPE_OF_CHORD[i], d, a, b)
+        by_velocity += factor * dot(rate[i], flow)
+        by_acceleration += factor * dot(acceleration[i], flow)
+        squared += factor / length * dot(place[i], slope)
+        by_rate += factor / length * dot(rate[i], slope)
+    return by_velocity, squared, by_acceleration, by_rate

@@ -1,0 +1,276 @@
+"""Nodes that follow loads: taken from the mesh, handed on from load to load, and given back to the mesh.
+
+A node that is given back divides a cubic, which leaves the rope and its motion as they are. One that is taken, or left
+out as the next one is handed on, moves the rope between its neighbours to one cubic.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.vectors import add_scaled, load, scale, store, subtract
+from cable_twin.mechanics.rope.patch import bends, motion_at_rest
+from cable_twin.mechanics.rope.point import AFTER, BEFORE, R, interpolate, point_on
+from cable_twin.mechanics.rope.shape_functions import AXIAL_PLACES, AXIAL_POINTS, AXIAL_WEIGHT, shape_functions
+
+
+class Field(NamedTuple):
+    """Shape of the rope at a place of the mesh that stands still, and its rates there."""
+
+    position: Any  # r (dim,) m, r_x (dim,)
+    velocity: Any  # of them, per second
+    acceleration: Any  # likewise
+    algorithmic: Any  # likewise, of the auxiliary acceleration
+
+
+@formula
+def at_place(vectors, shape, shape_x):
+    """Value and slope (dim,) at a place of an element, from nodal vectors and shape functions."""
+    return (
+        shape[0] * vectors[0] + shape[1] * vectors[1] + shape[2] * vectors[2] + shape[3] * vectors[3],
+        shape_x[0] * vectors[0] + shape_x[1] * vectors[1] + shape_x[2] * vectors[2] + shape_x[3] * vectors[3],
+    )
+
+
+@inlined_kernel
+def field_at(system, state, element, arc_length):
+    """Shape and motion of the rope at an arc length (m) of the mesh, on a given element."""
+    point = point_on(state, element, arc_length)
+    e, v, a = motion_at_rest(system.cable, state, element, state.nodes.acceleration, state.joints.acceleration)
+    _, _, mean = motion_at_rest(system.cable, state, element, state.nodes.algorithmic, state.joints.algorithmic)
+    return Field(
+        at_place(e, point.shape, point.shape_x),
+        at_place(v, point.shape, point.shape_x),
+        at_place(a, point.shape, point.shape_x),
+        at_place(mean, point.shape, point.shape_x),
+    )
+
+
+@inlined_kernel
+def write_row(pair, row):
+    """Write r and r_x (dim,) to a node (rows, dim), the slope on both sides."""
+    store(pair[0], row[R])
+    store(pair[1], row[BEFORE])
+    store(pair[1], row[AFTER])
+
+
+@inlined_kernel
+def write_field(field, nodes, node):
+    """Write shape and motion of the rope to a node."""
+    write_row(field.position, nodes.position[node])
+    write_row(field.velocity, nodes.velocity[node])
+    write_row(field.acceleration, nodes.acceleration[node])
+    write_row(field.algorithmic, nodes.algorithmic[node])
+
+
+@kernel
+def copy_node(nodes, source, target):
+    """Copy all coordinates of a node to another one."""
+    for row in range(3):
+        for axis in range(nodes.position.shape[2]):
+            nodes.position[target, row, axis] = nodes.position[source, row, axis]
+            nodes.velocity[target, row, axis] = nodes.velocity[source, row, axis]
+            nodes.acceleration[target, row, axis] = nodes.acceleration[source, row, axis]
+            nodes.algorithmic[target, row, axis] = nodes.algorithmic[source, row, axis]
+
+
+@kernel
+def put_node(state, node, arc_length):
+    """Put a node of the mesh to an arc length (m)."""
+    places = state.mesh.arc_length
+    places[node] = arc_length
+    state.mesh.length[node - 1], state.mesh.length[node] = arc_length - places[node - 1], places[node + 1] - arc_length
+
+
+@kernel
+def give_back(system, state, node):
+    """Put a node that has followed a load back to its place on the mesh, on the rope as it is there."""
+    home, number = system.cable.node_arc_length[node], state.node_load[node]
+    element = node if home >= state.mesh.arc_length[node] else node - 1
+    write_field(field_at(system, state, element, home), state.nodes, node)
+    state.node_load[node], state.joint_node[number], state.node_follows[number] = -1, -1, False
+    put_node(state, node, home)
+
+
+@inlined_kernel
+def slope_of_one(way, lengths, near, far, place):
+    """Slope (dim,) beside a load of the one cubic that is nearest, in mean square, to two cubics ahead of it.
+
+    Args:
+        way: 1 where they are after the load, -1 where they are before it.
+        lengths: of the near one and of the far one, m.
+        near: nodal vectors of the one beside the load.
+        far: those of the other one.
+        place: of the new cubic at the load (dim,).
+    """
+    whole, total, squared = lengths[0] + lengths[1], scale(0.0, place), 0.0
+    for number in range(2):
+        length, vectors = (lengths[0], near) if number == 0 else (lengths[1], far)
+        for point in range(AXIAL_POINTS):
+            x = AXIAL_PLACES[point] * length
+            shape = shape_functions(x, length)
+            offset = (lengths[0] if way > 0 else 0.0) if number == 1 else (0.0 if way > 0 else lengths[1])
+            merged = shape_functions(offset + x, whole)
+            old = at_place(vectors, shape, shape)[0]
+            if way > 0:
+                known = at_place((place, scale(0.0, place), far[2], far[3]), merged, merged)[0]
+                share = merged[1]
+            else:
+                known = at_place((far[0], far[1], place, scale(0.0, place)), merged, merged)[0]
+                share = merged[3]
+            weight = AXIAL_WEIGHT[point] * length * share
+            total = add_scaled(weight, subtract(old, known), total)
+            squared += weight * share
+    return scale(1.0 / squared, total)
+
+
+@inlined_kernel
+def bend_of_one(way, length, far, place, slope):
+    """r_xx (dim,) at a load of one cubic from the load on, by nodal vectors of the far end and at the load."""
+    if way > 0:
+        return bends(length, (place, slope, far[2], far[3]))[0]
+    return bends(length, (far[0], far[1], place, slope))[1]
+
+
+@kernel
+def leave_out(system, state, node, way):
+    """Make one cubic of the two ahead of a load: gives the slope of its node on that side, and the rates of that.
+
+    The slope is that of the nearest cubic in mean square, of the shape and of velocities and accelerations alike, which
+    passes on no wave shorter than the element that is left.
+    """
+    cable, like, nodes, joints = system.cable, system.cable.gravity, state.nodes, state.joints
+    number = state.node_load[node]
+    near, far = (node, node + 1) if way > 0 else (node - 1, node - 2)
+    lengths = state.mesh.length[near], state.mesh.length[far]
+    whole = lengths[0] + lengths[1]
+    e, v, a = motion_at_rest(cable, state, near, nodes.acceleration, joints.acceleration)
+    e_far, v_far, a_far = motion_at_rest(cable, state, far, nodes.acceleration, joints.acceleration)
+    _, _, mean = motion_at_rest(cable, state, near, nodes.algorithmic, joints.algorithmic)
+    _, _, mean_far = motion_at_rest(cable, state, far, nodes.algorithmic, joints.algorithmic)
+    speed = joints.velocity[number] if state.node_follows[number] else 0.0
+    place = load(nodes.position[node, R], like)
+    slope = slope_of_one(way, lengths, e, e_far, place)
+    bend = bend_of_one(way, whole, e_far, place, slope)
+    moving = add_scaled(-speed, slope, load(nodes.velocity[node, R], like))
+    turning = slope_of_one(way, lengths, v, v_far, moving)
+    bending = bend_of_one(way, whole, v_far, moving, turning)
+    row = AFTER if way > 0 else BEFORE
+    rates = slope, add_scaled(speed, bend, turning)
+    convected = add_scaled(2.0 * speed, turning, scale(speed * speed, bend))
+    for kind in range(2):
+        along = joints.acceleration[number] if kind == 0 else joints.algorithmic[number]
+        whole_rate = load(nodes.acceleration[node, R] if kind == 0 else nodes.algorithmic[node, R], like)
+        along = along if state.node_follows[number] else 0.0
+        there = subtract(whole_rate, add_scaled(along, slope, convected))
+        turned = slope_of_one(way, lengths, a if kind == 0 else mean, a_far if kind == 0 else mean_far, there)
+        turned = add_scaled(along, bend, add_scaled(2.0 * speed, bending, turned))
+        store(turned, nodes.acceleration[node, row] if kind == 0 else nodes.algorithmic[node, row])
+    store(rates[0], nodes.position[node, row])
+    store(rates[1], nodes.velocity[node, row])
+
+
+@kernel
+def shift_train(system, state, first, last, way):
+    """Hand loads at the nodes `first` to `last` on to the next nodes, `way` 1 or -1; one node is put back.
+
+    The node that is put back divides a cubic, which leaves the rope as it is; the one that is taken is left out, with
+    what of a wave only two elements can hold.
+    """
+    behind, front = (first, last) if way > 0 else (last, first)
+    home = system.cable.node_arc_length[behind]
+    field = field_at(system, state, behind - 1 if way > 0 else behind, home)
+    leave_out(system, state, front, way)
+    node = front
+    for _ in range(last - first + 1):
+        number = state.node_load[node]
+        copy_node(state.nodes, node, node + way)
+        state.node_load[node + way], state.joint_node[number] = number, node + way
+        state.mesh.arc_length[node + way] = state.mesh.arc_length[node]
+        node -= way
+    state.node_load[behind] = -1
+    write_field(field, state.nodes, behind)
+    state.mesh.arc_length[behind] = home
+    for node in range(min(first, first + way), max(last, last + way) + 1):
+        put_node(state, node, state.mesh.arc_length[node])
+
+
+@inlined_kernel
+def write_both(row, nodes, before, after):
+    """Write a node (rows, dim) from the nodal vectors of both elements beside it, their mean for its position."""
+    store(scale(0.5, add_scaled(1.0, before[2], after[0])), nodes[row, R])
+    store(before[3], nodes[row, BEFORE])
+    store(after[1], nodes[row, AFTER])
+
+
+@kernel
+def stand_still(system, state, node):
+    """Let a node that has followed its load stand where it is."""
+    nodes, joints = state.nodes, state.joints
+    _, v_before, a_before = motion_at_rest(system.cable, state, node - 1, nodes.acceleration, joints.acceleration)
+    _, v_after, a_after = motion_at_rest(system.cable, state, node, nodes.acceleration, joints.acceleration)
+    _, _, mean_before = motion_at_rest(system.cable, state, node - 1, nodes.algorithmic, joints.algorithmic)
+    _, _, mean_after = motion_at_rest(system.cable, state, node, nodes.algorithmic, joints.algorithmic)
+    write_both(node, nodes.velocity, v_before, v_after)
+    write_both(node, nodes.acceleration, a_before, a_after)
+    write_both(node, nodes.algorithmic, mean_before, mean_after)
+    state.node_follows[state.node_load[node]] = False
+
+
+@kernel
+def go_along(system, state, node):
+    """Let a node that stands go along with its load again, which has come back to it."""
+    number, like = state.node_load[node], system.cable.gravity
+    s, place = state.joints.position[number], state.mesh.arc_length[node]
+    element = node - 1 if s < place else node
+    outer_row = AFTER if s < place else BEFORE
+    nodes = state.nodes
+    kept = (
+        load(nodes.position[node, outer_row], like),
+        load(nodes.velocity[node, outer_row], like),
+        load(nodes.acceleration[node, outer_row], like),
+        load(nodes.algorithmic[node, outer_row], like),
+    )
+    state.node_load[node] = -1
+    take_at(system, state, number, node, element)
+    store(kept[0], nodes.position[node, outer_row])
+    store(kept[1], nodes.velocity[node, outer_row])
+    store(kept[2], nodes.acceleration[node, outer_row])
+    store(kept[3], nodes.algorithmic[node, outer_row])
+
+
+@kernel
+def take_node(system, state, number, node):
+    """Let a free node follow the joint of a load, on the rope as it is there."""
+    element = node - 1 if state.joints.position[number] < state.mesh.arc_length[node] else node
+    take_at(system, state, number, node, element)
+
+
+@inlined_kernel
+def take_at(system, state, number, node, element):
+    """Put a node to the joint of a load on an element beside it, on the rope as it is there, to follow it."""
+    s, speed, like = state.joints.position[number], state.joints.velocity[number], system.cable.gravity
+    field = field_at(system, state, element, s)
+    bend = interpolate(state.nodes.position, element, point_on(state, element, s).shape_xx, like)
+    bend_rate = interpolate(state.nodes.velocity, element, point_on(state, element, s).shape_xx, like)
+    slope, turning = field.position[1], field.velocity[1]
+    moved = add_scaled(speed, slope, field.velocity[0]), add_scaled(speed, bend, turning)
+    convected = (
+        add_scaled(2.0 * speed, turning, scale(speed * speed, bend)),
+        scale(2.0 * speed, bend_rate),
+    )
+    along, mean = state.joints.acceleration[number], state.joints.algorithmic[number]
+    true = (
+        add_scaled(1.0, field.acceleration[0], add_scaled(along, slope, convected[0])),
+        add_scaled(1.0, field.acceleration[1], add_scaled(along, bend, convected[1])),
+    )
+    auxiliary = (
+        add_scaled(1.0, field.algorithmic[0], add_scaled(mean, slope, convected[0])),
+        add_scaled(1.0, field.algorithmic[1], add_scaled(mean, bend, convected[1])),
+    )
+    write_field(Field(field.position, moved, true, auxiliary), state.nodes, node)
+    state.node_load[node], state.joint_node[number], state.node_follows[number] = number, node, True
+    put_node(state, node, s)
+    state.joint_element[number] = node - 1

@@ -1,0 +1,405 @@
+"""Assembly of elements beside loads: residual and tangent in the patch of each load; see `patch`."""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import clear_array
+from cable_twin.mechanics.language.simd import WIDTH, read_vector, spread
+from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.vectors import (
+    add_scaled,
+    block,
+    dot,
+    load,
+    outer,
+    product,
+    scale,
+    store,
+    subtract,
+)
+from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
+from cable_twin.mechanics.rope.elastic_models import elastic_force
+from cable_twin.mechanics.rope.element import inertia, rates_of_strain, write_group
+from cable_twin.mechanics.rope.patch import bend_rates, by_length, follows, motion_of_rope, rope_past, shift_vectors
+from cable_twin.mechanics.rope.point import add_column, add_matrix, add_row, patch_row
+from cable_twin.mechanics.rope.rope_drag import add_drag
+from cable_twin.mechanics.rope.shape_functions import MASS, block_row, vector_row
+
+
+@kernel
+def begin_patches(state, work):
+    """Find the elements beside loads, and clear their patches; returns how many elements there are."""
+    count = 0
+    for element in range(work.patch_of.size):
+        work.patch_of[element], state.mesh.plain[element] = -1, 1.0
+    for node in range(1, state.node_load.size - 1):
+        number = state.node_load[node]
+        if number >= 0:
+            clear_array(work.patch[number])
+            work.along_held[number], work.along_increment[number] = True, 0.0
+            if state.node_load[node - 1] < 0:
+                work.patch_of[node - 1], work.patch_right[node - 1] = number, 0
+                state.mesh.plain[node - 1] = 0.0
+                work.patch_elements[count] = node - 1
+                count += 1
+            work.patch_of[node], work.patch_right[node] = number, 1
+            state.mesh.plain[node] = 0.0
+            work.patch_elements[count] = node
+            count += 1
+    return count
+
+
+@kernel
+def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, count, work):
+    """Add the residual and tangent of all elements beside loads to their patches, `WIDTH` elements at a time."""
+    for first in range(0, count, WIDTH):
+        for lane in range(WIDTH):
+            element = work.patch_elements[min(first + lane, count - 1)]
+            e, v, a = motion_of_rope(system, state, element, state.nodes.acceleration)
+            write_motion(e, v, a, lane, work.patch_motion)
+            rows = 12 * len(system.cable.gravity)
+            work.patch_motion[rows, lane] = state.mesh.length[element]
+            store(
+                load(state.wind_field.along_rope[:, element], system.cable.gravity), work.patch_motion[rows + 1 :, lane]
+            )
+        linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
+        for lane in range(min(WIDTH, count - first)):
+            element = work.patch_elements[first + lane]
+            add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work)
+
+
+@formula
+def write_motion(e, v, a, lane, rows):
+    """Write nodal vectors, velocities and accelerations of the rope on an element to one lane of `rows`."""
+    for number, vector in enumerate((*e, *v, *a)):
+        for axis, entry in enumerate(vector):
+            rows[number * len(vector) + axis, lane] = entry
+
+
+@formula
+def read_motion(rows, which, like):
+    """Four nodal vectors (dim,) of lanes: of the shape (0), of velocities (1), or of accelerations (2)."""
+    return tuple(read_vector(rows, (4 * which + k) * len(like), like) for k in range(4))
+
+
+@inlined_kernel
+def linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Residual and tangent of `WIDTH` elements beside loads, and what of it is elastic, in groups as of `element`."""
+    cable, like, group, elastic_group = system.cable, system.cable.gravity, work.group, work.patch_elastic
+    rows, stretch = work.patch_motion, rest_stretch(cable, state)
+    length = read_vector(rows, 12 * len(like), (0.0,))[0]
+    e, v, a = read_motion(rows, 0, like), read_motion(rows, 1, like), read_motion(rows, 2, like)
+    shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
+    at_rest = stretch * length
+    still = scale(0.0, shape[0])
+    elastic = elastic_force(cable, at_rest, *shape, still, still, still, 0.0, stiffness_factor)
+    write_group(cable, length, elastic, (still, still, still, still), 0.0, elastic_group)
+    if cable.damping_time > 0.0:
+        taken_in = mesh_dilution_rate(cable, state)
+        rates = subtract(v[2], v[0]), scale(length, v[1]), scale(length, v[3])
+        rates = rates_of_strain(taken_in, shape, rates)
+        elastic = elastic_force(cable, at_rest, *shape, *rates, rate_factor, stiffness_factor)
+    inert = inertia(cable, length, stretch, *a)
+    write_group(cable, length, elastic, inert, mass_factor * stretch, group)
+    if system.air.present:
+        wind = read_vector(rows, 12 * len(like) + 1, like)
+        add_drag(system.air.rope_drag, wind, length, shape, v, rate_factor, stiffness_factor, group)
+    first, second, by_d, by_a, by_b = by_length(cable, at_rest, *shape)
+    spread((first, second), work.patch_by_length, 0)
+    spread(by_d, work.patch_by_length, 2)
+    spread(by_a, work.patch_by_length, 2 + len(like))
+    spread(by_b, work.patch_by_length, 2 + 2 * len(like))
+
+
+@inlined_kernel
+def add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work):
+    """Add one element, from a lane of its group, to the patch of its load; with the rows of nodes that follow loads."""
+    cable, like = system.cable, system.cable.gravity
+    dim, square = len(like), outer(0.0, like, like)
+    number, right = work.patch_of[element], work.patch_right[element]
+    patch, group, last = work.patch[number], work.group, work.patch.shape[1]
+    length, mass = state.mesh.length[element], cable.mass_per_length * rest_stretch(cable, state)
+    e = nodal_vectors(state.nodes.position, element, like)
+    rates = nodal_vectors(state.nodes.velocity, element, like)
+    k_a, k_a_dot, speed_a = rope_past(system, state, element)
+    k_b, k_b_dot, speed_b = rope_past(system, state, element + 1)
+    k, grows = (k_a, k_b), speed_b - speed_a
+    still = convection(length, grows, (k_a, k_a_dot), (k_b, k_b_dot), rate_factor, stiffness_factor)
+    if rate_factor > 0.0:
+        convect_damping(length, mass, mass_factor, stiffness_factor / rate_factor, k_a, k_b, lane, like, work)
+    for i in range(4):
+        for j in range(4):
+            convected = mass * length * (length if i % 2 == 1 else 1.0) * still[i][j]
+            for axis in range(dim):
+                group[block_row(i, j, like) + axis * (dim + 1), lane] += convected
+            matrix = load(group[block_row(i, j, like) :, lane], square)
+            add_matrix(matrix, patch, patch_row(right, i, dim), patch_row(right, j, dim))
+        add_column(load(group[vector_row(i, like) :, lane], like), patch, patch_row(right, i, dim), last)
+    for end in range(2):  # momentum of rope that passes the node
+        sign = 1.0 if end == 0 else -1.0
+        flux, slope = sign * mass * k[end] * k[end], e[1] if end == 0 else e[3]
+        if flux != 0.0:
+            row = patch_row(right, 2 * end, dim)
+            add_column(scale(-flux, slope), patch, row, last)
+            turned = block(0.0, square, stiffness_factor * flux)
+            add_matrix(turned, patch, row, patch_row(right, 2 * end + 1, dim))
+            if follows(state, element + end):
+                by_speed = scale(-2.0 * sign * mass * k[end] * rate_factor, slope)
+                add_column(by_speed, patch, row, shift_row(right, end, dim))
+    for end in range(2):
+        if follows(state, element + end):
+            shift = shift_vectors(end, e, length)
+            row = shift_row(right, end, dim)
+            turned = bend_rates(length, grows, e, rates)[end]
+            add_shift(
+                cable,
+                state,
+                element,
+                lane,
+                end,
+                shift,
+                row,
+                e,
+                rates,
+                turned,
+                k[end],
+                rate_factor,
+                stiffness_factor,
+                work,
+            )
+    if follows(state, element) and follows(state, element + 1):
+        add_both_shifts(cable, state, element, lane, e, stiffness_factor, work)
+
+
+@inlined_kernel
+def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, lane, like, work):
+    """Add to a lane of the group what damping and drag are by nodal coordinates, as rope passes the nodes.
+
+    Of the group they are all but the elastic part and the inertia, `mass` (kg/m) by `mass_factor`; `per_rate` is the
+    stiffness factor over the rate factor.
+    """
+    group, elastic_group, square = work.group, work.patch_elastic, outer(0.0, like, like)
+    speeds = passing_speeds(length, k_a, k_b)
+    for i in range(4):
+        for m in range(4):
+            inert = mass_factor * mass * length * MASS[i][m]
+            inert *= (length if i % 2 == 1 else 1.0) * (length if m % 2 == 1 else 1.0)
+            damped = beyond_elastic(group, elastic_group, block_row(i, m, like), lane, square)
+            damped = block(per_rate, damped, -per_rate * inert)
+            store_lane(damped, work.patch_damped, block_row(i, m, like) - block_row(0, 0, like))
+    for i in range(4):
+        for j in range(4):
+            for m in range(4):
+                if speeds[m][j] != 0.0:
+                    damped = load(work.patch_damped[block_row(i, m, like) - block_row(0, 0, like) :], square)
+                    add_lane(scale(speeds[m][j], damped), group, block_row(i, j, like), lane)
+
+
+@formula
+def store_lane(matrix, row, first):
+    """Write the entries of a matrix to an array, from an entry on."""
+    for k, entry in enumerate(matrix.entries):
+        row[first + k] = entry
+
+
+@formula
+def add_lane(matrix, rows, first, lane):
+    """Add the entries of a matrix to one lane of as many rows, from row `first` on."""
+    for k, entry in enumerate(matrix.entries):
+        rows[first + k, lane] = rows[first + k, lane] + entry
+
+
+@formula
+def passing_speeds(length, k_a, k_b):
+    """Derivatives (4, 4), numbers, of the rope's velocities at the nodes of an element by its nodal coordinates."""
+    zero, per, square = 0.0 * k_a, 1.0 / length, 1.0 / (length * length)
+    return (
+        (zero, k_a, zero, zero),
+        (-6.0 * square * k_a, -4.0 * per * k_a, 6.0 * square * k_a, -2.0 * per * k_a),
+        (zero, zero, zero, k_b),
+        (6.0 * square * k_b, 2.0 * per * k_b, -6.0 * square * k_b, 4.0 * per * k_b),
+    )
+
+
+@formula
+def convection(length, grows, before, after, rate_factor, stiffness_factor):
+    """Rows of ∫S_i S_j dx/l times the derivatives of the rope's accelerations by nodal coordinates, but those by r_tt.
+
+    Rows of slopes are without a factor l. Arguments as in `rope_motion`, factors as in `assemble`.
+    """
+    (k_a, k_a_dot), (k_b, k_b_dot) = before, after
+    zero, one = 0.0 * k_a, 0.0 * k_a + 1.0
+    per, square = 1.0 / length, 1.0 / (length * length)
+    bend_a = (-6.0 * square, -4.0 * per, 6.0 * square, -2.0 * per)
+    bend_b = (6.0 * square, 2.0 * per, -6.0 * square, 4.0 * per)
+    turn = stiffness_factor * grows * per
+    grown_a = (12.0 * square * turn, 4.0 * per * turn, -12.0 * square * turn, 2.0 * per * turn)
+    grown_b = (-12.0 * square * turn, -2.0 * per * turn, 12.0 * square * turn, -4.0 * per * turn)
+    units = tuple(tuple(one if i == j else zero for j in range(4)) for i in range(4))
+    # velocities of the rope less nodal rates, by nodal coordinates
+    speeds = (
+        tuple(k_a * units[1][k] for k in range(4)),
+        tuple(k_a * bend_a[k] for k in range(4)),
+        tuple(k_b * units[3][k] for k in range(4)),
+        tuple(k_b * bend_b[k] for k in range(4)),
+    )
+    turns_a = tuple(sum(bend_a[m] * speeds[m][k] for m in range(4)) for k in range(4))
+    turns_b = tuple(sum(bend_b[m] * speeds[m][k] for m in range(4)) for k in range(4))
+    f, g = stiffness_factor, 2.0 * rate_factor
+    by = (
+        tuple((g * k_a + f * k_a_dot) * units[1][k] + f * k_a * k_a * bend_a[k] for k in range(4)),
+        tuple((g * k_a + f * k_a_dot) * bend_a[k] + k_a * (grown_a[k] + f * turns_a[k]) for k in range(4)),
+        tuple((g * k_b + f * k_b_dot) * units[3][k] + f * k_b * k_b * bend_b[k] for k in range(4)),
+        tuple((g * k_b + f * k_b_dot) * bend_b[k] + k_b * (grown_b[k] + f * turns_b[k]) for k in range(4)),
+    )
+    scales = (one, length * one, one, length * one)
+    return tuple(tuple(sum(MASS[i][m] * scales[m] * by[m][k] for m in range(4)) for k in range(4)) for i in range(4))
+
+
+@formula
+def shift_row(right, end, dim):
+    """Row of the arc length, in a patch, of one end of the element before or after the load."""
+    return 5 * dim + right * end * (3 * dim + 1)
+
+
+@inlined_kernel
+def energy_by_node(cable, state, element, lane, e, like, work):
+    """Derivative of the elastic energy by the length of the mesh's element: first, second, by nodal coordinates."""
+    stretch, length = rest_stretch(cable, state), state.mesh.length[element]
+    dim, square = len(like), outer(0.0, like, like)
+    by, group = work.patch_by_length, work.patch_elastic
+    by_d = scale(stretch, load(by[2:, lane], like))
+    by_a = scale(stretch, load(by[2 + dim :, lane], like))
+    by_b = scale(stretch, load(by[2 + 2 * dim :, lane], like))
+    per_length = 1.0 / length  # rows of slopes are times l
+    f_a = scale(-per_length, load(group[vector_row(1, like) :, lane], like))
+    f_b = scale(-per_length, load(group[vector_row(3, like) :, lane], like))
+    first = stretch * by[0, lane] + dot(f_a, e[1]) + dot(f_b, e[3])
+    # k (t_A, t_B): rows r_B and of both slopes; blocks of slopes have a factor l each
+    on_d = scale(
+        per_length,
+        add_scaled(
+            1.0,
+            product(load(group[block_row(2, 1, like) :, lane], square), e[1]),
+            product(load(group[block_row(2, 3, like) :, lane], square), e[3]),
+        ),
+    )
+    on_a = scale(
+        per_length,
+        add_scaled(
+            1.0,
+            product(load(group[block_row(1, 1, like) :, lane], square), e[1]),
+            product(load(group[block_row(1, 3, like) :, lane], square), e[3]),
+        ),
+    )
+    on_b = scale(
+        per_length,
+        add_scaled(
+            1.0,
+            product(load(group[block_row(3, 1, like) :, lane], square), e[1]),
+            product(load(group[block_row(3, 3, like) :, lane], square), e[3]),
+        ),
+    )
+    second = stretch * stretch * by[1, lane] + 2.0 * (dot(by_a, e[1]) + dot(by_b, e[3]))
+    second += per_length * (dot(e[1], on_a) + dot(e[3], on_b))
+    d = add_scaled(1.0, by_d, on_d)
+    a = add_scaled(1.0, f_a, add_scaled(length, by_a, on_a))
+    b = add_scaled(1.0, f_b, add_scaled(length, by_b, on_b))
+    return first, second, (scale(-1.0, d), a, d, b)
+
+
+@inlined_kernel
+def beyond_elastic(group, elastic_group, row, lane, like):
+    """Vector or matrix of a group, less what is elastic."""
+    return subtract(load(group[row:, lane], like), load(elastic_group[row:, lane], like))
+
+
+@inlined_kernel
+def add_shift(
+    cable, state, element, lane, end, shift, row, e, rates, bend_rate, k, rate_factor, stiffness_factor, work
+):
+    """Add row and column of the arc length of a node that follows a load, of one of the elements beside it.
+
+    Args:
+        cable: parameters.
+        state: where to linearise.
+        element: beside the node.
+        lane: of it in the groups.
+        end: 0 where the node is its first one, 1 where it is the second one.
+        shift: `shift_vectors`.
+        row: of the arc length in the patch.
+        e: nodal vectors.
+        rates: of them, along the nodes.
+        bend_rate: of r_xx at the node, likewise.
+        k: speed of rope past the node, m/s.
+        rate_factor: as in `assemble`.
+        stiffness_factor: as in `assemble`.
+        work: takes the result.
+    """
+    like = cable.gravity
+    dim, square = len(like), outer(0.0, like, like)
+    number, right = work.patch_of[element], work.patch_right[element]
+    patch, last, group, elastic_group = work.patch[number], work.patch.shape[1], work.group, work.patch_elastic
+    length, mass = state.mesh.length[element], cable.mass_per_length * rest_stretch(cable, state)
+    sign = 1.0 if end == 1 else -1.0
+    slope, bend = shift
+    r, t = 2 * end, 2 * end + 1
+    first, second, by_node = energy_by_node(cable, state, element, lane, e, like, work)
+    on_r = beyond_elastic(group, elastic_group, vector_row(r, like), lane, like)  # forces but the elastic ones
+    on_t = beyond_elastic(group, elastic_group, vector_row(t, like), lane, like)
+    squared = dot(slope, slope)
+    residual = sign * (first + 0.5 * mass * k * k * squared) + dot(slope, on_r) + dot(bend, on_t)
+    patch[row, last] -= residual
+    turned = rates[1] if end == 0 else rates[3]
+    convected = scale(-2.0 * rate_factor * mass * length, turned)
+    convected_bend = scale(-2.0 * rate_factor * mass * length * length, bend_rate)
+    pivot = stiffness_factor * second - sign * mass * k * rate_factor * squared
+    for j in range(4):
+        of_r = beyond_elastic(group, elastic_group, block_row(r, j, like), lane, square)
+        of_t = beyond_elastic(group, elastic_group, block_row(t, j, like), lane, square)
+        energy = scale(sign * stiffness_factor, by_node[j])
+        by_j = subtract(energy, add_scaled(1.0, product(slope, of_r), product(bend, of_t)))
+        per_length = 4.0 if j == t else 2.0
+        bent = -sign * (per_length / length if j % 2 == 1 else (6.0 if j == 0 else -6.0) / (length * length))
+        by_j = add_scaled(-stiffness_factor * bent, on_t, by_j)
+        if j == t:
+            by_j = add_scaled(stiffness_factor, on_r, by_j)
+            by_j = add_scaled(stiffness_factor * sign * mass * k * k, slope, by_j)
+        add_row(by_j, patch, row, patch_row(right, j, dim))
+        to_r = beyond_elastic(group, elastic_group, block_row(j, r, like), lane, square)
+        to_t = beyond_elastic(group, elastic_group, block_row(j, t, like), lane, square)
+        on_j = subtract(energy, add_scaled(1.0, product(to_r, slope), product(to_t, bend)))
+        grown = beyond_elastic(group, elastic_group, vector_row(j, like), lane, like)  # as there is more rope
+        on_j = add_scaled(-sign * stiffness_factor * (2.0 if j % 2 == 1 else 1.0) / length, grown, on_j)
+        factor = length if j % 2 == 1 else 1.0
+        carried = scale(factor, add_scaled(MASS[j][r], convected, scale(MASS[j][t], convected_bend)))
+        on_j = add_scaled(1.0, carried, on_j)
+        add_column(on_j, patch, patch_row(right, j, dim), row)
+        if j // 2 == end:
+            along = slope if j == r else bend
+            pivot += dot(along, add_scaled(1.0, product(to_r, slope), product(to_t, bend)))
+            pivot -= dot(along, carried)
+    patch[row, row] += pivot
+
+
+@inlined_kernel
+def add_both_shifts(cable, state, element, lane, e, stiffness_factor, work):
+    """Add the coupling of the arc lengths of two neighbouring nodes that both follow loads."""
+    like = cable.gravity
+    dim, square = len(like), outer(0.0, like, like)
+    number, right = work.patch_of[element], work.patch_right[element]
+    patch, group, elastic_group = work.patch[number], work.group, work.patch_elastic
+    _, second, _ = energy_by_node(cable, state, element, lane, e, like, work)
+    length = state.mesh.length[element]
+    first_shift, second_shift = shift_vectors(0, e, length), shift_vectors(1, e, length)
+    here, there = -stiffness_factor * second, -stiffness_factor * second
+    for i in range(2):
+        for j in range(2):
+            own, other = first_shift[i], second_shift[j]
+            matrix = beyond_elastic(group, elastic_group, block_row(i, 2 + j, like), lane, square)
+            here += dot(own, product(matrix, other))
+            matrix = beyond_elastic(group, elastic_group, block_row(2 + j, i, like), lane, square)
+            there += dot(other, product(matrix, own))
+    first, last = shift_row(right, 0, dim), shift_row(right, 1, dim)
+    patch[first, last] += here
+    patch[last, first] += there

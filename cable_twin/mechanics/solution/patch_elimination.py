@@ -1,0 +1,153 @@
+"""Condensation of loads onto the nodes of the mesh beside them, so that the rope stays block-tridiagonal.
+
+A patch has, in rows and columns, the node before the load (r, r_x), the load's own (r, r_x before, r_x after, s) with
+its vehicle condensed in it, and the node after the load. Gaussian elimination of the load's own leaves couplings of the
+nodes before and after, C and C'. The node that follows the load is free to carry them, with a stand-in y and the rows
+
+    before: .. + β x_before + β y,   y: β x_before + β y - C x_after,   after: .. - C' y + C' C x_after / β,
+
+of which elimination of y leaves C x_after and C' x_before.
+"""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import load, store
+
+
+@kernel
+def condense_patches(state, work, like):
+    """Eliminate the unknowns of all loads, and put what is left of their patches on the nodes beside them."""
+    dim, first = len(like), 0
+    for node in range(1, state.node_load.size - 1):
+        number = state.node_load[node]
+        if number < 0:
+            continue
+        if state.node_load[node - 1] < 0:
+            first = node
+        following = state.node_load[node + 1]
+        size = (3 * dim + 1 if following >= 0 else 2 * dim) + 5 * dim + 1
+        if work.along_held[number]:
+            hold_row(work.patch[number], 5 * dim, work.along_increment[number])
+        eliminate(work.patch[number], 2 * dim, 5 * dim + 1, size)
+        if following >= 0:
+            hand_on(work.patch[number], work.patch[following], dim)
+        else:
+            carry_over(work, number, first, node, dim)
+
+
+@kernel
+def hold_row(patch, row, increment):
+    """Replace one row of a patch by a given increment of its unknown."""
+    for column in range(patch.shape[1]):
+        patch[row, column] = 0.0
+    patch[row, row], patch[row, patch.shape[0]] = 1.0, increment
+
+
+@kernel
+def eliminate(patch, first, end, size):
+    """Eliminate the unknowns `first` to `end` of a patch of `size` ones from the equations of all that are left."""
+    last = patch.shape[1] - 1
+    for pivot in range(first, end):
+        inverse = 1.0 / patch[pivot, pivot]
+        for row in range(size):
+            if first <= row <= pivot:
+                continue
+            factor = patch[row, pivot] * inverse
+            if factor == 0.0:
+                continue
+            for column in range(first):
+                patch[row, column] -= factor * patch[pivot, column]
+            for column in range(pivot + 1, size):
+                patch[row, column] -= factor * patch[pivot, column]
+            patch[row, last] -= factor * patch[pivot, last]
+
+
+@kernel
+def hand_on(patch, following, dim):
+    """Add what is left of a patch to that of the next load, whose node is beside."""
+    before, own, count, last = 2 * dim, 5 * dim + 1, 3 * dim + 1, patch.shape[1] - 1
+    for i in range(before + count):
+        row = i if i < before else i - before + own
+        for j in range(before + count):
+            column = j if j < before else j - before + own
+            following[i, j] += patch[row, column]
+        following[i, last] += patch[row, last]
+
+
+@kernel
+def carry_over(work, number, first, node, dim):
+    """Add what is left of a patch to the nodes beside a train of loads, which follow from `first` to `node`."""
+    patch, before, after = work.patch[number], first - 1, node + 1
+    own, last, count = 5 * dim + 1, patch.shape[1] - 1, node - first + 1
+    size = abs(work.diagonal[before, 0, 0, 0]) + abs(patch[0, 0])
+    scale = size if size > 0.0 else 1.0
+    for i in range(2 * dim):
+        work.right_side[before, i // dim, i % dim] += patch[i, last]
+        work.right_side[after, i // dim, i % dim] += patch[own + i, last]
+        for j in range(2 * dim):
+            entry = (i % dim) * dim + j % dim
+            work.diagonal[before, i // dim, j // dim, entry] += patch[i, j]
+            back = patch[own + i, own + j]
+            for k in range(2 * dim):
+                back += patch[own + i, k] * patch[k, own + j] / scale
+            work.diagonal[after, i // dim, j // dim, entry] += back
+            work.upper[node, i // dim, j // dim, entry] = -patch[i, own + j]
+            work.lower[node, i // dim, j // dim, entry] = -patch[own + i, j]
+    for between in range(first, node + 1):
+        for i in range(2 * dim):
+            work.right_side[between, i // dim, i % dim] = 0.0
+    for k in range(2):
+        for axis in range(dim):
+            entry = axis * (dim + 1)
+            work.diagonal[before, k, k, entry] += count * scale
+            work.upper[before, k, k, entry] = work.lower[before, k, k, entry] = scale
+            work.diagonal[first, k, k, entry] = scale
+            for between in range(first, node):
+                work.upper[between, k, k, entry] = work.lower[between, k, k, entry] = -scale
+                work.diagonal[between + 1, k, k, entry] = 2.0 * scale
+
+
+@kernel
+def recover_patches(state, work, like):
+    """Write the increments of all nodes that follow loads, and of their arc lengths; needs those of all others."""
+    dim, beyond = len(like), 0
+    for node in range(state.node_load.size):
+        if state.node_load[node] < 0:
+            store(load(work.right_side[node, 1], like), work.right_side[node, 2])
+    for node in range(state.node_load.size - 2, 0, -1):
+        number = state.node_load[node]
+        if number < 0:
+            continue
+        beyond = node + 1
+        while state.node_load[beyond] >= 0:
+            beyond += 1
+        first = node
+        while state.node_load[first - 1] >= 0:
+            first -= 1
+        substitute(state, work, number, first - 1, node, dim)
+
+
+@kernel
+def substitute(state, work, number, before, node, dim):
+    """Increments of one load, from those of the node before its train of loads and of the node after it."""
+    patch, own = work.patch[number], 5 * dim + 1
+    following = state.node_load[node + 1]
+    size = (3 * dim + 1 if following >= 0 else 2 * dim) + own
+    last = patch.shape[1] - 1
+    for row in range(own - 1, 2 * dim - 1, -1):
+        value = patch[row, last]
+        for column in range(2 * dim):
+            value -= patch[row, column] * work.right_side[before, column // dim, column % dim]
+        for column in range(row + 1, own):
+            value -= patch[row, column] * patch[column, last]
+        for column in range(own, size):
+            k = column - own
+            if k < 3 * dim:
+                value -= patch[row, column] * work.right_side[node + 1, k // dim, k % dim]
+            else:
+                value -= patch[row, column] * work.sliding_increment[following]
+        patch[row, last] = value / patch[row, row]
+    for k in range(3 * dim):
+        work.right_side[node, k // dim, k % dim] = patch[2 * dim + k, last]
+    work.sliding_increment[number] = patch[5 * dim, last]

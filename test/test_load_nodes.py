@@ -1,0 +1,70 @@
+"""`cable.joint: node` as its user has it: refusals, a run that is saved and goes on, lifts that pass their stations."""
+
+import numpy as np
+import pytest
+
+from cable_twin import Simulation, load_scenario
+from cable_twin.scenario import ScenarioError
+
+NODE = {"cable.joint": "node"}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "changes", "said"),
+    [
+        ("single_span", {"cable.elastic_model": "element_frame"}, "beside elastic_model element_frame"),
+        ("single_span", {"solver.integrator": "runge_kutta"}, "beside integrator runge_kutta"),
+        ("single_span", {"cable.kinks": "sharp"}, "beside kinks sharp"),
+    ],
+)
+def test_refused_beside_what_it_cannot_do(scenario, changes, said):
+    with pytest.raises(ScenarioError, match=said):
+        load_scenario(scenario, NODE | changes)
+
+
+def test_refused_beside_a_vehicle_that_is_clamped_to_another_rope():
+    with pytest.raises(ScenarioError, match="clamped to another rope"):
+        load_scenario("jig_back", {f"ropes.{rope}.joint": "node" for rope in load_scenario("jig_back").ropes})
+
+
+def test_the_hold_does_not_depend_on_the_mesh():
+    """Force of the drive that holds the cabin, at 16 places over one element of 100 and of 20: to 1e-4 of it."""
+    for place in np.linspace(400.0, 410.0, 5):
+        forces = [
+            Simulation(
+                load_scenario("single_span", NODE | {"carriages.cabin.arc_length": place, "cable.elements": count})
+            ).state.drives.force[0]
+            for count in (20, 100)
+        ]
+        assert forces[0] == pytest.approx(forces[1], rel=1e-5)
+
+
+def test_a_saved_run_goes_on_to_the_last_bit(tmp_path):
+    """Saved between two nodes, after one has been handed on."""
+    scenario = load_scenario("single_span", NODE)
+    simulation = Simulation(scenario)
+    simulation.command("cabin", speed=5.0)
+    simulation.advance_to(12.0)
+    simulation.save(tmp_path / "saved.npz")
+    again = Simulation.load(tmp_path / "saved.npz")
+    for one in (simulation, again):
+        one.advance_to(18.0)
+    np.testing.assert_array_equal(simulation.state.nodes.position, again.state.nodes.position)
+    assert simulation.state.joint_node[0] > 8
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("lift", ["chairlift", "gondola"])
+def test_a_lift_passes_its_stations(lift):
+    """Carriers leave and come onto ropes whose nodes follow them; tension is that of the paper to 0.5 %."""
+    highest = []
+    for joint in ("node", "paper"):
+        names = load_scenario(lift).ropes
+        changes = {f"ropes.{rope}.joint": joint for rope in names} | {
+            f"ropes.{rope}.kinks": "rounded" for rope in names
+        }
+        simulation = Simulation(load_scenario(lift, changes))
+        simulation.command("haul_rope", speed=2.5)
+        simulation.advance_to(40.0)
+        highest.append([simulation.cable_tension(np.linspace(10.0, 700.0, 50), rope).max() for rope in names])
+    np.testing.assert_allclose(highest[0], highest[1], rtol=5e-3)
