@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from benchmarks import (
     accuracy,
     convergence,
+    coupled,
     emergency_stop,
     ensemble,
     exudyn_comparison,
@@ -49,6 +50,10 @@ PARTS = {
     "loads": (loads.run, "cost of a step of each shipped ropeway, and its ratio to another checkout (--beside)"),
     "accuracy": (accuracy.run, "wall time to be within 2 mm at 1 s, over elements, step, spectral radius, tolerance"),
     "convergence": (convergence.run, "error of the default scenario, over elements and step"),
+    "coupled": (
+        coupled.run,
+        "iterations and cost of coupled ropes, and the latter's ratio to another checkout (--beside)",
+    ),
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
     "ensemble": (ensemble.run, "32 twins side by side beside a plain loop: real time, threads, forks, memory"),
     "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
@@ -120,7 +125,9 @@ def main() -> int:
         metavar="NAME",
         help="of live, name or path; may be given often; default: aerial_tramway",
     )
-    parser.add_argument("--beside", type=Path, metavar="PATH", help="of loads: another checkout, which runs in turn")
+    parser.add_argument(
+        "--beside", type=Path, metavar="PATH", help="of loads and coupled: another checkout, which runs in turn"
+    )
     parser.add_argument("--output", type=Path, metavar="DIR", help="write benchmarks.md, .json and pictures there")
     options = parser.parse_args()
 
@@ -128,9 +135,10 @@ def main() -> int:
     for name in ("minutes", "scenario"):
         if getattr(options, name) is not None and "live" not in chosen:
             parser.error(f"--{name} is of the part live, which was not asked for")
-    if options.beside is not None and ("loads" not in chosen or not (options.beside / "cable_twin").is_dir()):
-        given = "the part loads was not asked for" if "loads" not in chosen else f"given {options.beside}"
-        parser.error(f"--beside: {given}; allowed: with loads, a directory that has cable_twin in it")
+    compared = {"loads", "coupled"} & {*chosen}
+    if options.beside is not None and not (compared and (options.beside / "cable_twin").is_dir()):
+        given = f"given {options.beside}" if compared else "neither loads nor coupled was asked for"
+        parser.error(f"--beside: {given}; allowed: with loads or coupled, a directory that has cable_twin in it")
     try:
         earlier = read(options.output) if options.output else {}
     except (OSError, ValueError) as error:  # before minutes are spent

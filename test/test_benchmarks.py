@@ -111,6 +111,18 @@ def test_another_motion_is_a_fault(name, monkeypatch):
 
 
 @pytest.mark.long
+def test_iterations_and_cost_of_coupled_ropes(tmp_path):
+    result = run("coupled", "--quick", "--output", tmp_path)
+    assert result.returncode == 0, result.stderr
+    part = json.loads((tmp_path / "benchmarks.json").read_text())["coupled"]
+    (row,) = part["tables"][0]["rows"]
+    assert row["scenario"] == "chairlift"
+    assert 1.0 <= row["iterations a step"] < 2.2, "wheels are in the tangent"
+    assert 0.0 < row["left of a step [m]"] < row["tolerance [m]"] * 10.0
+    assert row["a step [µs]"] > 0.0
+
+
+@pytest.mark.long
 def test_loads_beside_another_checkout(tmp_path):
     """Beside itself: the same elements, and nearly the same cost."""
     result = run("loads", "--quick", "--beside", ROOT, "--output", tmp_path)
@@ -178,13 +190,16 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
         (
             ["speed"],
             "'speed' is no part; allowed are exudyn, exudyn_space, space, ropes, scaling, startup, frame, graded, "
-            "uniform, loads, accuracy, convergence, learning, lockstep, emergency_stop, live",
+            "uniform, loads, accuracy, convergence, coupled, learning, ensemble, lockstep, emergency_stop, live",
         ),
         (["--repetitions", "0"], "--repetitions"),
-        (["scaling", "--beside", "."], "--beside: the part loads was not asked for; allowed: with loads, a directory"),
+        (
+            ["scaling", "--beside", "."],
+            "--beside: neither loads nor coupled was asked for; allowed: with loads or coupled",
+        ),
         (
             ["loads", "--beside", "nowhere"],
-            "--beside: given nowhere; allowed: with loads, a directory that has cable_twin",
+            "--beside: given nowhere; allowed: with loads or coupled, a directory that has",
         ),
         (["scaling", "--minutes", "3"], "--minutes is of the part live, which was not asked for"),
         (["live", "--minutes", "-1"], "'-1' given; allowed are numbers above 0"),

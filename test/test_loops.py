@@ -86,15 +86,15 @@ def test_halved_steps_go_where_whole_ones_go():
     ends = []
     for iterations in (12, 2):
         data = lift().scenario.resolved()
-        data["solver"] |= {"max_iterations": iterations, "max_halvings": 10, "step": 0.01}
+        data["solver"] |= {"max_iterations": iterations, "max_halvings": 10, "step": 0.2}
         simulation = Simulation(load_scenario(data), samples=2)
         simulation.command("haul_rope", speed=1.5)
         halved = 0
-        while simulation.time < 3.0:
-            halved += simulation.advance_to(simulation.time + 0.05).solver.halvings
+        while simulation.time < 2.95:
+            halved += simulation.advance_to(simulation.time + 0.2).solver.halvings
         assert (halved > 0) == (iterations == 2)
         ends.append(wheels(simulation).rope.position[1])
-    assert ends[0] == pytest.approx(ends[1], abs=1e-4)
+    assert ends[0] == pytest.approx(ends[1], abs=5e-4)
 
 
 def test_a_brake_on_a_bullwheel_stops_the_lift_and_holds_it():

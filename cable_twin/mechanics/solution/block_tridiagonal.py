@@ -8,7 +8,7 @@ A node has two unknown vectors, r and r_x, so its block is a tuple of four matri
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.traced import beside, first_of, formula, second_of
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
@@ -73,7 +73,7 @@ def apply_node(a, x):
 
 @formula
 def load_pair(array, like):
-    """Load the position and slope vectors of a node from an array (2, dim)."""
+    """Load the position and slope vectors of a node from an array (2, dim), or two matrices (2, dim²), by `like`."""
     return load(array[0], like), load(array[1], like)
 
 
@@ -131,13 +131,21 @@ def invert_node(block):
 
 @kernel
 def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
-    """Solve in place; `right_side` becomes the solution, `upper` and `lower` in part factors.
+    """Solve in place; `right_side` becomes the solution, see `solve_columns`."""
+    return solve_columns(diagonal, upper, lower, right_side, upper, 0, like)
+
+
+@inlined_kernel
+def solve_columns(diagonal, upper, lower, right_side, columns, count, like):
+    """Solve in place for a right side and further ones; they become the solutions, `upper` and `lower` in part factors.
 
     Args:
         diagonal: (nodes, 2, 2, dim²), matrices row by row.
         upper: (nodes - 1, 2, 2, dim²), row block k, column block k + 1.
         lower: (nodes - 1, 2, 2, dim²), row block k + 1, column block k.
         right_side: (nodes, 2, dim).
+        columns: (nodes, blocks, 2, dim²), blocks of `dim` further right sides each, a matrix a vector of the node.
+        count: how many of the blocks.
         like: any vector of the space; its length fixes `dim` at compile time.
 
     Returns:
@@ -147,6 +155,7 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
     pairs = last // 2
     factor = beside(no_node(like), no_node(like))
     known = beside((like, like), (like, like))
+    coupling = factor
     for k in range(pairs):
         back = last - k
         block = beside(load_node(diagonal[k], square), load_node(diagonal[back], square))
@@ -160,6 +169,14 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
         known = solve_pair(factors, right)
         store_pair(first_of(known), right_side[k])
         store_pair(second_of(known), right_side[back])
+        for b in range(count):
+            column = beside(load_pair(columns[k, b], square), load_pair(columns[back, b], square))
+            if k > 0:
+                before = beside(load_pair(columns[k - 1, b], square), load_pair(columns[back + 1, b], square))
+                column = subtract_pair(column, apply_node(coupling, before))
+            column = solve_pair(factors, column)
+            store_pair(first_of(column), columns[k, b])
+            store_pair(second_of(column), columns[back, b])
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
         factor = solve_node(factors, factor)
         store_node(first_of(factor), upper[k])
@@ -167,20 +184,27 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
     for k in range(pairs, last - pairs + 1):  # one node is left in the middle, or two
         block, right = load_node(diagonal[k], square), load_pair(right_side[k], like)
         if k > 0:
-            coupling, factor = load_node(lower[k - 1], square), load_node(upper[k - 1], square)
-            block, right = without(block, right, coupling, factor, load_pair(right_side[k - 1], like))
+            on, factor_on = load_node(lower[k - 1], square), load_node(upper[k - 1], square)
+            block, right = without(block, right, on, factor_on, load_pair(right_side[k - 1], like))
+            for b in range(count):
+                less_neighbour(on, columns[k - 1, b], columns[k, b], square)
         if pairs > 0 and k == last - pairs:
-            coupling, factor = load_node(upper[k], square), load_node(lower[k], square)
-            block, right = without(block, right, coupling, factor, load_pair(right_side[k + 1], like))
+            on, factor_on = load_node(upper[k], square), load_node(lower[k], square)
+            block, right = without(block, right, on, factor_on, load_pair(right_side[k + 1], like))
+            for b in range(count):
+                less_neighbour(on, columns[k + 1, b], columns[k, b], square)
         factors, missing = factor_node(block)
         if missing != 0.0:
             return k
         store_pair(solve_pair(factors, right), right_side[k])
+        for b in range(count):
+            store_pair(solve_pair(factors, load_pair(columns[k, b], square)), columns[k, b])
         if k < last - pairs:
             store_node(solve_node(factors, load_node(upper[k], square)), upper[k])
     if last > 2 * pairs:
-        change = apply_node(load_node(upper[pairs], square), load_pair(right_side[pairs + 1], like))
-        store_pair(subtract_pair(load_pair(right_side[pairs], like), change), right_side[pairs])
+        less_neighbour(load_node(upper[pairs], square), right_side[pairs + 1], right_side[pairs], like)
+        for b in range(count):
+            less_neighbour(load_node(upper[pairs], square), columns[pairs + 1, b], columns[pairs, b], square)
     for k in range(pairs - 1, -1, -1):
         back = last - k
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
@@ -189,7 +213,19 @@ def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
         right = subtract_pair(right, apply_node(factor, known))
         store_pair(first_of(right), right_side[k])
         store_pair(second_of(right), right_side[back])
+        for b in range(count):
+            after = beside(load_pair(columns[k + 1, b], square), load_pair(columns[back - 1, b], square))
+            column = beside(load_pair(columns[k, b], square), load_pair(columns[back, b], square))
+            column = subtract_pair(column, apply_node(factor, after))
+            store_pair(first_of(column), columns[k, b])
+            store_pair(second_of(column), columns[back, b])
     return -1
+
+
+@formula
+def less_neighbour(coupling, neighbour, array, like):
+    """Subtract the product of a node block and a neighbour's pair from a pair (2, ...), in place; pairs of `like`."""
+    store_pair(subtract_pair(load_pair(array, like), apply_node(coupling, load_pair(neighbour, like))), array)
 
 
 @formula

@@ -29,8 +29,6 @@ from cable_twin.mechanics.solution.stepping import begin_step, end_step
 
 REFRESH = 1.1  # growth of the remembered curvature in a step, so that it is measured again now and then
 LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
-ANSWER = 2.0  # times what a bullwheel has turned: an increment up to that may be the ropes' answer, which is linear
-STILL = 1e-6  # m/s³, change of the acceleration of a bullwheel below which it goes on as predicted
 
 
 @kernel
@@ -46,9 +44,7 @@ def integrate(bundle, moving, scratch, system, state, work, h):
 
     An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
     measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
-    iteration, or a bullwheel has turned by more than the tolerance, there is one more. A bullwheel turns after the
-    ropes, which answer in the next iteration; without one, they and what is clamped to them would follow a step late,
-    which takes energy or adds some. So one iteration is enough only where bullwheels go on as predicted.
+    iteration, there is one more.
     """
     solver, ropes = system.solver, bundle.records.shape[0]
     c = coefficients(solver.spectral_radius)
@@ -58,12 +54,12 @@ def integrate(bundle, moving, scratch, system, state, work, h):
         own, here, room = rope_of(bundle, rope, system, state, work)
         begin_rope(c, h, own, here, room)
     if bundle.coupled:
-        place_couplings(bundle, moving, scratch, system, state, c, h)
+        place_couplings(bundle, moving, system, state, c, h)
     mass_factor, rate_factor = factors(c, h)
 
     memory = record_at(bundle.records[0, STATE], state).newton_curvature
     curvature = REFRESH * memory[0] if memory[0] > 0.0 else inf
-    increment, before, turned, turned_before = 0.0, 0.0, 0.0, 0.0
+    increment, before = 0.0, 0.0
     for iteration in range(1, solver.max_iterations + 1):
         solvable, increment, changed = solve_increments(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, 1.0
@@ -74,17 +70,15 @@ def integrate(bundle, moving, scratch, system, state, work, h):
             own, here, room = rope_of(bundle, rope, system, state, work)
             correct_rope(c, h, own, here, room)
         if bundle.coupled:
-            turned = correct_couplings(bundle, moving, scratch, system, state, c, h, iteration)
+            correct_couplings(bundle, moving, scratch, system, state, c, h)
         if iteration == 2 and before > 0.0:
-            measured = max(increment / (before * before), LEAST_CURVATURE)
-            curvature = measured if increment >= ANSWER * turned_before else min(curvature, measured)
+            curvature = max(increment / (before * before), LEAST_CURVATURE)
         left = max(
             curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
         )
-        before, turned_before = increment, turned
-        allowed = solver.tolerance if iteration > 1 else min(solver.tolerance, STILL * c.beta * h * h * h)
-        if turned > allowed or not isfinite(turned):
-            continue
+        before = increment
+        if bundle.coupled and system.cable.load_nodes and iteration == 1:
+            continue  # nodes at loads take up in the second one what bullwheels have turned
         if (left < solver.tolerance and changed == 0) or increment == 0.0:
             memory[0] = curvature
             return True, iteration, increment

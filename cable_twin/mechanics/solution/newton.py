@@ -6,12 +6,13 @@ from math import isfinite
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
+from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal, solve_columns
 from cable_twin.mechanics.solution.bundle.clamp import recover_clamps
 from cable_twin.mechanics.solution.bundle.couplings import add_couplings
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
+from cable_twin.mechanics.solution.bundle.wheel_tangent import recover_wheels
 from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, close_rope, measure_gaps, recover
 from cable_twin.mechanics.solution.patch_elimination import recover_patches
 
@@ -39,7 +40,7 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
     Returns:
         Whether there is a solution, the largest increment (m), and how many contacts have changed.
     """
-    ropes, largest, changed = bundle.records.shape[0], 0.0, 0
+    ropes, largest, changed, turned = bundle.records.shape[0], 0.0, 0, 0.0
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         linearise_rope(own, here, room, mass_factor, rate_factor, stiffness_factor)
@@ -52,13 +53,18 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
         close_rope(own, here, room)
     if not solve_nodes(bundle, scratch, system, work):
         return False, largest, changed
+    if bundle.coupled and bundle.sheaves.inertia.size > 0 and rate_factor > 0.0:
+        solvable, turned = recover_wheels(bundle, moving, scratch, system, state, work)
+        if not solvable:
+            return False, largest, changed
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         recover_patches(here, room, own.cable.gravity)
     if bundle.coupled:
         like = system.cable.gravity
         recover_clamps(bundle, moving, scratch, state, work, like)
-        largest = recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like)
+        lifted = recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like)
+        largest = max(turned, lifted) if isfinite(turned) else turned
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         increment = recover_rope(own, here, room)
@@ -79,9 +85,20 @@ def solve_nodes(bundle, scratch, system, work):
     for rope in range(bundle.records.shape[0]):
         if bundle.order.joined[rope] == 0:
             own = record_at(bundle.records[rope, WORK], work)
-            if solve_block_tridiagonal(own.diagonal, own.upper, own.lower, own.right_side, like) >= 0:
+            if bundle.coupled and scratch.slots[rope] > 0:
+                columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
+                stopped = solve_beside(own, columns, scratch.slots[rope], like)
+            else:
+                stopped = solve_block_tridiagonal(own.diagonal, own.upper, own.lower, own.right_side, like)
+            if stopped >= 0:
                 return False
     return True
+
+
+@kernel
+def solve_beside(work, columns, count, like):
+    """Solve one rope together with the columns of bullwheels, as `solve_columns`."""
+    return solve_columns(work.diagonal, work.upper, work.lower, work.right_side, columns, count, like)
 
 
 @kernel

@@ -117,6 +117,7 @@ class Assembly:
         nodes = [rope.state.nodes.position.shape[0] if joined[row] else 0 for row, rope in enumerate(ropes)]
         self.bundle = Bundle(
             records=self._addresses.table,
+            offset=np.cumsum([0, *(rope.state.nodes.position.shape[0] for rope in ropes)]),
             coupled=UNCOUPLED if couplings is None else True,
             up=np.eye(dim)[-1].copy(),
             connectors=given.connectors,

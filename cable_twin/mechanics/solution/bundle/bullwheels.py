@@ -2,15 +2,14 @@
 
 A wheel counts rope by its unstrained length, of which as much leaves it as comes to it; the force conjugate to that
 length is the tension times the stretch there, and times the rate of the length the power. A wheel turned by its forces,
-and the carriage of a counterweight, are coordinates of generalized-alpha like those of the ropes. Their increments come
-after those of the strands, by the pull of the strands then; the tangent is that of a long strand, times the correction
-measured in the steps before. The motion of a driven wheel, of slipping rope, of a wheel stopped by its brake and of a
+and the carriage of a counterweight, are coordinates of generalized-alpha like those of the ropes, solved for with them
+(`wheel_tangent`). The motion of a driven wheel, of slipping rope, of a wheel stopped by its brake and of a
 hydraulic cylinder follows from the forces at the start of the step. The ends of the strands move with their wheels.
 """
 
 from __future__ import annotations
 
-from math import inf, nan, sqrt, tanh
+from math import inf, nan, sqrt
 
 from cable_twin.mechanics.drives.motion import prescribe
 from cable_twin.mechanics.drives.moving_rope import carry_clamped
@@ -26,21 +25,12 @@ from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
     HYDRAULIC,
-    LEAST_ANSWER,
-    MOST_ANSWER,
     STATE,
     SYSTEM,
 )
 from cable_twin.mechanics.solution.newmark import factors, predict_one
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
-ESTIMATED = 3  # iterations of a step that go by the estimated stiffness, which most steps need no more than
-OVERSHOT = 0.5  # share of the last increment by which one goes back, from which on the stiffness is measured
-GONE_OVER, TRAVEL = range(2)  # BundleWork.wheel_stiffness
-GAIN = 0.2  # of a measurement, in what is known of a stiffness
-LEAST_SHARE = 0.5  # of the largest increment, from which on one measures
-LEAST_TURN = 1e-11  # m, likewise: what is less is rounding
-MOST_LEFT = 0.1  # share of an increment: what leaves more has met something else
 NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 
@@ -164,126 +154,43 @@ def add_increment(kind, row, c, h, delta):
 
 
 @kernel
-def correct_bullwheels(bundle, motion, scratch, system, c, h, iteration):
-    """Newton increments of freely moving bullwheels and counterweights, from present strand pulls; the largest (m)."""
-    sheaves, largest = bundle.sheaves, 0.0
-    last, measured = scratch.wheel_increment, scratch.wheel_stiffness
-    most = largest_of(last) if iteration == 2 else inf
+def correct_bullwheels(sheaves, motion, increments, c, h):
+    """Apply the Newton increments (2 wheels,) in m of rope over each wheel and of its carriage."""
     for sheave in range(sheaves.inertia.size):
-        if motion.by_forces[sheave] == NOTHING and sheaves.tensioning[sheave] != COUNTERWEIGHT:
-            continue
-        first = record_at(bundle.records[sheaves.rope[sheave, 0], SYSTEM], system).cable
-        second = record_at(bundle.records[sheaves.rope[sheave, 1], SYSTEM], system).cable
-        on, off = stiffness_of_end(first, c, h), stiffness_of_end(second, c, h)
+        moved, travelled = increments[2 * sheave], increments[2 * sheave + 1]
         if motion.by_forces[sheave] != NOTHING:
-            force, stiffness = missing_rope(sheaves, motion, sheave, c, h, on, off)
-            stiffness = answered(motion, last, sheave, GONE_OVER, force, stiffness, most)
-            if iteration <= ESTIMATED:
-                last[sheave, GONE_OVER] = 0.0
-            delta = measured_increment(last, measured, sheave, GONE_OVER, force, stiffness)
-            add_increment(motion.rope, sheave, c, h, delta)
+            add_increment(motion.rope, sheave, c, h, moved)
             if motion.by_forces[sheave] == WHEEL:
-                add_increment(motion.rim, sheave, c, h, delta)
-            largest = largest if abs(delta) <= largest else abs(delta)
+                add_increment(motion.rim, sheave, c, h, moved)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
-            force, stiffness = missing_travel(sheaves, motion, sheave, c, h, on + off)
-            stiffness = answered(motion, last, sheave, TRAVEL, force, stiffness, most)
-            if iteration <= ESTIMATED:
-                last[sheave, TRAVEL] = 0.0
-            delta = measured_increment(last, measured, sheave, TRAVEL, force, stiffness)
-            add_increment(motion.carriage, sheave, c, h, delta)
-            largest = largest if abs(delta) <= largest else abs(delta)
-    return largest
+            add_increment(motion.carriage, sheave, c, h, travelled)
 
 
 @kernel
-def largest_of(last):
-    """The largest increment (m) of all wheels and carriages in the iteration before."""
-    most = 0.0
-    for sheave in range(last.shape[0]):
-        for kind in range(2):
-            most = max(most, abs(last[sheave, kind]))
-    return most
-
-
-@kernel
-def answered(motion, last, sheave, kind, force, stiffness, most):
-    """Stiffness (N/m) corrected by the second iterations of earlier steps, and by a second iteration of this step.
-
-    Args:
-        motion: of the bullwheels.
-        last: (wheels, 2) m, increments of the iteration before.
-        sheave: number of the wheel.
-        kind: GONE_OVER or TRAVEL.
-        force: N, that is left.
-        stiffness: N/m, estimated.
-        most: m, largest of the first increments of this step; inf where this is no second iteration.
-    """
-    before = last[sheave, kind]
-    if abs(before) > LEAST_SHARE * most and abs(before) > LEAST_TURN:
-        left = force / (motion.answer[sheave, kind] * stiffness * before)
-        if abs(left) < MOST_LEFT:
-            now = motion.answer[sheave, kind] * (1.0 - GAIN * left)
-            motion.answer[sheave, kind] = min(max(now, LEAST_ANSWER), MOST_ANSWER)
-    return motion.answer[sheave, kind] * stiffness
-
-
-@kernel
-def measured_increment(last, measured, sheave, kind, force, stiffness):
-    """Increment (m) for a residual force (N), by the estimated stiffness (N/m), or the measured one if higher.
-
-    Where the strand next to a wheel answers more stiffly than a straight one, as it does to a rope that slips in a
-    storm, increments of the estimate go to and fro, and grow. What the last one has changed is the stiffness.
-
-    Args:
-        last: (wheels, 2) m, increments of the iteration before, 0 in the first one.
-        measured: (wheels, 2) N/m, stiffness of this step, 0 where none has been measured.
-        sheave: number of the wheel.
-        kind: GONE_OVER or TRAVEL.
-        force: N.
-        stiffness: N/m, estimated.
-    """
-    stiffness, before = max(stiffness, measured[sheave, kind]), last[sheave, kind]
-    delta = force / stiffness
-    if delta * before < 0.0 and abs(delta) > OVERSHOT * abs(before):
-        stiffness -= force / before  # of which the increment before has left this force
-        measured[sheave, kind] = stiffness
-        delta = force / stiffness
-    last[sheave, kind] = delta
-    return delta
-
-
-@kernel
-def missing_rope(sheaves, motion, sheave, c, h, on, off):
-    """Residual force (N) on the rope over a wheel, and its stiffness (N/m); `on`, `off`: stiffness of the strands."""
-    mass_factor, _ = factors(c, h)
+def missing_rope(sheaves, motion, sheave, mass_factor):
+    """Residual force (N) on the rope over a wheel, and its tangent (N/m) without that of the strands."""
     force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
-    square = motion.stretch[sheave] * motion.stretch[sheave]  # of rope that is pulled out, and of what that counts
-    on, off = square * on, square * off
     if slipping == 0:
         inertia += sheaves.inertia[sheave]
         force += motion.given[sheave]
     else:
         force += friction_on_rope(sheaves, motion, sheave, slipping)
-        on *= sheaves.adhesion[sheave] if slipping < 0 else 1.0
-        off *= sheaves.adhesion[sheave] if slipping > 0 else 1.0
-    return force - inertia * motion.rope.acceleration[sheave], inertia * mass_factor + on + off
+    return force - inertia * motion.rope.acceleration[sheave], inertia * mass_factor
 
 
 @kernel
-def stiffness_of_end(cable, c, h):
-    """Dynamic stiffness (N/m) of a straight strand at its end, in a step of generalized-alpha."""
-    by_acceleration, by_velocity = factors(c, h)
-    axial = cable.axial_stiffness * (1.0 + cable.damping_time * by_velocity)
-    wave = sqrt(cable.mass_per_length * by_acceleration / axial)
-    return axial * wave / tanh(wave * cable.unstrained_length)
+def tension_shares(sheaves, motion, sheave):
+    """Factors of the tensions, of the strand that comes and of that which leaves, in the force on rope over a wheel."""
+    slipping = motion.slipping[sheave]
+    on = sheaves.adhesion[sheave] if slipping < 0 and motion.tension[sheave, 0] > 0.0 else 1.0
+    off = sheaves.adhesion[sheave] if slipping > 0 and motion.tension[sheave, 1] > 0.0 else 1.0
+    return on, off
 
 
 @kernel
-def missing_travel(sheaves, motion, sheave, c, h, yielding):
-    """Residual force (N) on the carriage of a counterweight, and its stiffness (N/m), with buffers at its limits."""
-    mass_factor, rate_factor = factors(c, h)
+def missing_travel(sheaves, motion, sheave, mass_factor, rate_factor):
+    """Residual force (N) on the carriage of a counterweight, and its tangent (N/m) without that of the strands."""
     travel, speed = motion.carriage.position[sheave], motion.carriage.velocity[sheave]
     low, high = sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
     sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
@@ -291,7 +198,7 @@ def missing_travel(sheaves, motion, sheave, c, h, yielding):
     buffer, by_depth, by_rate = buffer_force(stiffness, 0.0, damping, depth, -sign * speed)
     force = sheaves.pull[sheave] + sign * buffer - motion.pull[sheave]
     force -= sheaves.mass[sheave] * motion.carriage.acceleration[sheave]
-    return force, sheaves.mass[sheave] * mass_factor + yielding + by_depth + rate_factor * by_rate
+    return force, sheaves.mass[sheave] * mass_factor + by_depth + rate_factor * by_rate
 
 
 @kernel

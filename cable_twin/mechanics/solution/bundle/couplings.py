@@ -29,6 +29,7 @@ from cable_twin.mechanics.solution.bundle.clamp import (
 from cable_twin.mechanics.solution.bundle.connector import add_connectors, connector_force, damp_rope
 from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs, push_direction
 from cable_twin.mechanics.solution.bundle.records import SECTIONS, STATE, SYSTEM, rope_of
+from cable_twin.mechanics.solution.bundle.wheel_tangent import add_travel, begin_wheels
 from cable_twin.mechanics.solution.newmark import correct, predict
 
 
@@ -40,20 +41,26 @@ def move_couplings(bundle, moving, system, state, c, h):
 
 
 @kernel
-def place_couplings(bundle, moving, scratch, system, state, c, h):
+def place_couplings(bundle, moving, system, state, c, h):
     """Predict the motion of all couplings, after the prediction of their ropes."""
     place_ends(bundle, moving.sheaves, system, state)
     find_clamps(bundle, moving, system, state, h)
     predict(c, h, moving.stages)
     for pantograph in range(moving.place.position.size):
         moving.place.position[pantograph] += h * moving.place.velocity[pantograph]
-    scratch.wheel_stiffness[:] = 0.0
 
 
 @kernel
 def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Add all couplings to the residuals and tangents of the ropes; returns the number of changed contacts."""
+    """Add all couplings to the residuals and tangents of the ropes; returns the number of changed contacts.
+
+    Bullwheels take part where ropes move in time, with a rate factor.
+    """
     like, wires = system.cable.gravity, bundle.wires
+    scratch.slots[:] = 0
+    wheels = bundle.sheaves.inertia.size > 0 and rate_factor > 0.0
+    if wheels:
+        begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor)
     if wires.present and rate_factor > 0.0:
         for rope in range(bundle.records.shape[0]):
             own, here, room = rope_of(bundle, rope, system, state, work)
@@ -64,22 +71,19 @@ def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rat
         bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like
     )
     add_clamps(bundle, moving, scratch, system, state, work, like)
+    if wheels:
+        add_travel(bundle, moving, scratch, system, state, work)
     return changed
 
 
 @kernel
-def correct_couplings(bundle, moving, scratch, system, state, c, h, iteration):
-    """Apply the Newton increments of all couplings; returns the largest increment of a bullwheel (m)."""
+def correct_couplings(bundle, moving, scratch, system, state, c, h):
+    """Apply the Newton increments of all couplings."""
     correct(c, h, scratch.increment, moving.stages)
-    if bundle.sheaves.inertia.size == 0:
-        return 0.0
-    update_end_tensions(bundle, moving.sheaves, system, state)
-    if iteration == 1:
-        scratch.wheel_increment[:] = 0.0
-    turned = correct_bullwheels(bundle, moving.sheaves, scratch, system, c, h, iteration)
-    propagate_wheels(bundle, moving.sheaves, system, state)
-    follow_clamps(bundle, moving, system, state)
-    return turned
+    if bundle.sheaves.inertia.size > 0:
+        correct_bullwheels(bundle.sheaves, moving.sheaves, scratch.wheel_increment, c, h)
+        propagate_wheels(bundle, moving.sheaves, system, state)
+        follow_clamps(bundle, moving, system, state)
 
 
 @kernel
@@ -90,7 +94,8 @@ def worst_coupling_gap(bundle, moving, system, state):
 
 @kernel
 def end_couplings(bundle, moving, system, state):
-    """End a step: store the traction of bullwheels, and transfer carriages between tracks and stations."""
+    """End a step: store tensions and traction at bullwheels, and transfer carriages between tracks and stations."""
+    update_end_tensions(bundle, moving.sheaves, system, state)
     end_bullwheels(bundle.sheaves, moving.sheaves)
     ride_tracks(bundle, system, state)
 

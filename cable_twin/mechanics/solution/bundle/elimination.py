@@ -18,6 +18,7 @@ from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
     invert_node,
+    less_neighbour,
     load_node,
     load_pair,
     minus_nodes,
@@ -119,12 +120,14 @@ def order_of(
     first = np.cumsum([0, *nodes[:-1]])
     number_of = np.argsort(first[rope] + np.array(node))
     joined = [int(count > 0) for count in nodes]
-    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at, number_of, first, joined)))
+    return Order(*(np.array(values, dtype=np.int64) for values in (rope, node, at, number_of, first, joined, line)))
 
 
 @kernel
 def solve_bundle(bundle, scratch, work, like):
     """Solve for the increments of all nodes, in their `right_side`, and clamps; `upper` becomes a factor.
+
+    The columns of the bullwheels, as many as `slots` says of a rope, become those of the solution.
 
     Args:
         bundle: parameters.
@@ -234,11 +237,12 @@ def link_clamp(ropes, touch, rope, scratch, like):
 
 @inlined_kernel
 def at_front(bundle, member, scratch, work):
-    """Diagonal block and right side of a member of the front."""
+    """Diagonal block, right side and columns of a member of the front."""
+    place = scratch.front[member]
     if member < bundle.records.shape[0]:
         own = record_at(bundle.records[member, WORK], work)
-        return own.diagonal[scratch.front[member]], own.right_side[scratch.front[member]]
-    return scratch.clamp_diagonal[scratch.front[member]], scratch.clamp_right[scratch.front[member]]
+        return own.diagonal[place], own.right_side[place], scratch.wheel_columns[bundle.offset[member] + place]
+    return scratch.clamp_diagonal[place], scratch.clamp_right[place], scratch.clamp_columns[place]
 
 
 @kernel
@@ -251,6 +255,8 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
         return False
     right = apply_node(inverse, load_pair(own.right_side[node], like))
     store_pair(right, own.right_side[node])
+    columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
+    apply_to_columns(inverse, columns, count, square)
     follows = node + 1 < own.diagonal.shape[0]
     lower = no_node(like)
     upper = lower
@@ -262,7 +268,9 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
         store_node(after, own.diagonal[node + 1])
         rest = load_pair(own.right_side[node + 1], like)
         store_pair(subtract_pair(rest, apply_node(lower, right)), own.right_side[node + 1])
-    eliminate_beside(bundle, event, rope, inverse, right, scratch, work, like)
+        for b in range(count):
+            less_neighbour(lower, columns[b], scratch.wheel_columns[bundle.offset[rope] + node + 1, b], square)
+    eliminate_beside(bundle, event, rope, inverse, right, columns, count, scratch, work, like)
     for other in range(scratch.width[0]):
         if scratch.used[event, other]:
             if follows:
@@ -284,7 +292,9 @@ def eliminate_clamp(bundle, event, clamp, scratch, work, like):
         return False
     right = apply_node(inverse, load_pair(scratch.clamp_right[clamp], like))
     store_pair(right, scratch.clamp_right[clamp])
-    eliminate_beside(bundle, event, member, inverse, right, scratch, work, like)
+    columns, count = scratch.clamp_columns[clamp], scratch.slots[bundle.clamps.rope[clamp]]
+    apply_to_columns(inverse, columns, count, square)
+    eliminate_beside(bundle, event, member, inverse, right, columns, count, scratch, work, like)
     scratch.front[member] = -1
     for other in range(scratch.width[0]):
         scratch.linked[member, other] = scratch.linked[other, member] = 0
@@ -292,10 +302,18 @@ def eliminate_clamp(bundle, event, clamp, scratch, work, like):
 
 
 @inlined_kernel
-def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like):
+def apply_to_columns(block, columns, count, square):
+    """Multiply the first `count` columns (blocks, 2, dim²) of a member by a node block, in place."""
+    for b in range(count):
+        store_pair(apply_node(block, load_pair(columns[b], square)), columns[b])
+
+
+@inlined_kernel
+def eliminate_beside(bundle, event, member, inverse, right, columns, count, scratch, work, like):
     """Eliminate a member from the equations of the rest of the front; keeps the blocks for its back substitution."""
     square, width = outer(0.0, like, like), scratch.width[0]
-    for other in range(scratch.front.size):  # also of those that come to the front later, as `substitute_beside` asks
+    scratch.width_then[event] = width
+    for other in range(width):
         scratch.used[event, other] = scratch.linked[member, other]
         if scratch.linked[member, other]:
             side = multiply_nodes(inverse, load_node(scratch.fill[member, other], square))
@@ -303,8 +321,10 @@ def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like)
     for other in range(width):
         if scratch.used[event, other]:
             back = load_node(scratch.fill[other, member], square)
-            diagonal, right_side = at_front(bundle, other, scratch, work)
+            diagonal, right_side, beside = at_front(bundle, other, scratch, work)
             store_pair(subtract_pair(load_pair(right_side, like), apply_node(back, right)), right_side)
+            for b in range(count):
+                less_neighbour(back, columns[b], beside[b], square)
             for third in range(width):
                 if scratch.used[event, third]:
                     change = multiply_nodes(back, load_node(scratch.side[event, third], square))
@@ -318,30 +338,34 @@ def eliminate_beside(bundle, event, member, inverse, right, scratch, work, like)
 
 
 @inlined_kernel
-def substitute_beside(bundle, event, x, scratch, work, like):
-    """Back substitution of a member from the members coupled to it at its elimination."""
-    for other in range(scratch.width[0]):
+def substitute_beside(bundle, event, right, columns, count, scratch, work, like):
+    """Back substitution of a member, right side and columns, from the members coupled to it at its elimination."""
+    square = outer(0.0, like, like)
+    for other in range(scratch.width_then[event]):
         if scratch.used[event, other]:
-            _, beside = at_front(bundle, other, scratch, work)
-            side = load_node(scratch.side[event, other], outer(0.0, like, like))
-            x = subtract_pair(x, apply_node(side, load_pair(beside, like)))
-    return x
+            _, found, beside = at_front(bundle, other, scratch, work)
+            side = load_node(scratch.side[event, other], square)
+            less_neighbour(side, found, right, like)
+            for b in range(count):
+                less_neighbour(side, beside[b], columns[b], square)
 
 
 @kernel
 def substitute(bundle, event, rope, node, scratch, work, like):
     """Back substitution of one node."""
-    own = record_at(bundle.records[rope, WORK], work)
-    x = load_pair(own.right_side[node], like)
+    own, square = record_at(bundle.records[rope, WORK], work), outer(0.0, like, like)
+    columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
     if node + 1 < own.diagonal.shape[0]:
-        after = load_pair(own.right_side[node + 1], like)
-        x = subtract_pair(x, apply_node(load_node(own.upper[node], outer(0.0, like, like)), after))
-    store_pair(substitute_beside(bundle, event, x, scratch, work, like), own.right_side[node])
+        upper, after = load_node(own.upper[node], square), scratch.wheel_columns[bundle.offset[rope] + node + 1]
+        less_neighbour(upper, own.right_side[node + 1], own.right_side[node], like)
+        for b in range(count):
+            less_neighbour(upper, after[b], columns[b], square)
+    substitute_beside(bundle, event, own.right_side[node], columns, count, scratch, work, like)
 
 
 @kernel
 def substitute_clamp(bundle, event, clamp, scratch, work, like):
     """Back substitution of a clamp, force and sliding coordinate, with its return to the front."""
     scratch.front[scratch.member[clamp]] = clamp
-    x = load_pair(scratch.clamp_right[clamp], like)
-    store_pair(substitute_beside(bundle, event, x, scratch, work, like), scratch.clamp_right[clamp])
+    columns, count = scratch.clamp_columns[clamp], scratch.slots[bundle.clamps.rope[clamp]]
+    substitute_beside(bundle, event, scratch.clamp_right[clamp], columns, count, scratch, work, like)

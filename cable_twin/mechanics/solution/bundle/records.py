@@ -17,7 +17,6 @@ SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
 FLAG, SIGN = Range(0, 1), Range(-1, 1)
-LEAST_ANSWER, MOST_ANSWER = 0.5, 2.0  # measured stiffness of the strands at a bullwheel, over the estimated one
 LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
 
 
@@ -109,6 +108,7 @@ class Order(NamedTuple):
     number: IntArray  # (nodes of all,) when each of them is, rope after rope
     first: IntArray  # (ropes,) of each rope in `number`
     joined: IntArray  # (ropes,) 1 where its nodes are among them: something holds it to another rope within a step
+    line: IntArray  # (ropes,) number of the ropes that are held to each other
 
 
 @by_reference
@@ -116,6 +116,7 @@ class Bundle(NamedTuple):
     """Constant parameters of coupled ropes."""
 
     records: IntArray  # (ropes, 6) addresses of what each rope has, columns as named above
+    offset: IntArray  # (ropes + 1,) of the nodes of each rope among those of all
     coupled: bool  # whether there is anything of what follows: known to kernels, where there is not
     up: FloatArray  # (dim,) unit vector
     connectors: Connectors
@@ -140,9 +141,6 @@ class BullwheelMotion(NamedTuple):
         FloatArray, Of("wheel", 2, unit="N")
     ]  # of the strand that comes to it, and of that which leaves it
     stretch: Annotated[FloatArray, Of("wheel", first=1.0)]  # length of the rope on it over that without strain
-    answer: Annotated[
-        FloatArray, Of("wheel", 2, first=1.0), Range(LEAST_ANSWER, MOST_ANSWER)
-    ]  # measured stiffness over the estimated one: against rope that goes over it, and against its carriage
     traction: Annotated[FloatArray, Of("wheel", unit="N")]  # of the rim on the rope, by the unstrained rope over it
     pull: Annotated[FloatArray, Of("wheel", unit="N")]  # of both strands against the direction in which it tensions
     slipping: Annotated[
@@ -186,6 +184,7 @@ class BundleWork(NamedTuple):
         FloatArray, Of("eliminated", "member", 2, 2, "dim²")
     ]  # what was eliminated by each member of the front
     used: Annotated[IntArray, Of("eliminated", "member")]  # 1 where there is any
+    width_then: Annotated[IntArray, Of("eliminated")]  # members that had been used at each elimination
     front: Annotated[IntArray, Of("member")]  # node of each rope, then clamp at each further place of the front, or -1
     width: Annotated[IntArray, Of(1)]  # members that have been used so far
     sequence: Annotated[IntArray, Of("eliminated")]  # what was: the number of a node, or -1 - clamp
@@ -206,12 +205,17 @@ class BundleWork(NamedTuple):
     elimination: Annotated[FloatArray, Of("pantograph", "stage", 3)]  # matrix row, and what stands right of it
     increment: Annotated[FloatArray, Of("pantograph", "stage")]  # m
     by_rope: Annotated[FloatArray, Of("pantograph", "stage")]  # of each stage by the rope above the head
-    wheel_increment: Annotated[
-        FloatArray, Of("wheel", 2, unit="m")
-    ]  # the last of this step: of the rope over it, and of its carriage
-    wheel_stiffness: Annotated[
-        FloatArray, Of("wheel", 2, unit="N/m")
-    ]  # measured in this step against the same, 0 where it was not needed
+    slot: Annotated[IntArray, Of("wheel", "rope")]  # of the columns of each wheel among those of a rope, or -1
+    slots: Annotated[IntArray, Of("rope")]  # columns of each rope: of the wheels that its nodes feel in this iteration
+    wheel_columns: Annotated[
+        FloatArray, Of("node", "wheel", 2, "dim²")
+    ]  # tangent of each node of all ropes by rope over a wheel, column 0, and by its carriage, column 1; then solutions
+    clamp_columns: Annotated[FloatArray, Of("clamp", "wheel", 2, "dim²")]  # the same of the clamps
+    wheel_row: Annotated[
+        FloatArray, Of("wheel", 2, 2, 3, "dim")
+    ]  # of both strands: forces on rope over it and on its carriage, by slope of the end and both vectors beside that
+    wheel_matrix: Annotated[FloatArray, Of("coordinate", "coordinate")]  # of the wheels by themselves: rope, carriage
+    wheel_increment: Annotated[FloatArray, Of("coordinate", unit="m")]  # their right side, then their increments
     memory: Memory  # all of these
 
 
@@ -246,6 +250,9 @@ def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
         "member": (bundle.records.shape[0] if coupled else 0) + clamps,  # of the front: ropes, then clamps
         "eliminated": nodes + clamps,
         "touch": nodes + 4 * clamps,  # nodes, then those of the clamps
+        "coordinate": 2 * bundle.sheaves.inertia.size,
+        "rope": bundle.records.shape[0],
+        "node": int(bundle.offset[-1]),  # of all ropes
         "dim": bundle.up.size,
         "dim²": bundle.up.size**2,
     }

@@ -1,0 +1,367 @@
+"""Tangent of bullwheels: rope over a wheel and travel of its carriage as unknowns of Newton's method, beside the ropes.
+
+A wheel has two coordinates w, the rope u that goes over it where forces move that, and the travel y of its carriage
+where a counterweight pulls that. All of both strands feels them: K Δe + G Δw = R, with G the column of each node. The
+forces of a strand on its end, which the equations of the wheel have, are those of the end node before its support,
+R - K Δe - G Δw there. So the ropes are solved for R and for the columns G at once, x - Z Δw, and what is left are as
+many equations as wheels have coordinates.
+
+The stretch, by which rope over the wheel counts, and the tangent of the rope at its end are varied, too. Drives,
+hydraulic cylinders and whether the rope slips are found before the iteration, and no part of it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from cable_twin.mechanics.language.addresses import record_at
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import (
+    accumulate,
+    add_scaled,
+    dot,
+    load,
+    outer,
+    product,
+    scale,
+    store,
+    subtract,
+    unit_matrix,
+)
+from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.presence import rides
+from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
+from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
+from cable_twin.mechanics.rope.patch import beside_load
+from cable_twin.mechanics.rope.point import element_at, point_at, slope
+from cable_twin.mechanics.solution.bundle.bullwheels import (
+    NOTHING,
+    missing_rope,
+    missing_travel,
+    tension_shares,
+)
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, SYSTEM, WORK, rope_of
+
+ROPE, CARRIAGE = range(2)  # coordinates of a wheel, and columns of its block
+
+
+@kernel
+def is_active(sheaves, motion, sheave, kind):
+    """Return whether a coordinate of a wheel is an unknown in this step."""
+    if kind == ROPE:
+        return motion.by_forces[sheave] != NOTHING
+    return sheaves.tensioning[sheave] == COUNTERWEIGHT
+
+
+@kernel
+def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
+    """Linearise all wheels whose coordinates are unknown; needs the ropes assembled, without what couples them.
+
+    Their columns get the part of rope that runs over the wheel, their equations what the end of each strand has.
+    """
+    sheaves, motion = bundle.sheaves, moving.sheaves
+    scratch.wheel_matrix[:] = 0.0
+    scratch.slot[:] = -1
+    scratch.slots[:] = 0
+    for sheave in range(sheaves.inertia.size):
+        if is_active(sheaves, motion, sheave, ROPE) or is_active(sheaves, motion, sheave, CARRIAGE):
+            take_slots(bundle, scratch, sheave)
+    clear_columns(bundle, scratch)
+    for sheave in range(sheaves.inertia.size):
+        if is_active(sheaves, motion, sheave, ROPE):
+            for side in range(2):
+                rope = sheaves.rope[sheave, side]
+                own, here, room = rope_of(bundle, rope, system, state, work)
+                columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
+                slot = scratch.slot[sheave, rope]
+                add_flow_tangent(own, here, 1 - side, mass_factor, rate_factor, room.group, columns, slot)
+                add_vehicles_and_towers(own, here, room, 1 - side, columns, slot)
+    for sheave in range(sheaves.inertia.size):
+        read_ends(bundle, motion, sheave, system, state, work)
+    for sheave in range(sheaves.inertia.size):
+        write_equations(bundle, motion, scratch, sheave, system, state, work, mass_factor, rate_factor)
+
+
+@kernel
+def take_slots(bundle, scratch, sheave):
+    """Give the columns of a wheel their place among those of all ropes that it moves, and of what is held to those."""
+    line = bundle.order.line
+    first, second = line[bundle.sheaves.rope[sheave, 0]], line[bundle.sheaves.rope[sheave, 1]]
+    for rope in range(line.size):
+        if line[rope] == first or line[rope] == second:
+            scratch.slot[sheave, rope] = scratch.slots[rope]
+            scratch.slots[rope] += 1
+
+
+@kernel
+def clear_columns(bundle, scratch):
+    """Clear the columns of all ropes and clamps that are in use."""
+    for rope in range(scratch.slots.size):
+        if scratch.slots[rope] > 0:
+            scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1], : scratch.slots[rope]] = 0.0
+    scratch.clamp_columns[:] = 0.0
+
+
+@kernel
+def add_vehicles_and_towers(system, state, work, end, columns, slot):
+    """Add to a column what rope over one end changes at vehicles clamped to the strand, and at tower friction."""
+    cable, towers, like = system.cable, system.towers, system.cable.gravity
+    for carriage in range(system.carriages.fixed.size):
+        at_load = cable.load_nodes and state.joint_node[carriage] >= 0
+        if system.carriages.clamped[carriage] and rides(system, state, carriage) and not at_load:
+            way = place_by_flow(cable, state, end, state.joints.position[carriage])
+            for i in range(4):
+                force = scale(way, load(work.sliding_column[carriage, i], like))
+                accumulate(force, columns[state.joint_element[carriage] + i // 2, slot, i % 2, :: len(like)])
+    for contact in range(towers.stiffness.size):
+        element = element_at(cable, state, state.contact_arc_length[contact])
+        if towers.friction[contact] != 0.0 and not beside_load(cable, state, element):
+            point, r_x, _, normal, depth, moving = contact_frame(cable, towers, state, contact)
+            n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
+            way, before = slid(cable, state, contact), state.contact_deflection[contact]
+            _, by_way = mobilise(way, before, towers.presliding[contact])
+            way = share_of_end(cable, end, state.contact_arc_length[contact])  # less rope before it than there was
+            friction = towers.friction[contact] * n * by_way * way / sqrt(dot(r_x, r_x))
+            for i in range(4):
+                force = scale(point.shape[i] * friction, r_x)
+                accumulate(force, columns[point.element + i // 2, slot, i % 2, :: len(like)])
+
+
+@inlined_kernel
+def end_of(bundle, sheave, side, system, state, work):
+    """End of a strand at a wheel: rope, its node, the node beside it, parameters, state, workspace."""
+    rope = bundle.sheaves.rope[sheave, side]
+    own, here, room = rope_of(bundle, rope, system, state, work)
+    node = own.cable.element_count if side == 0 else 0
+    return rope, node, node - 1 if side == 0 else 1, own, here, room
+
+
+@inlined_kernel
+def unit_tangent(state, node, like):
+    """Unit tangent (dim,) of a rope at a node, and the length of r_x."""
+    r_x = load(state.nodes.position[node, 1], like)
+    norm = sqrt(dot(r_x, r_x))
+    return scale(1.0 / norm, r_x), norm
+
+
+@kernel
+def read_ends(bundle, motion, sheave, system, state, work):
+    """Tensions, stretch and pull of both strands at a wheel, from the residuals of their end nodes."""
+    sheaves, like, pull, stretch = bundle.sheaves, system.cable.gravity, 0.0, 1.0
+    direction = load(sheaves.direction[sheave], like)
+    for side in range(2):
+        _, node, _, own, here, room = end_of(bundle, sheave, side, system, state, work)
+        force, along = load(room.right_side[node, 0], like), unit_tangent(here, node, like)[0]
+        motion.tension[sheave, side] = -dot(force, along) if side == 0 else dot(force, along)
+        stretch += 0.5 * motion.tension[sheave, side] / own.cable.axial_stiffness
+        stretch += 0.5 * (own.cable.free_stretch - 1.0)
+        pull -= dot(force, direction)
+    motion.pull[sheave], motion.stretch[sheave] = pull, stretch
+
+
+@kernel
+def write_equations(bundle, motion, scratch, sheave, system, state, work, mass_factor, rate_factor):
+    """Write the equations of a wheel: right side, own coordinates, and the rows of both ends of strands."""
+    sheaves, like, first = bundle.sheaves, system.cable.gravity, 2 * sheave
+    right, matrix = scratch.wheel_increment, scratch.wheel_matrix
+    right[first : first + 2] = 0.0
+    matrix[first, first], matrix[first + 1, first + 1] = 1.0, 1.0
+    on_rope, on_carriage = is_active(sheaves, motion, sheave, ROPE), is_active(sheaves, motion, sheave, CARRIAGE)
+    if on_rope:
+        right[first], matrix[first, first] = missing_rope(sheaves, motion, sheave, mass_factor)
+    if on_carriage:
+        found = missing_travel(sheaves, motion, sheave, mass_factor, rate_factor)
+        right[first + 1], matrix[first + 1, first + 1] = found
+    direction, square = load(sheaves.direction[sheave], like), outer(0.0, like, like)
+    on, off = tension_shares(sheaves, motion, sheave)
+    pulled = off * motion.tension[sheave, 1] - on * motion.tension[sheave, 0]
+    for side in range(2):
+        rope, node, _, own, here, room = end_of(bundle, sheave, side, system, state, work)
+        along, norm = unit_tangent(here, node, like)
+        force = load(room.right_side[node, 0], like)
+        turning = scale(1.0 / norm, add_scaled(-dot(force, along), along, force))
+        row = room.lower[node - 1] if side == 0 else room.upper[0]
+        share = motion.stretch[sheave] * on if side == 0 else -motion.stretch[sheave] * off
+        share -= 0.5 * pulled / own.cable.axial_stiffness
+        share = share if side == 0 else -share  # of what the node is pulled with along the rope
+        for kind in range(2):
+            active = on_rope if kind == ROPE else on_carriage
+            weight = scale(share, along) if kind == ROPE else direction
+            weight = scale(1.0 if active else 0.0, weight)
+            rows = scratch.wheel_row[sheave, side, kind]
+            store(product(weight, load(room.diagonal[node, 0, 1], square)), rows[0])
+            store(product(weight, load(row[0, 0], square)), rows[1])
+            store(product(weight, load(row[0, 1], square)), rows[2])
+            if kind == ROPE and active:
+                store(subtract(load(rows[0], like), scale(share, turning)), rows[0])
+            if is_active(sheaves, motion, sheave, CARRIAGE):
+                by_travel = product(load(room.diagonal[node, 0, 0], square), direction)
+                matrix[first + kind, first + 1] += dot(weight, by_travel)
+            for other in range(sheaves.inertia.size):
+                if is_active(sheaves, motion, other, ROPE) and scratch.slot[other, rope] >= 0:
+                    column = scratch.wheel_columns[bundle.offset[rope] + node, scratch.slot[other, rope], 0]
+                    matrix[first + kind, 2 * other] += dot(weight, load(column[:: len(like)], like))
+
+
+@kernel
+def add_travel(bundle, moving, scratch, system, state, work):
+    """Add to the columns of wheels what moves with their carriages, and the clamps; then hold them at the ends.
+
+    Needs all that couples ropes assembled, before supports hold them.
+    """
+    sheaves, like = bundle.sheaves, system.cable.gravity
+    square = outer(0.0, like, like)
+    add_clamped(bundle, moving, scratch, system, state, work)
+    for sheave in range(sheaves.inertia.size):
+        if is_active(sheaves, moving.sheaves, sheave, CARRIAGE):
+            direction = load(sheaves.direction[sheave], like)
+            for side in range(2):
+                rope, node, beside, _, _, room = end_of(bundle, sheave, side, system, state, work)
+                at, slot = bundle.offset[rope], scratch.slot[sheave, rope]
+                column = room.upper[node - 1] if side == 0 else room.lower[0]
+                for i in range(2):
+                    force = product(load(room.diagonal[node, i, 0], square), direction)
+                    accumulate(force, scratch.wheel_columns[at + node, slot, i, 1 :: len(like)])
+                    force = product(load(column[i, 0], square), direction)
+                    accumulate(force, scratch.wheel_columns[at + beside, slot, i, 1 :: len(like)])
+    for rope in range(scratch.slots.size):
+        cable = record_at(bundle.records[rope, SYSTEM], system).cable
+        for slot in range(scratch.slots[rope]):
+            for end in range(2):
+                node = bundle.offset[rope] + (0 if end == 0 else cable.element_count)
+                for i in range(2):
+                    free, column = load(cable.end_projector[end, i], square), scratch.wheel_columns[node, slot, i]
+                    store(product(free, load(column, square)), column)
+
+
+@kernel
+def add_clamped(bundle, moving, scratch, system, state, work):
+    """Add to the columns of wheels the clamps on their strands: places move with the rope, ends with carriages."""
+    sheaves, like = bundle.sheaves, system.cable.gravity
+    for clamp in range(bundle.clamps.rope.size):
+        rope = moving.clamp_rope[clamp]
+        if rope < 0:
+            continue
+        own, here, _ = rope_of(bundle, rope, system, state, work)
+        place, carriage = moving.clamp_place[clamp], bundle.clamps.carriage[clamp]
+        held = point_at(own.cable, here, place)
+        r_x = slope(here.nodes.position, held, like)
+        force = add_scaled(moving.rail_mass[clamp], like, load(here.clamp_force[carriage], like))
+        for sheave in range(sheaves.inertia.size):
+            slot, gap = scratch.slot[sheave, rope], scratch.clamp_columns[clamp]
+            for side in range(2):
+                if sheaves.rope[sheave, side] != rope:
+                    continue
+                if is_active(sheaves, moving.sheaves, sheave, ROPE):
+                    way = place_by_flow(own.cable, here, 1 - side, place)
+                    accumulate(scale(-way, r_x), gap[slot, 0, :: len(like)])
+                    for i in range(4):
+                        node = bundle.offset[rope] + held.element + i // 2
+                        pulled = scale(way * held.shape_x[i], force)
+                        accumulate(pulled, scratch.wheel_columns[node, slot, i % 2, :: len(like)])
+                node = own.cable.element_count if side == 0 else 0
+                if is_active(sheaves, moving.sheaves, sheave, CARRIAGE) and 0 <= node - held.element <= 1:
+                    moved = scale(-held.shape[2 * (node - held.element)], load(sheaves.direction[sheave], like))
+                    accumulate(moved, gap[slot, 0, 1 :: len(like)])
+
+
+@kernel
+def recover_wheels(bundle, moving, scratch, system, state, work):
+    """Increments of all wheels from the solutions of the ropes, in `wheel_increment`, and what ropes answer to them.
+
+    Returns:
+        Whether the equations of the wheels have a solution, and its largest increment (m).
+    """
+    sheaves, motion, largest = bundle.sheaves, moving.sheaves, 0.0
+    for sheave in range(sheaves.inertia.size):
+        subtract_ropes(bundle, scratch, sheave, system, state, work)
+    if not solve_dense(scratch.wheel_matrix, scratch.wheel_increment):
+        return False, largest
+    for sheave in range(sheaves.inertia.size):
+        moved, travelled = scratch.wheel_increment[2 * sheave], scratch.wheel_increment[2 * sheave + 1]
+        largest = max(largest, abs(moved), abs(travelled))
+        answer_wheel(bundle, moving, scratch, sheave, system, work)
+        if is_active(sheaves, motion, sheave, ROPE):
+            for side in range(2):
+                own, here, room = rope_of(bundle, sheaves.rope[sheave, side], system, state, work)
+                carry_vehicles(own, here, room, 1 - side, moved)
+    return True, largest
+
+
+@kernel
+def subtract_ropes(bundle, scratch, sheave, system, state, work):
+    """Subtract the solutions of both strands from the equations of a wheel."""
+    like = system.cable.gravity
+    for side in range(2):
+        rope, node, beside, _, _, room = end_of(bundle, sheave, side, system, state, work)
+        for kind in range(2):
+            row, rows = 2 * sheave + kind, scratch.wheel_row[sheave, side, kind]
+            for k in range(3):
+                where, i = (node, 1) if k == 0 else (beside, k - 1)
+                by = load(rows[k], like)
+                scratch.wheel_increment[row] -= dot(by, load(room.right_side[where, i], like))
+                for other in range(bundle.sheaves.inertia.size):
+                    slot = scratch.slot[other, rope]
+                    if slot >= 0:
+                        columns = scratch.wheel_columns[bundle.offset[rope] + where, slot, i]
+                        for j in range(2):
+                            column = load(columns[j :: len(like)], like)
+                            scratch.wheel_matrix[row, 2 * other + j] -= dot(by, column)
+
+
+@kernel
+def answer_wheel(bundle, moving, scratch, sheave, system, work):
+    """Subtract the answer to the increments of a wheel from the solutions of all ropes and clamps that feel it."""
+    like = system.cable.gravity
+    axes, square = unit_matrix(like), outer(0.0, like, like)
+    moved, travelled = scratch.wheel_increment[2 * sheave], scratch.wheel_increment[2 * sheave + 1]
+    increments = add_scaled(-moved, axes[0], scale(-travelled, axes[1]))
+    for rope in range(scratch.slots.size):
+        slot, at = scratch.slot[sheave, rope], bundle.offset[rope]
+        if slot >= 0:
+            right_side = record_at(bundle.records[rope, WORK], work).right_side
+            for node in range(right_side.shape[0]):
+                for i in range(2):
+                    answer = product(load(scratch.wheel_columns[at + node, slot, i], square), increments)
+                    accumulate(answer, right_side[node, i])
+    for clamp in range(bundle.clamps.rope.size):
+        slot = scratch.slot[sheave, bundle.clamps.rope[clamp]]
+        if slot >= 0 and moving.clamp_rope[clamp] >= 0:
+            for i in range(2):
+                answer = product(load(scratch.clamp_columns[clamp, slot, i], square), increments)
+                accumulate(answer, scratch.clamp_right[clamp, i])
+
+
+@kernel
+def carry_vehicles(system, state, work, end, moved):
+    """Add rope over one end, `moved` (m), to the increments of the joints of all vehicles clamped to the strand."""
+    for carriage in range(system.carriages.fixed.size):
+        if system.carriages.clamped[carriage] and rides(system, state, carriage):
+            place = state.joints.position[carriage]
+            work.sliding_right[carriage] += moved * place_by_flow(system.cable, state, end, place)
+
+
+@kernel
+def solve_dense(matrix, right):
+    """Solve a small system in place by elimination with row pivots; returns whether it has a solution."""
+    size = right.size
+    for k in range(size):
+        pivot = k
+        for row in range(k + 1, size):
+            if abs(matrix[row, k]) > abs(matrix[pivot, k]):
+                pivot = row
+        if not abs(matrix[pivot, k]) > 0.0:
+            return False
+        for column in range(k, size):
+            matrix[k, column], matrix[pivot, column] = matrix[pivot, column], matrix[k, column]
+        right[k], right[pivot] = right[pivot], right[k]
+        for row in range(k + 1, size):
+            factor = matrix[row, k] / matrix[k, k]
+            for column in range(k + 1, size):
+                matrix[row, column] -= factor * matrix[k, column]
+            right[row] -= factor * right[k]
+    for k in range(size - 1, -1, -1):
+        for column in range(k + 1, size):
+            right[k] -= matrix[k, column] * right[column]
+        right[k] /= matrix[k, k]
+    return True
