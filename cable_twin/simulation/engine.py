@@ -261,7 +261,20 @@ class Engine:
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
-        counts = "rope", "node", "sheave", "clamp", "connector", "member", "event", "column", "iteration"
+        inner["columns"] = self._ropes.scratch.wheel_columns
+        counts = (
+            "rope",
+            "node",
+            "sheave",
+            "clamp",
+            "connector",
+            "member",
+            "event",
+            "column",
+            "iteration",
+            "slot",
+            "count",
+        )
         numbers = dict.fromkeys(counts, 0) | dict.fromkeys(("by_mass", "tension_time"), 1.0)
         return first.typical(self._works[0]) | whole | inner | numbers
 

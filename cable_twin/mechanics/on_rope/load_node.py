@@ -42,7 +42,7 @@ from cable_twin.mechanics.rope.following_nodes import (
 from cable_twin.mechanics.rope.patch import mean_slope, pull_of_element
 from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, element_at
 
-LEAST = 0.02  # of the shortest element: room that a node keeps to its neighbours
+LEAST = 0.015  # of the shortest element: room that a node keeps to its neighbours
 
 
 @inlined_kernel

@@ -111,26 +111,20 @@ def carry_over(work, number, first, node, dim):
 @kernel
 def recover_patches(state, work, like):
     """Write the increments of all nodes that follow loads, and of their arc lengths; needs those of all others."""
-    dim, beyond = len(like), 0
     for node in range(state.node_load.size):
         if state.node_load[node] < 0:
             store(load(work.right_side[node, 1], like), work.right_side[node, 2])
     for node in range(state.node_load.size - 2, 0, -1):
-        number = state.node_load[node]
-        if number < 0:
-            continue
-        beyond = node + 1
-        while state.node_load[beyond] >= 0:
-            beyond += 1
-        first = node
-        while state.node_load[first - 1] >= 0:
-            first -= 1
-        substitute(state, work, number, first - 1, node, dim)
+        if state.node_load[node] >= 0:
+            substitute(state, work, node, like)
 
 
 @kernel
-def substitute(state, work, number, before, node, dim):
+def substitute(state, work, node, like):
     """Increments of one load, from those of the node before its train of loads and of the node after it."""
+    dim, number, start = len(like), state.node_load[node], node - 1
+    while state.node_load[start] >= 0:
+        start -= 1
     patch, own = work.patch[number], 5 * dim + 1
     following = state.node_load[node + 1]
     size = (3 * dim + 1 if following >= 0 else 2 * dim) + own
@@ -138,7 +132,7 @@ def substitute(state, work, number, before, node, dim):
     for row in range(own - 1, 2 * dim - 1, -1):
         value = patch[row, last]
         for column in range(2 * dim):
-            value -= patch[row, column] * work.right_side[before, column // dim, column % dim]
+            value -= patch[row, column] * work.right_side[start, column // dim, column % dim]
         for column in range(row + 1, own):
             value -= patch[row, column] * patch[column, last]
         for column in range(own, size):
