@@ -49,6 +49,37 @@ def temperature() -> Iterator[Result]:
             yield Result(f"tension of a taut span at {kelvin:+g} K, {model}", "N", expected, float(tensions[100]), 1e-6)
 
 
+@case("rope that cools", "as at rest at the last temperature: EA alpha θ in a taut span, alpha θ L of travel")
+def cooling() -> Iterator[Result]:
+    """A damped rope is cooled from 30 K above to 50 K below in steps of 1 K every 0.05 s, and left alone for 5 s."""
+    expansion, length, axial, pull = 12e-6, 50.0, 5e5, 1000.0
+    for space, model in ((2, "continuum"), (3, "continuum"), (2, "element_frame")):
+        scenario = bar(length, axial, pull)
+        scenario |= {"space": space, "air": {"temperature": 50.0}}
+        cable = scenario["cable"] | {"elastic_model": model, "damping_time": 0.05}
+        start, end = ([0.0] * space, [length] + [0.0] * (space - 1))
+        along = [1.0] + [0.0] * (space - 1)
+        weighted = cable | {"start": {"position": start}, "end": cable["end"] | {"position": end, "direction": along}}
+        snapshot = _cooled(scenario | {"cable": weighted}).snapshot
+        expected, travel = length * (pull / axial - expansion * 50.0), snapshot.supports["end"].travel or 0.0
+        yield Result(f"travel, {model}, {space} dimensions", "m", expected, travel, 1e-8)
+        end = [length * (1.0 + pull / axial)] + [0.0] * (space - 1)
+        taut = cable | {"start": {"position": start}, "end": {"position": end, "support": "pinned"}}
+        tensions = _cooled(scenario | {"cable": taut}).snapshot.cable.tensions
+        expected = pull + axial * expansion * 50.0
+        yield Result(f"tension of a taut span, {model}, {space} dimensions", "N", expected, float(tensions[100]), 1e-6)
+
+
+def _cooled(scenario: dict[str, Any]) -> Simulation:
+    """Simulation of a rope after it has cooled to 50 K below its reference temperature."""
+    simulation = Simulation(load_scenario(scenario))
+    for step, degrees in enumerate(range(49, -31, -1)):
+        simulation.advance_to(0.05 * step)
+        simulation.temperature(degrees)
+    simulation.advance_to(simulation.time + 5.0)
+    return simulation
+
+
 @case("sag at another temperature", "elastic catenary of the length L (1 + alpha θ) and the weight of L")
 def sag_at_temperature() -> Iterator[Result]:
     """Under the weight of the rope as well: a warm rope sags as one of that length, with as much mass and stiffness."""

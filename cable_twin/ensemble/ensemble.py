@@ -120,8 +120,8 @@ class Ensemble:
     def change(self, parameters: Values, members: Chosen = None, *, rest: bool = False) -> None:
         """Change parameters of members, at their present state or at a new rest.
 
-        At the present state, payloads change with the state, and so does the wind where its key is given; joints keep
-        the compliance of the rest of the scenario.
+        At the present state, payloads change with the state, and so do wind and temperature where their keys are given;
+        joints keep the compliance of the rest of the scenario.
 
         Args:
             parameters: values by dotted key: a sequence with one for each of these members, or one for all.
@@ -309,11 +309,11 @@ class Ensemble:
         states, vehicles = self._states, settings.vehicles._replace(carried=None)
         states.take([member], settings._replace(parameters=parameters.parameters, vehicles=vehicles))
         simulation = states.enter(member)
-        simulation.engine.carry_payloads()
+        simulation.engine.carry_loads()
         states.leave(member, simulation)
 
     def _carry_over(self, member: int, before: Simulation, parameters: Settings, keys: set[str]) -> None:
-        """Continue the present state of a member with changed parameters, payloads and wind included."""
+        """Continue the present state of a member with changed parameters, payloads, wind and temperature included."""
         states = self._states
         self._go_on_with(member, states.settings[member], parameters)
         simulation = states.enter(member)
@@ -326,6 +326,8 @@ class Ensemble:
         simulation.engine.vehicles.put_in(loads)
         if any(key.startswith("air.wind") for key in keys):
             simulation.apply(Command("wind", wind_of(scenario)))
+        if "air.temperature" in keys:
+            simulation.temperature(scenario.air.temperature)
         states.leave(member, simulation)
 
     def _advance(self, targets: NDArray[np.int64], on_part: Callable[[], object]) -> None:

@@ -13,6 +13,7 @@ from typing import Literal
 
 JOINT_COMMANDS = "joint_commands"
 JOINT_STATE, VECTOR = "sensor_msgs/msg/JointState", "geometry_msgs/msg/Vector3Stamped"
+TEMPERATURE = "sensor_msgs/msg/Temperature"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +25,10 @@ class Kind:
         help: description of the command for users.
         quantity: quantity of its numbers; empty without numbers.
         unit: of its numbers.
-        axes: those of x, y, z that it has numbers for instead of names.
+        axes: those of x, y, z, or else, that it has numbers for instead of names.
         needed: axes that the command always has, 0 where not given.
         topic: that brings it, below the node; kinds of one topic differ by their field.
+        message: type of the messages of that topic.
         field: of sensor_msgs/JointState that holds its numbers: on its topic, where they are by name, and in the bag.
         service: that brings it where it has no numbers, below the node.
         switch: boolean in the call of a std_srvs/SetBool service; None for std_srvs/Trigger.
@@ -44,6 +46,7 @@ class Kind:
     axes: tuple[str, ...] = ()
     needed: tuple[str, ...] = ()
     topic: str = ""
+    message: str = JOINT_STATE
     field: Literal["position", "velocity", "effort", ""] = ""
     service: str = ""
     switch: bool | None = None
@@ -104,7 +107,18 @@ KINDS: Mapping[str, Kind] = {
             axes=("x", "z", "y"),
             needed=("x", "z"),
             topic="wind",
+            message=VECTOR,
             field="velocity",
+        ),
+        Kind(
+            "temperature",
+            "set the temperature of all ropes, which get longer or tighter by it; it holds until the next one",
+            quantity="temperature",
+            unit="degC",
+            axes=("ropes",),
+            topic="temperature",
+            message=TEMPERATURE,
+            field="effort",
         ),
         Kind(
             "gust",
@@ -157,7 +171,7 @@ KINDS: Mapping[str, Kind] = {
 
 
 # type of the message of each topic that brings commands
-INPUTS: Mapping[str, str] = {kind.topic: VECTOR if kind.axes else JOINT_STATE for kind in KINDS.values() if kind.topic}
+INPUTS: Mapping[str, str] = {kind.topic: kind.message for kind in KINDS.values() if kind.topic}
 
 
 def kinds_on(topic: str) -> dict[str, Kind]:
@@ -174,4 +188,14 @@ def kinds_by_service() -> dict[str, dict[bool | None, Kind]]:
     return services
 
 
-__all__ = ["INPUTS", "JOINT_COMMANDS", "JOINT_STATE", "KINDS", "VECTOR", "Kind", "kinds_by_service", "kinds_on"]
+__all__ = [
+    "INPUTS",
+    "JOINT_COMMANDS",
+    "JOINT_STATE",
+    "KINDS",
+    "TEMPERATURE",
+    "VECTOR",
+    "Kind",
+    "kinds_by_service",
+    "kinds_on",
+]

@@ -24,6 +24,7 @@ Whose = Literal[
     "supports",
     "towers",
     "air",
+    "all ropes",
     "pantographs",
     "sheaves",
     "strands",
@@ -120,6 +121,7 @@ NAMES: Mapping[Whose, Callable[[Layout], Sequence[str]]] = {
     "supports": lambda layout: layout.supports,
     "towers": lambda layout: layout.towers,
     "air": lambda _: AXES,
+    "all ropes": lambda _: ("ropes",),
     "pantographs": lambda layout: layout.pantographs,
     "sheaves": lambda layout: layout.sheaves,
     "strands": lambda layout: [f"{name}_{side}" for name in layout.sheaves for side in ("on", "off")],
@@ -218,6 +220,7 @@ SIGNALS: Mapping[str, Signal] = {
             legend=("x, along", "y, from the right", "z, up"),
             space=True,
         ),
+        Signal("temperature", "degC", "all ropes", lambda _, c: c.temperature),
         Signal("drive_force", "N", "driven", lambda of, c: driven(of, c).force, "force", "drive", "Drive force"),
         Signal(
             "commanded_force",

@@ -240,6 +240,7 @@ class Wind(NamedTuple):
 ONE_COSINE, OPERATING_GUST = 0, 1  # shapes of a gust, see `on_rope.wind`
 GUSTS = ("one_minus_cosine", "operating_gust")  # by number
 STRONGEST_WIND = 100.0  # m/s, more than in any hurricane: 96 m/s in Patricia, 2015, a mean of a minute
+COLDEST, HOTTEST = -100.0, 100.0  # degC, of ropes: beyond any weather and any rope in the sun
 STEADY = Wind(
     exponent=0.0,
     reference_height=10.0,

@@ -15,9 +15,11 @@ from cable_twin.mechanics.language.declared import ANY, CLOCK, Memory, Of, Range
 from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.parameters import (
+    COLDEST,
     DRUM,
     FREE,
     GUSTS,
+    HOTTEST,
     IN_GROOVE,
     JOINT,
     LIFTED,
@@ -169,6 +171,9 @@ class State(NamedTuple):
     # clock at that
     wind: Annotated[FloatArray, Of("dim", unit="m/s")]  # its mean at the reference height
     wind_field: WindField
+    temperature: Annotated[
+        FloatArray, Of(1, unit="degC"), Range(COLDEST, HOTTEST)
+    ]  # of the rope, already in the parameters
     newton_curvature: Annotated[
         FloatArray, Of(1, unit="1/m"), Range(0.0, inf)
     ]  # Newton increment over the square of the one before; 0: not known

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cable_twin.basics.printable import printable
-from cable_twin.frame.commands import INPUTS, JOINT_COMMANDS, KINDS, VECTOR, Kind, kinds_on
+from cable_twin.frame.commands import INPUTS, JOINT_COMMANDS, JOINT_STATE, KINDS, TEMPERATURE, VECTOR, Kind, kinds_on
 from cable_twin.frame.records import AppliedCommand, Command, CommandError, Goal
 from cable_twin.messages import SECOND, Header, JointState, decode, nanoseconds, serialize, time_of
 
@@ -88,6 +88,8 @@ def command_from_message(topic: str, data: bytes, most_names: int | None = None)
         message: Any = decode(data, INPUTS[topic])
         if INPUTS[topic] == VECTOR:
             return command_from_vector(topic, message.vector.x, message.vector.y, message.vector.z)
+        if INPUTS[topic] == TEMPERATURE:
+            return Command("temperature", {"ropes": float(message.temperature)})
         return command_from_joint_state(topic, message.name, message.position, message.velocity, message.effort)
     except CommandError:
         raise
@@ -106,7 +108,7 @@ def _check_counts(message_type: str, data: bytes, most_names: int | None) -> Non
     length = struct.unpack_from(f"{order}I", data, 12)[0]  # of the frame and a zero
     if length > LONGEST_FRAME_ID + 1:
         raise CommandError(f"a frame_id of {length - 1} bytes; allowed: up to {LONGEST_FRAME_ID}")
-    if message_type == VECTOR or most_names is None:
+    if message_type != JOINT_STATE or most_names is None:
         return
     place = 16 + length
     count = struct.unpack_from(f"{order}I", data, place + -place % 4)[0]

@@ -53,7 +53,8 @@ A script is YAML or CSV, times in seconds of simulated time:
 
 Names are those of carriages, or of the drive of a moving cable as in {name: haul_rope, speed: 2.5}. Units: speed in
 m/s, force in N, payload in kg (only while the carriage stands in a station), wind in m/s along the track, wind_z
-upwards, wind_y to the left (in space); a wind lasts until the next one. gust and operating_gust have _z, _y and
+upwards, wind_y to the left (in space); a wind lasts until the next one, and so does a
+temperature (degC, of all ropes). gust and operating_gust have _z, _y and
 _duration (s). Events: emergency_stop, release, reset. A command can be given at a place instead of a time; its time,
 by default 0, is then the earliest at which it can take effect:
 

@@ -6,6 +6,7 @@ A command is accepted or refused whole; a refusal names the given value and the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from cable_twin.basics.printable import printable
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.on_rope.wind import set_wind
-from cable_twin.mechanics.parameters import FORCE, GUSTS, STRONGEST_WIND
+from cable_twin.mechanics.parameters import COLDEST, FORCE, GUSTS, HOTTEST, STRONGEST_WIND
 from cable_twin.scenario import Scenario, command_fault, wind_unfelt
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.ropeway import Ropeway, drive
@@ -110,6 +111,17 @@ def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) ->
     if any(values.values()) and (unfelt := wind_unfelt(scenario)):
         speeds = ", ".join(f"{axis} {speed:g}" for axis, speed in values.items())
         raise CommandError(f"{kind} {speeds} m/s, but {unfelt}; allowed: 0 m/s")
+
+
+def check_temperature(command: Command, _: Scenario) -> None:
+    """Refuse a temperature (degC) that is not finite, or that no rope in the open has.
+
+    Raises:
+        CommandError: no number, or one out of range.
+    """
+    value = command.values.get("ropes", nan)
+    if not COLDEST <= value <= HOTTEST:
+        raise CommandError(f"temperature is {value:g} degC; allowed are {COLDEST:g} to {HOTTEST:g} degC")
 
 
 def check_gust(command: Command, scenario: Scenario) -> None:
@@ -221,6 +233,10 @@ def _gust(ropeway: Ropeway, command: Command) -> None:
     field.gust[:] = *amplitude, field.time[0], duration, GUSTS.index(GUST_SHAPES[command.kind])
 
 
+def _set_temperature(ropeway: Ropeway, command: Command) -> None:
+    ropeway.state.temperature[0] = command.values["ropes"]
+
+
 def _stop(ropeway: Ropeway, _: Command) -> None:
     ropeway.stop()
 
@@ -244,6 +260,7 @@ HANDLERS: Mapping[str, Handler] = {
     "force": Handler(_drive, check_drive, between=Engine.drive),
     "payload": Handler(None, check_room, check_station, Engine.load),
     "wind": Handler(_set_wind, check_wind),
+    "temperature": Handler(_set_temperature, check_temperature, between=Engine.follow_temperature),
     **dict.fromkeys(GUST_SHAPES, Handler(_gust, check_gust, check_no_gust)),
     "emergency_stop": Handler(_stop, between=Engine.stop),
     "release": Handler(_release, between=Engine.release),

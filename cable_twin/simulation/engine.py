@@ -345,7 +345,7 @@ class Engine:
             part.state.clock[0], part.commands = clock, dict(commands)
         self.commands = dict(self._first_commands)
         self.vehicles.loading.clear()
-        self.vehicles.follow_state()
+        self._follow_state()
 
     def load(self, command: Command) -> None:
         """Begin loading or unloading the vehicles that a command names."""
@@ -385,10 +385,21 @@ class Engine:
         write(self._before, self._states[0])
         write(self._start, self.moving)
 
-    def carry_payloads(self) -> None:
-        """Put the payloads of the state into the parameters."""
-        self.vehicles.carry(self._states[0].payload)
+    def follow_temperature(self, _: Command | None = None) -> None:
+        """Put the temperatures of the state into the parameters of ropes."""
+        for part in self.parts:
+            part.follow_temperature()
         self._put_parameters()
+
+    def carry_loads(self) -> None:
+        """Put payloads and temperatures of the state into the parameters."""
+        self.vehicles.carry(self._states[0].payload)
+        self.follow_temperature()
+
+    def _follow_state(self) -> None:
+        """Take over payloads, stations and temperatures of a state that has been written whole."""
+        self.vehicles.follow_state()
+        self.follow_temperature()
 
     def rest_of(self, like: Engine) -> None:
         """Take over the start of another engine, and what depends on its rest, in place of an own search for rest."""
@@ -398,7 +409,7 @@ class Engine:
         own = tuple((part.system, part.packed_system) for part in self.parts)
         settings = like.settings()
         self.take_over(settings._replace(parameters=own, vehicles=settings.vehicles._replace(carried=None)))
-        self.vehicles.carry(self._states[0].payload)
+        self.carry_loads()
 
     def settings(self) -> Settings:
         """Settings beside the state, for `take_over` of this engine at the state of now."""
@@ -435,7 +446,7 @@ class Engine:
         write(full.now, self._states[0])
         write(full.before, self._before)
         self.vehicles.loading = dict(full.loading)
-        self.vehicles.follow_state()
+        self._follow_state()
         for part in self.parts:
             part.stopped = full.emergency_stopped
             own = (*part.rows, *part.scenario.drives)

@@ -62,6 +62,7 @@ class Ropeway:
         self.stopped = False
         self.commands: dict[str, Command] = {}
         set_wind(self.state, np.array(scenario.vector(scenario.air.wind)))
+        self.state.temperature[0] = scenario.air.temperature
 
     def holds(self, vehicle: Carriage) -> bool:
         """Return whether a vehicle of the rope is on it at the start, not in a station."""
@@ -264,6 +265,13 @@ class Ropeway:
     @system.setter
     def system(self, system: System) -> None:
         self.take(system, pack(system))
+
+    def follow_temperature(self) -> None:
+        """Put the temperature of the state into the parameters, if it has changed."""
+        cable = self.system.cable
+        stretch = self.scenario.cable.free_stretch(float(self.state.temperature[0]))
+        if stretch != cable.free_stretch:
+            self.system = self.system._replace(cable=cable._replace(free_stretch=stretch))
 
     def take(self, system: System, packed: Any) -> None:
         """Take other parameters, which have been packed before."""

@@ -315,6 +315,14 @@ class Simulation(Queries):
         """
         return self.apply(Command("gust", {"x": x, "z": z, "y": y, "duration": duration}))
 
+    def temperature(self, degrees: float) -> AppliedCommand:
+        """Set the temperature of all ropes (degC) from now on, by which they get longer or tighter at once.
+
+        Raises:
+            CommandError: when it is refused: not finite, or one that no rope has.
+        """
+        return self.apply(Command("temperature", {"ropes": degrees}))
+
     def reset(self) -> AppliedCommand:
         """Reset the state to the start; time runs on, drives return to their initial settings."""
         return self.apply(Command("reset", {}))

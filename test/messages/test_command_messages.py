@@ -6,14 +6,16 @@ import math
 
 import numpy as np
 import pytest
+from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.frame.records import AppliedCommand, Command, CommandError, Goal
-from cable_twin.messages import JointState, decode, header, serialize
+from cable_twin.messages import Header, JointState, Time, decode, header, serialize
 from cable_twin.messages.command_messages import (
     applied_command_from_message,
     applied_command_message,
     command_from_joint_state,
+    command_from_message,
     command_from_vector,
 )
 
@@ -27,6 +29,7 @@ EPOCH = 1_700_000_000_123_456_789
         AppliedCommand(1234.567891, Command("force", {"load": -1e-300, "cabin": 0.1}), "script"),
         AppliedCommand(0.2, Command("payload", {"cabin": 640.0, "load": 0.1}), "payload"),
         AppliedCommand(0.2, Command("wind", {"x": -12.3, "z": 0.7}), "wind"),
+        AppliedCommand(0.2, Command("temperature", {"ropes": -5.5}), "temperature"),
         AppliedCommand(0.3, Command("emergency_stop", {}), "service"),
         AppliedCommand(86_400.000001, Command("release", {}), "service"),
         AppliedCommand(0.000001, Command("reset", {}), "odd:source"),
@@ -157,6 +160,12 @@ def test_payloads_refused_in_one_line(given, complaint):
     with pytest.raises(CommandError, match=complaint) as caught:
         command_from_joint_state("payload", *given)
     assert "\n" not in str(caught.value)
+
+
+def test_a_temperature_comes_as_degrees_celsius():
+    header = Header(Time(0, 0), "")
+    data = serialize(ros2_jazzy.sensor_msgs__msg__Temperature(header, -5.5, 0.0))
+    assert command_from_message("temperature", data, 1) == Command("temperature", {"ropes": -5.5})
 
 
 def test_wind_across_the_track_is_named_where_there_is_some():

@@ -28,8 +28,8 @@ from cable_twin.simulation import Simulation
 
 EPOCH = 1_700_000_000_123_456_789  # ns
 FRAME_STEPS = 2  # of 5 ms
-KINDS = ("speed", "force", "wind", "payload", "emergency_stop", "release", "reset")
-SHARES = (0.45, 0.2, 0.1, 0.05, 0.05, 0.1, 0.05)
+KINDS = ("speed", "force", "wind", "temperature", "payload", "emergency_stop", "release", "reset")
+SHARES = (0.4, 0.2, 0.1, 0.05, 0.05, 0.05, 0.1, 0.05)
 DRIVE = {
     "haul_rope": {"axial_stiffness": 9e7, "mass_per_length": 7.0, "drive_inertia": 3e4, "pretension": 6e4},
     "emergency_brake": {"force": 6e4, "rise_time": 0.4},
@@ -40,6 +40,8 @@ DRIVE = {
 
 def random_command(kind: str, random: np.random.Generator, space: int = 2) -> Command:
     """Random command of a kind, mostly a valid one."""
+    if kind == "temperature":
+        return Command(kind, {"ropes": float(random.uniform(-20.0, 40.0))})
     if kind == "wind":
         wind = {"x": float(random.uniform(-15.0, 15.0)), "z": float(random.uniform(-2.0, 2.0))}
         return Command(kind, wind if space == 2 else {**wind, "y": float(random.uniform(-15.0, 15.0))})

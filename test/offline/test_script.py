@@ -81,6 +81,7 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
         ("{time: 1, name: cabin, speed: 1" + 400 * "0" + "}", "given; allowed: a finite number, in m/s"),
         ("{time: 1, wind: .inf}", "wind inf given; allowed: a finite number, in m/s"),
         ("{time: 1, wind: 3, wind_z: up}", "wind_z 'up' given; allowed: a finite number, in m/s"),
+        ("{time: 1, temperature: .nan}", "temperature nan given; allowed: a finite number, in degC"),
         ("{time: 1, wind_z: 3}", "wind_z 3 given; allowed: time (s) and either name"),
         ("{time: 1, gust: 3, gust_duration: long}", "gust_duration 'long' given; allowed: a finite number, in s"),
         ("{time: 1, gust: 3, wind: 3}", "wind 3, gust 3 given; allowed: time (s) and either name"),
@@ -121,6 +122,7 @@ def test_faults_of_the_file_and_of_the_scenario_are_told_together_in_the_order_o
         "{time: 2, name: nobody, force: 1}",
         "{time: -1, event: release}",
         "{time: 3, wind: 300}",
+        "{time: 3, temperature: 283.15}",
         "{at: {name: bus, position: 3}, event: release}",
     ]
     path = write(tmp_path, "trip.yaml", "".join(f"- {line}\n" for line in lines))
@@ -132,7 +134,8 @@ def test_faults_of_the_file_and_of_the_scenario_are_told_together_in_the_order_o
         4: "the emergency stop is in force",
         5: "time -1 given",
         6: "wind x is 300 m/s",
-        7: "at 'bus', which is no vehicle or drive; known",
+        7: "temperature is 283.15 degC; allowed are -100 to 100 degC",
+        8: "at 'bus', which is no vehicle or drive; known",
     }
     for line, (number, fault) in zip(str(error.value).splitlines(), said.items(), strict=True):
         assert line.startswith(f"{path}:{number}: {fault}")

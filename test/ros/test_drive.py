@@ -207,6 +207,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (["--reset", "--duration", "1"], "--duration given; it goes with --speed, --force"),
         (["cabin", "--payload", "1", "--ramp", "1"], "--ramp given; it goes with --speed, --force"),
         (["--wind", "1", "2", "3", "4"], "argument --wind: 4 numbers given; allowed: x, z, y, in m/s"),
+        (["--temperature", "1", "2"], "argument --temperature: 2 numbers given; allowed: ropes, in degC"),
         (["--wind", "gale"], "argument --wind: 'gale' given, a finite number is needed"),
         (
             ["--reset", "--node", "a b"],
@@ -216,8 +217,8 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (["--pause", "--resume"], "argument --resume: not allowed with argument --pause"),
         (
             ["cabin"],
-            "one of the arguments --speed --force --payload --wind --emergency-stop --release --reset --pause --resume "
-            "--snapshot --step --to --load --list is required",
+            "one of the arguments --speed --force --payload --wind --temperature --emergency-stop --release --reset "
+            "--pause --resume --snapshot --step --to --load --list is required",
         ),
     ],
 )

@@ -104,9 +104,10 @@ def test_it_loads_and_blows_and_says_why_not(twin, drive):
     assert drive("cabin", "--payload", "0") == (0, "/cable_twin: payload cabin 0 kg")
     assert drive("--wind", "12") == (0, "/cable_twin: wind x 12 m/s, z 0 m/s")
     assert drive("--wind", "-3", "0.5") == (0, "/cable_twin: wind x -3 m/s, z 0.5 m/s")
-    twin.until(lambda: len(twin.applied) == 4, what="all four")
+    assert drive("--temperature", "-5") == (0, "/cable_twin: temperature ropes -5 degC")
+    twin.until(lambda: len(twin.applied) == 5, what="all five")
     applied = [(one.command.kind, one.source) for one in twin.applied]
-    assert applied == [("payload", "payload")] * 2 + [("wind", "wind")] * 2
+    assert applied == [("payload", "payload")] * 2 + [("wind", "wind")] * 2 + [("temperature",) * 2]
     code, output = drive("cabin", "--payload", "1e6")
     assert (code, output) == (1, "drive: payload of 'cabin' is 1e+06 kg; allowed are 0 to 6400 kg")
     code, output = drive("gondola", "--payload", "1")

@@ -28,7 +28,7 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_participant import Participant
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2, Temperature
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
@@ -236,26 +236,33 @@ def test_bad_commands_are_refused_counted_and_named(running, twin):
     assert "Traceback" not in process.output
 
 
-def test_payload_and_wind_are_taken_from_their_topics_or_refused_by_name(twin):
+def test_payload_wind_and_temperature_are_taken_from_their_topics_or_refused_by_name(twin):
     told = refusals(twin)
     loads = twin.node.create_publisher(JointState, f"{twin.twin}/payload", 10)
     winds = twin.node.create_publisher(Vector3Stamped, f"{twin.twin}/wind", 10)
-    twin.until(lambda: loads.get_subscription_count() and winds.get_subscription_count(), what="a twin that listens")
+    degrees = twin.node.create_publisher(Temperature, f"{twin.twin}/temperature", 10)
+    senders = loads, winds, degrees
+    twin.until(lambda: all(one.get_subscription_count() for one in senders), what="a twin that listens")
 
     def applied(kind: str) -> Command | None:
         return next((one.command for one in twin.applied if one.command.kind == one.source == kind), None)
 
     loads.publish(JointState(name=["cabin"], effort=[3200.0]))
     winds.publish(Vector3Stamped(vector=Vector3(x=12.0, z=-1.0)))
+    degrees.publish(Temperature(temperature=12.5, variance=0.1))
     load = twin.until(lambda: applied("payload"), what="applied payload")
     wind = twin.until(lambda: applied("wind"), what="applied wind")
+    temperature = twin.until(lambda: applied("temperature"), what="applied temperature")
     assert load.values == {"cabin": 3200.0}
+    assert temperature.values == {"ropes": 12.5}
     assert wind.values == {"x": 12.0, "z": -1.0}
     # the cabin swings downwind; its pitch is the sum of the joints above it
     twin.until(lambda: sum(twin.received["joint_states"][-1].position[1:]) < -0.005, what="a cabin in the wind")
     for publisher, message, reason in (
         (loads, JointState(name=["cabin"], effort=[1e6]), "payload of 'cabin' is 1e+06 kg; allowed are 0 to"),
         (winds, Vector3Stamped(vector=Vector3(y=3.0)), "wind y is 3 m/s; allowed is 0"),
+        (degrees, Temperature(temperature=285.65), "temperature is 285.65 degC; allowed are -100 to 100 degC"),
+        (degrees, Temperature(temperature=float("nan")), "temperature is nan degC; allowed are -100 to 100 degC"),
     ):
         twin.spin(0.06)  # beyond the throttle
         publisher.publish(message)

@@ -93,7 +93,8 @@ class Columns(NamedTuple):
     rope_tension: Annotated[FloatArray, Of("samples", unit="N")]  # before a load at that place
     lowest_tension: Annotated[FloatArray, Of("ropes", 2, unit="N, m")]  # along the rope, and its arc length
     highest_tension: Annotated[FloatArray, Of("ropes", 2, unit="N, m")]  # along the rope, and its arc length
-    wind: Annotated[FloatArray, Of(3, unit="m/s")]  # of the last command, or of the scenario
+    temperature: Annotated[FloatArray, Of(1, unit="degC")]  # of ropes, by the last command or the scenario
+    wind: Annotated[FloatArray, Of(3, unit="m/s")]  # likewise
     vehicle_rope: Annotated[
         FloatArray, Of("vehicles")
     ]  # number of its rope; the columns below are not filled by `observe`
@@ -147,6 +148,7 @@ def observe(system, state, sections, places, rest_loads, lateral, columns):
             columns.drive_reference_speed[drive] = state.rope.velocity[0]
     wind = load(state.wind, system.cable.gravity)
     store_in_space(wind, columns.wind)
+    columns.temperature[0] = state.temperature[0]
 
 
 @kernel

@@ -25,7 +25,7 @@ COARSE = 1e-9  # of its length: increment at which a start of the second method 
 STIFFEST = 1e9  # of the forces on it: a strain of 1e-9, of which rounding leaves six digits
 GIVEN = {"joints.position", "axis", "drives.mode", "attached", "vehicle_rope", "wind", "clock"}  # what a start has
 GIVEN |= {"rope.position", "mesh.arc_length", "mesh.length", "mesh.plain", "node_load", "joint_node", "node_follows"}
-GIVEN |= {f"wind_field.{name}" for name in WindField._fields}
+GIVEN |= {"temperature", *(f"wind_field.{name}" for name in WindField._fields)}
 
 
 def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -42,6 +42,7 @@ examples:
   drive cabin --to 420 --at-most 5       to 420 m along the cable, with 5 m/s on the way
   drive cabin --payload 3200             kg, in a station
   drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
+  drive --temperature -5                 degC, of all ropes
   drive --emergency-stop                 and drive --release
   drive --pause                          and drive --step 10, drive --resume
   drive --snapshot
@@ -54,7 +55,7 @@ USAGE = """\
 drive [-h] [--node NODE] [--wait S] ... and one of
        drive NAME (--speed M/S | --force N) [--ramp S] [--duration S]
        drive NAME (--payload KG | --to PLACE [--at-most M/S])
-       drive --wind M/S [M/S ...]
+       drive (--wind M/S [M/S ...] | --temperature DEGC)
        drive (--emergency-stop | --release | --reset | --pause | --resume)
        drive (--step N | --snapshot | --load SCENARIO | --list)"""
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 from cable_twin.basics.printable import LONGEST_MESSAGE, printable, printable_lines
 from cable_twin.basics.units import with_unit
-from cable_twin.frame.commands import INPUTS, VECTOR, Kind
+from cable_twin.frame.commands import TEMPERATURE, VECTOR, Kind
 from cable_twin.ros.startup import Ending, discovery_time
 
 SCENARIO, ROBOT, DIAGNOSTICS = "/scenario", "/robot_description", "/diagnostics"
@@ -332,8 +332,10 @@ def nobody_listens(node: Any, name: str, wait: float) -> str:
 def _message(kind: Kind, values: Mapping[str, float]) -> Any:
     """ROS message of a command for the topic of its kind."""
     from geometry_msgs.msg import Vector3, Vector3Stamped  # noqa: PLC0415
-    from sensor_msgs.msg import JointState  # noqa: PLC0415
+    from sensor_msgs.msg import JointState, Temperature  # noqa: PLC0415
 
-    if INPUTS[kind.topic] == VECTOR:
+    if kind.message == VECTOR:
         return Vector3Stamped(vector=Vector3(**values))
+    if kind.message == TEMPERATURE:
+        return Temperature(**{kind.name: values["ropes"]})
     return JointState(name=[*values], **{kind.field: [*values.values()]})

@@ -70,7 +70,7 @@ def _build_cable(scenario: Scenario) -> parameters.Cable:
         "load_arc_length": floats([load.arc_length for load in cable.loads]),
         "load_force": floats([scenario.vector(load.force) for load in cable.loads], dim),
         "end_moment": _end_moments(cable),
-        "free_stretch": 1.0 + cable.thermal_expansion * (scenario.air.temperature - cable.reference_temperature),
+        "free_stretch": cable.free_stretch(scenario.air.temperature),
     }
     return parameters.Cable(**(numbers(parameters.Cable, cable) | own))
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from cable_twin.mechanics.parameters import GUSTS, STRONGEST_WIND
+from cable_twin.mechanics.parameters import COLDEST, GUSTS, HOTTEST, STRONGEST_WIND
 from cable_twin.scenario.sections.quantities import FromList, Place, Section, quantity
 
 GustShape: Any = Literal[GUSTS]  # type: ignore[valid-type]  # those of the mechanics
@@ -57,10 +57,10 @@ class Air(Section):
     density: float = quantity("kg/m^3", "density of the air, by default at 15 degrees and sea level", 1.225, ge=0)
     temperature: float = quantity(
         "degC",
-        "temperature of ropes, which strains them by their thermal_expansion; by default their reference_temperature",
+        "temperature of ropes at the start, which strains them by their thermal_expansion",
         20.0,
-        ge=-100,
-        le=100,
+        ge=COLDEST,
+        le=HOTTEST,
     )
     wind: Place = quantity(
         "m/s",

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from cable_twin.mechanics.parameters import ELASTIC_MODELS
+from cable_twin.mechanics.parameters import COLDEST, ELASTIC_MODELS, HOTTEST
 from cable_twin.scenario.sections.quantities import FromList, Place, Section, Vector, quantity
 
 
@@ -122,11 +122,19 @@ class Cable(Section):
     ice: float = quantity("kg/m", "ice along the whole cable: weight, inertia and, with a diameter, drag", 0.0, ge=0)
     ice_density: float = quantity("kg/m^3", "density of the ice, for the diameter with it", 900.0, gt=0)
     thermal_expansion: float = quantity(
-        "1/K", "thermal strain per kelvin, by default that of steel wires in EN 1993-1-11", 12e-6, ge=0, le=1e-3
+        "1/K",
+        "thermal strain per kelvin, by default rounded from 11.8e-6 of strand at 0 degC in Xie and Yan (2018), table 2",
+        12e-6,
+        ge=0,
+        le=1e-3,
     )
     reference_temperature: float = quantity(
-        "degC", "temperature at which the unstrained length was measured", 20.0, ge=-100, le=100
+        "degC", "temperature at which the unstrained length was measured", 20.0, ge=COLDEST, le=HOTTEST
     )
+
+    def free_stretch(self, temperature: float) -> float:
+        """Length without tension at a temperature (degC), over the unstrained one."""
+        return 1.0 + self.thermal_expansion * (temperature - self.reference_temperature)
 
     @property
     def ends(self) -> dict[str, EndSupport]:
