@@ -95,6 +95,8 @@ class KeyFigure:
 
     def limited_by(self, scenario: Scenario, *, clamped: bool = False) -> KeyFigure:
         """Key figure with the limit that `limits` of a scenario has for its quantity; arguments as of `limit_of`."""
+        if not QUANTITIES[self.id.quantity].limit:
+            return self
         return self.limited(*limit_of(scenario, self.id.quantity, clamped=clamped))
 
 

@@ -77,6 +77,13 @@ _ROWS = (
     _limited("stopping distance", "stopping_distance", HIGHEST),
     _limited("stopping time", "stopping_time", HIGHEST),
     Quantity(
+        "mean_deceleration",
+        "mean deceleration of the stop",
+        "speed at the command to stop, squared, over twice the stopping distance",
+        "m/s^2",
+        ("mean",),
+    ),
+    Quantity(
         "passenger_stopping_distance",
         "passenger's stopping distance",
         "travel of the load of a vehicle after a command to stop, swing included",
@@ -119,6 +126,54 @@ _ROWS = (
     Quantity("rollback", "rollback device triggered", "1 where a rollback device has stopped the lift", "-", HIGHEST),
     Quantity("drive_torque", "drive torque, highest", "torque of the drive of a bullwheel", "N m", HIGHEST),
     _limited("energy lost by the solver, relative", "energy_lost", HIGHEST),
+    # of `rules/derived.py`: from other figures and the dimensions of a scenario, for rules
+    Quantity("swing_tangent", "inclination along the track, tangent", "tangent of the swing", "-", HIGHEST),
+    Quantity("lateral_swing_tangent", "inclination across the track, tangent", "tangent of the roll", "-", HIGHEST),
+    Quantity(
+        "calculated_safety_factor",
+        "safety factor on the calculated breaking force",
+        "sum of the breaking forces of all wires over the highest tension",
+        "-",
+        LOWEST,
+    ),
+    Quantity(
+        "tested_safety_factor",
+        "safety factor on the tested breaking force",
+        "breaking force of a sample in a test over the highest tension",
+        "-",
+        LOWEST,
+    ),
+    Quantity(
+        "tension_over_load",
+        "least tension over highest load across the rope",
+        "lowest tension of a rope over the highest force of a vehicle on it",
+        "-",
+        LOWEST,
+    ),
+    Quantity("load_ratio", "smallest over largest load", "smallest over largest load of a tower", "-", LOWEST),
+    Quantity(
+        "rope_deflection", "deflection angle of the rope", "load of a tower over the tension of its rope", "rad", LOWEST
+    ),
+    Quantity("roller_pressure", "load of a roller over metal area", "as the mean of all rollers", "Pa", HIGHEST),
+    Quantity("wheel_pressure", "load of a wheel over metal area", "as the mean of all wheels", "Pa", HIGHEST),
+    Quantity(
+        "wheel_load_ratio", "load of a wheel over least tension", "as the mean of all wheels, of its rope", "-", HIGHEST
+    ),
+    Quantity("radius_ratio", "radius over rope diameter", "of a saddle", "-", LOWEST),
+    Quantity("diameter_ratio", "diameter over rope diameter", "of a bullwheel", "-", LOWEST),
+    Quantity("wire_ratio", "diameter over that of the thickest wire", "of a bullwheel", "-", LOWEST),
+    Quantity("saddle_acceleration", "highest speed squared over radius", "of a saddle", "m/s^2", HIGHEST),
+    Quantity("carrier_interval", "interval of carriers", "spacing over the highest speed of the rope", "s", LOWEST),
+    Quantity("boarding_speed", "speed below which a vehicle boards", "payload.station_speed", "m/s", HIGHEST),
+    Quantity(
+        "brake_hold", "brake on the track rope over pull of the weight", "on the steepest chord, loaded", "-", LOWEST
+    ),
+    Quantity("grip_slip_safety", "slip force of the grip over its pull", "highest pull of the run", "-", LOWEST),
+    Quantity("mass_per_person", "payload per person", "capacity over persons", "kg", LOWEST),
+    Quantity("saddle_friction", "friction along the rope", "of a tower", "-", LOWEST),
+    Quantity("slope", "slope of the chords", "rise over horizontal distance", "-", ("mean", "highest")),
+    Quantity("drive_acceleration", "acceleration of the drive", "its limit", "m/s^2", LOWEST),
+    Quantity("drive_deceleration", "deceleration of the drive", "its limit for a service stop", "m/s^2", LOWEST),
 )
 QUANTITIES = {row.quantity: row for row in _ROWS}
 

@@ -59,11 +59,15 @@ def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
 
 
 def stop_figures(
-    subject: Subject, values: tuple[float, float], time: float, places: tuple[str, str]
+    subject: Subject, speed: float, values: tuple[float, float], time: float, places: tuple[str, str]
 ) -> list[KeyFigure]:
-    """Distance (m) and time (s) of a stop ordered at a time (s), each with its place."""
+    """Distance (m), time (s) and mean deceleration of a stop from a speed (m/s) ordered at a time (s)."""
     pairs = zip(("stopping_distance", "stopping_time"), values, places, strict=True)
-    return [figure(quantity, subject, "highest", value, time, place) for quantity, value, place in pairs]
+    found = [figure(quantity, subject, "highest", value, time, place) for quantity, value, place in pairs]
+    if values[0] > 0.0:
+        mean = speed**2 / (2.0 * values[0])
+        found.append(figure("mean_deceleration", subject, "mean", mean, time, places[0]))
+    return found
 
 
 @dataclass(slots=True)
@@ -126,7 +130,8 @@ class DriveStops:
             return []
         place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
         place += f", {RIM}" if name in self._on_bullwheels else ""
-        return stop_figures(self._subjects[name], (stop.distance, stop.end - stop.time), stop.time, (place, place))
+        values = stop.distance, stop.end - stop.time
+        return stop_figures(self._subjects[name], stop.speed, values, stop.time, (place, place))
 
 
 class Travel:
@@ -258,7 +263,7 @@ class CarriedStops:
                 )
                 values = float(self._way[member]), float(self._end[counted].max()) - time
                 places = where, f"{kind}, until the last vehicle stands still"
-                self._stops += stop_figures(subject, values, time, places)
+                self._stops += stop_figures(subject, float(self._start[member]), values, time, places)
 
 
 class SeatStops:

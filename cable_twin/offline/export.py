@@ -19,11 +19,14 @@ from typing import Any, TextIO
 from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure
+from cable_twin.key_figures.rules import RuleVerdict
+from cable_twin.offline.verdict_table import COLUMNS, verdict_columns, verdict_rows
 from cable_twin.terminal.command_line import tell
 
 STDOUT = "-"
 OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"}  # of other files
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
+VERDICTS = "_rules"  # the same, of verdicts of rule profiles
 FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band", "id")
 
 
@@ -34,6 +37,7 @@ class RunTable:
         self.name, self.scenario = name, scenario
         self.columns: list[str] = []
         self.figures: Sequence[KeyFigure] = ()
+        self.verdicts: Sequence[RuleVerdict] = ()
         self.responses: dict[str, list[dict[str, Any]]] = {}  # of drives, by what they are
         self._lines = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed when nobody has it
         self._shown: list[tuple[str, list[int]]] = []  # signals and which of their values
@@ -117,6 +121,8 @@ class Export:
             if self._csv != STDOUT:
                 path = Path(self._csv)
                 self._write(str(path.with_name(f"{path.stem}{FIGURES}{path.suffix}")), self._write_figures)
+                if any(table.verdicts for table in self._tables):
+                    self._write(str(path.with_name(f"{path.stem}{VERDICTS}{path.suffix}")), self._write_verdicts)
         if self._json is not None:
             self._write(self._json, self._write_json)
 
@@ -136,6 +142,10 @@ class Export:
         rows = ((table, [*figure_columns(figure).values()]) for table in self._tables for figure in table.figures)
         self._write_rows(file, FIGURE_COLUMNS, rows)
 
+    def _write_verdicts(self, file: TextIO) -> None:
+        rows = ((table, row) for table in self._tables for row in verdict_rows(table.verdicts))
+        self._write_rows(file, COLUMNS, rows)
+
     def _write_rows(self, file: TextIO, columns: Sequence[str], rows: Iterable[tuple[RunTable, list[Any]]]) -> None:
         """Write CSV; with several runs the first column names the run."""
         several = len(self._tables) > 1
@@ -149,6 +159,8 @@ class Export:
         for number, table in enumerate(self._tables):
             figures = [figure_columns(figure) for figure in table.figures]
             head = {"run": table.name, "scenario": table.scenario, "key_figures": figures, **table.responses}
+            if table.verdicts:
+                head["rules"] = [verdict_columns(one) for one in table.verdicts]
             file.write(f"{',' if number else ''}\n{json.dumps(head, allow_nan=False)[:-1]}, ")
             file.write(f'"signals": {{"columns": {json.dumps(table.columns)}, "rows": [')
             for row, line in enumerate(table.lines()):

@@ -18,10 +18,12 @@ from rich.console import Console
 from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Columns, Snapshot
 from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of, values_of
+from cable_twin.key_figures.rules import judge, profiles_of
 from cable_twin.offline.check import compared, refined
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
+from cable_twin.offline.verdict_table import print_verdicts
 from cable_twin.scenario import Scenario, ScenarioError, build_system, load_scenario, scenario_lines
 from cable_twin.scenario.command_limits import sense_of, travel_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -83,6 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with left_at_once("line"), console.status("compiling the solver, once on this machine: about half a minute"):
             line = plan_line(load_scenario(scenario, dict(options.set)), options.places, options.vehicle)
+            profiles_of(line.scenario)
         with count_shown(console, "places at rest", line.places.size) as on_place:
             calculate(line, on_place)
         if options.check:
@@ -100,6 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     title = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
     words.print(f"{line.scenario.name} at rest, {title}", markup=False)
     print_figures(words, [line.figures], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
+    print_verdicts(words, profiles_of(line.scenario), judge(line.scenario, line.figures))
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):
             if path is not None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import Protocol
+from typing import Any, Protocol
 
 from cable_twin.frame.records import AppliedCommand, RefusedCommand
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.key_figures.rules import Profile, RuleError, RuleVerdict, judge, profiles_of
 from cable_twin.messages.figure_messages import figures_of_statuses
 from cable_twin.offline.export import RunTable
 from cable_twin.offline.responses import Responses
@@ -34,15 +35,26 @@ class Reading:
     Args:
         log: The bag.
         on_position: Called with the bytes read so far.
+        profiles: Rule profiles in place of those of the scenario.
+        facts: Keys of `limits.installation` in place of those of the scenario.
 
     Raises:
         LogError: The log holds no frame, or its scenario cannot be understood.
     """
 
-    def __init__(self, log: Log, on_position: Callable[[int], None] | None = None) -> None:
+    def __init__(
+        self,
+        log: Log,
+        on_position: Callable[[int], None] | None = None,
+        profiles: Sequence[str] | None = None,
+        facts: Mapping[str, Any] | None = None,
+    ) -> None:
         self.log = log
+        stated = {f"limits.installation.{key}": value for key, value in (facts or {}).items()}
+        self.rule_faults: tuple[str, ...] = ()  # of profiles of the scenario, such as files that are not here
         try:
-            self.scenario = load_scenario(log.scenario)
+            self.scenario = load_scenario(log.scenario, stated)
+            self.profiles = self._profiles(profiles)
         except ScenarioError as error:
             raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
         self._gathered = KeyFigures(self.scenario)
@@ -84,6 +96,20 @@ class Reading:
     def figures(self) -> list[KeyFigure]:
         """Key figures recorded by the run over all its frames; if not recorded, those of the logged frames."""
         return self._gathered.figures() if self._recorded is None else self._recorded
+
+    def _profiles(self, names: Sequence[str] | None) -> list[Profile]:
+        if names is not None:
+            return profiles_of(self.scenario, tuple(names))
+        try:
+            return profiles_of(self.scenario)
+        except RuleError as error:
+            self.rule_faults = error.faults
+            return []
+
+    @property
+    def verdicts(self) -> list[RuleVerdict]:
+        """Verdicts of the rule profiles on the key figures."""
+        return judge(self.scenario, self.figures, self.profiles)
 
     def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
         if isinstance(item, AppliedCommand):

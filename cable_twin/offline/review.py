@@ -24,14 +24,16 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.responses import print_responses
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
-from cable_twin.offline.simulate_options import plots_fault
+from cable_twin.offline.simulate_options import fact, plots_fault
 from cable_twin.offline.thinned_series import Comparison, Difference, compare, unit_of
+from cable_twin.offline.verdict_table import print_verdicts
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.scenario.sections.vehicles import Carriers
@@ -43,12 +45,14 @@ WIDE = 110  # characters that the whole table of differences needs
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
 EPILOG = """\
-exit codes: 0 all is shown, 1 plots or recording cannot be written, 2 a bag cannot be read, 130 ended by Ctrl-C
+exit codes: 0 all is shown, 1 plots or recording cannot be written or a rule profile of the log is not there, 2 a bag
+cannot be read, 130 ended by Ctrl-C
 
 examples:
   review                                 the newest run in cable_twin_logs
   review cable_twin_logs/2026-01-31_09-30-00 --rerun web
   review run.mcap --no-viewer --plots pictures
+  review --no-viewer --profile france_2009 --fact persons=4 --fact grip=fixed
   review cable_twin_logs/2026-01-31_09-30-00 \\
          cable_twin_logs/2026-01-31_09-45-00 --plots pictures
 """
@@ -77,6 +81,21 @@ def parser() -> OneLineParser:
         "off: make no recording; "
         "default: window",
     )
+    result.add_argument(
+        "--profile",
+        action="append",
+        metavar="NAME",
+        help="judge the key figures by this rule profile, a name that `rules` lists or a YAML file, in place of those "
+        "of the scenario; can be repeated",
+    )
+    result.add_argument(
+        "--fact",
+        action="append",
+        default=[],
+        type=fact,
+        metavar="KEY=VALUE",
+        help="state a fact that rules ask for, a key of limits.installation, as in persons=4; can be repeated",
+    )
     add_export(result)
     result.add_argument("--no-viewer", action="store_const", dest="rerun", const="off", help="short for --rerun off")
     result.add_argument(
@@ -99,6 +118,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.error(f"no run in {RUNS}: give the directory of one")
     if len(options.bags) > len(LABELS):
         arguments.error(f"{len(options.bags)} bags given; at most {len(LABELS)} are allowed")
+    try:
+        for name in options.profile or ():
+            load_profile(name)
+    except RuleError as error:
+        arguments.error(f"--profile: {error}")
     if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
         arguments.error(fault)
     console = Console(stderr=True)
@@ -170,7 +194,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
         readings = []
         for log in logs:
             task = progress.add_task(f"reading {log.path.name}", total=log.size)
-            readings.append(Reading(log, _mover(progress, task)))
+            readings.append(Reading(log, _mover(progress, task), options.profile, dict(options.fact)))
             readings[-1].table = export.add(str(log.source), readings[-1].scenario.name)
         made: MadeRecording | None = None
         if rerun != "off":
@@ -192,8 +216,11 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
             if made is not None:
                 made.discard()
     for reading in readings:
+        for fault in reading.rule_faults:
+            tell("review", f"{reading.log.path}: {fault}; --profile gives another one")
+            code = NOT_WRITTEN
         if reading.table is not None:
-            reading.table.figures = reading.figures
+            reading.table.figures, reading.table.verdicts = reading.figures, reading.verdicts
             reading.table.responses = reading.responses.rows()
     with export.words():
         _print(readings, comparisons)
@@ -237,6 +264,10 @@ def _print(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> No
     for label, reading in zip(LABELS, readings, strict=False):
         print_line(f"{label}: {reading.summary()}" if len(readings) > 1 else reading.summary())
     print_figures(console, [reading.figures for reading in readings])
+    for label, reading in zip(LABELS, readings, strict=False):
+        if reading.profiles and len(readings) > 1:
+            print_line(f"rules, {label}:")
+        print_verdicts(console, reading.profiles, reading.verdicts)
     for label, reading in zip(LABELS if len(readings) > 1 else ("",), readings, strict=False):
         print_responses(console, reading.responses.finish(), reading.responses.efforts.values(), label)
     for label, reading, comparison in zip(LABELS[1:], readings[1:], comparisons, strict=False):

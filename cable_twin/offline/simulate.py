@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures
+from cable_twin.key_figures.rules import judge, profiles_of
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.messages.figure_messages import describe
 from cable_twin.messages.sensor_messages import sensor_topics
@@ -35,6 +36,7 @@ from cable_twin.offline.script import (
 from cable_twin.offline.scripted_run import Outcome, simulate, start_of
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, parser, plot_fault, rates_of
 from cable_twin.offline.sweep import sweep
+from cable_twin.offline.verdict_table import print_verdicts
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.run import Run, start_run
@@ -113,7 +115,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 shown = checked(shown, scenario, plan.script, duration=plan.duration, frame_steps=frames)
             code = FAILED if report(plan.simulation.scenario, started, outcome, shown, run, faults) else DONE
         if table is not None:
-            table.figures = shown
+            table.figures, table.verdicts = shown, judge(plan.simulation.scenario, shown)
         return code if export.write("simulate") else FAILED
 
 
@@ -151,6 +153,7 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
             which = "later commands" if len(log.files) == 1 else "commands"
             tell("simulate", f"{log.path}: {log.condition}: {which} are lost")
     simulation = _simulation(options, log, scenario, console)
+    profiles_of(simulation.scenario)
     ahead = commands_ahead(simulation, script)
     faults = check_script(simulation.scenario, ahead, stopped=simulation.emergency_stopped)
     if faults and log is None:
@@ -325,11 +328,12 @@ def report(
         scenario: scenario of the run.
         start: simulated time (s) at its start.
         outcome: outcome of the run.
-        figures: its key figures.
+        figures: its key figures, which the rule profiles of the scenario judge.
         run: its log, or None without one.
         faults: failures, a line each.
     """
     print_figures(table_console(), [figures])
+    print_verdicts(table_console(), profiles_of(scenario), judge(scenario, figures))
     warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
     met = [one for one in figures if one.id.quantity == "buffer_force"]
     lines = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]

@@ -15,6 +15,7 @@ from cable_twin.frame.rates import fault as rate_fault
 from cable_twin.offline.export import add_export
 from cable_twin.recording.splitting import HOURLY
 from cable_twin.scenario import assignment, full_key, scenario_lines
+from cable_twin.scenario.sections.limits import Installation
 from cable_twin.terminal.command_line import OneLineParser, typed
 
 UNUSABLE = 2  # exit code for wrong input
@@ -217,6 +218,18 @@ def plots_fault(option: str) -> str:
     if find_spec("matplotlib") is not None:
         return ""
     return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
+
+
+def fact(text: str) -> tuple[str, Any]:
+    """Parse KEY=VALUE of a fact in `limits.installation`.
+
+    Raises:
+        argparse.ArgumentTypeError: one line with the given and the allowed form.
+    """
+    key, value = _changed_value(text)
+    if key not in Installation.model_fields:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: {', '.join(Installation.model_fields)}")
+    return key, value
 
 
 def _changed_value(text: str) -> tuple[str, Any]:

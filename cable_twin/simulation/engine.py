@@ -260,7 +260,7 @@ class Engine:
         """Arguments of kernels below the integrator by parameter name; only their types count."""
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
-        inner = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
+        inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
         inner["columns"] = self._ropes.scratch.wheel_columns
         counts = (
             "rope",

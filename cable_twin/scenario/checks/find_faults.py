@@ -24,6 +24,7 @@ from cable_twin.scenario.checks.fault import (
     scalar,
     unknown_key,
 )
+from cable_twin.scenario.checks.limits import limit_faults
 from cable_twin.scenario.checks.line import equilibrium_faults, line_faults
 from cable_twin.scenario.checks.vehicles import carrier_faults, drive_faults, name_conflicts, vehicle_faults
 from cable_twin.scenario.schema import Scenario
@@ -144,6 +145,7 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
     if scenario.carriers is not None:
         yield from carrier_faults(scenario, scenario.carriers)
     yield from _sensors(scenario)
+    yield from limit_faults(scenario)
     yield from wind_faults(scenario)
 
 

@@ -5,11 +5,11 @@ The table of all quantities, `key_figures/quantities.py`, refers to it by key.
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple, cast
+from typing import Annotated, Any, Literal, NamedTuple, cast
 
 from pydantic import Field
 
-from cable_twin.scenario.sections.quantities import Section
+from cable_twin.scenario.sections.quantities import FromList, Section, quantity
 
 Bound = Literal["at most", "at least"]
 SAFETY = "EN 12927 and CEN practice: 3.15 to 3.5 track rope, 4.5 to 5 haul rope"
@@ -43,6 +43,38 @@ def limit(
     """
     extra: dict[str, Any] = {"unit": unit, "bound": bound, "source": source} | ({"clause": clause} if clause else {})
     return Field(default, description=f"{description} ({unit})", json_schema_extra=extra, **cast(Any, bounds))
+
+
+class Installation(Section):
+    """Properties of the installation on which rules depend and which the model does not have; null: not stated."""
+
+    carries: Literal["persons", "goods"] | None = Field(default=None, description="load that is carried")
+    existing: bool | None = Field(default=None, description="true: it stood before the rule came into force")
+    grip: Literal["fixed", "detachable"] | None = Field(default=None, description="grip of carriers on a moving rope")
+    vehicle: Literal["chair", "closed", "open"] | None = Field(
+        default=None, description="kind of vehicle: chair, closed car, or open car"
+    )
+    persons: int | None = quantity("-", "persons in a vehicle, or seats of a chair", None, ge=1, le=500)
+    passengers: Literal["skiers", "pedestrians"] | None = Field(default=None, description="passengers that board")
+    attended: bool | None = Field(default=None, description="true: an attendant rides in each car")
+    loading_aid: bool | None = Field(default=None, description="true: passengers are helped to board and to leave")
+    turn_at_loading: bool | None = Field(
+        default=None, description="true: passengers turn where they board, skiers by 30 degrees, others by 90 or more"
+    )
+    automatic_deceleration_control: bool | None = Field(
+        default=None, description="true: the drive's deceleration is watched and controlled automatically"
+    )
+    swing_damper: bool | None = Field(default=None, description="true: a damper on the swing along the track")
+    lining: Literal["none", "leather_or_wood", "rubber"] | None = Field(
+        default=None, description="lining of the grooves of bullwheels"
+    )
+    ground: Literal["drivable", "undrivable", "road"] | None = Field(
+        default=None, description="ground under the line where clearance is least"
+    )
+    fenced: bool | None = Field(default=None, description="true: the ground under the line is fenced off there")
+    snow: float | None = quantity("m", "depth of snow on the terrain, as a rule has it", None, ge=0, le=50)
+    wheels: int | None = quantity("-", "wheels of a vehicle on its track rope", None, ge=1, le=200)
+    grip_force: float | None = quantity("N", "pull at which a grip or clamp slips on the rope", None, gt=0)
 
 
 class KeyFigureLimits(Section):
@@ -139,6 +171,17 @@ class KeyFigureLimits(Section):
         0.005,
         source="assumed: equivalent to a damping ratio of 0.08 %, less than that of the rope itself",
         gt=0,
+    )
+    profile: Annotated[tuple[str, ...], FromList] = Field(
+        default=(),
+        description="rule profiles that figures are judged by beside these limits; `rules` lists them",
+        json_schema_extra={"allowed": "a list of names that `rules` lists, or of paths of YAML files of the same form"},
+    )
+    installation: Installation = Field(default_factory=Installation, description="what rules ask of the installation")
+    load_cases: Annotated[tuple[str, ...], FromList] = Field(
+        default=(),
+        description="load cases of profiles that this scenario models, as in france_1985.uplift",
+        json_schema_extra={"allowed": "a list of PROFILE.LOAD_CASE, of the given profiles"},
     )
 
 

@@ -76,6 +76,14 @@ class Cable(Section):
     mass_per_length: float = quantity("kg/m", "mass per unstrained length", gt=0)
     axial_stiffness: float = quantity("N", "EA, Young's modulus times area of the steel", gt=0)
     breaking_force: float | None = quantity("N", "minimum breaking force, for the rope safety factor", None, gt=0)
+    calculated_breaking_force: float | None = quantity(
+        "N", "sum of the breaking forces of all wires, which some rules compare", None, gt=0
+    )
+    tested_breaking_force: float | None = quantity(
+        "N", "breaking force of a sample in a test, which some rules compare", None, gt=0
+    )
+    metal_area: float | None = quantity("m^2", "metallic cross-section of the rope, for rules", None, gt=0)
+    largest_wire: float | None = quantity("m", "diameter of the thickest wire, for rules", None, gt=0)
     bending_stiffness: float = quantity("N m^2", "EI, resistance of the rope to bending", ge=0)
     elements: Elements = Field(
         description="number of elements of equal unstrained length (-), or lengths of a graded mesh",

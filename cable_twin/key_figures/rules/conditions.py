@@ -1,0 +1,149 @@
+"""Facts of a ropeway that conditions and formulas of rules name: of its scenario, and of `limits.installation`."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any, Literal, get_args, get_origin
+
+from cable_twin.key_figures.rules.expressions import MissingError
+from cable_twin.key_figures.rules.subjects import rope_role
+from cable_twin.scenario import Scenario, in_space
+from cable_twin.scenario.checks.fault import scalar, show
+from cable_twin.scenario.sections.limits import Installation
+
+REVERSIBLE, CIRCULATING, MONOCABLE = "reversible_bicable", "circulating_bicable", "monocable"
+SYSTEMS = {
+    REVERSIBLE: "vehicles on track ropes, to and fro",
+    CIRCULATING: "vehicles on track ropes, all round a loop",
+    MONOCABLE: "vehicles on a rope that carries and pulls them",
+}
+OPERATORS: dict[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+}
+# facts of the scenario, with meaning and unit; those of `limits.installation` are facts by the names of its keys
+OF_SCENARIO = {
+    "carriage_brake": ("a brake of a carriage on its track rope", ""),
+    "haul_ropes": ("haul ropes of a vehicle", "-"),
+    "carrying_ropes": ("ropes that carry and pull a vehicle", "-"),
+    "vehicles": ("vehicles in the scenario", "-"),
+    "rated_speed": ("limit of the speed of the drive", "m/s"),
+    "span": ("longest span, chord", "m"),
+    "sag": ("largest sag of the run", "m"),
+    "friction": ("friction of the rope on the bullwheel", "-"),
+    "wrap": ("wrap of the rope on the bullwheel", "rad"),
+    "derailment_ratio": ("lateral over normal force at which the rope leaves the tower", "-"),
+}
+OF_SUBJECT = ("friction", "wrap", "derailment_ratio")  # of the subject of a figure: in formulas, not in conditions
+NUMBERS = {"persons": "-", "snow": "m", "wheels": "-", "grip_force": "N"}  # keys of `installation`, with their units
+VARIABLES = {name: unit for name, (_, unit) in OF_SCENARIO.items() if unit} | NUMBERS  # of formulas, with their units
+CHOICES: dict[str, tuple[Any, ...]] = {
+    name: get_args(kind) if get_origin(kind) is Literal else (True, False) if kind is bool else ()
+    for name, field in Installation.model_fields.items()
+    for kind in [scalar(field.annotation)[0]]
+} | {name: () if unit else (True, False) for name, (_, unit) in OF_SCENARIO.items() if name not in OF_SUBJECT}
+
+
+def condition_fault(name: str, value: Any) -> str:
+    """Fault of one part of a condition in a line; empty for a valid one."""
+    if name not in CHOICES:
+        return f"given {show(value)}: no such fact; allowed: {', '.join(CHOICES)}"
+    choices, given = CHOICES[name], value if isinstance(value, list) else [value]
+    if choices:
+        wrong = [one for one in given if not any(type(one) is type(own) and one == own for own in choices)]
+        words = ", ".join(show(choice).lower() if isinstance(choice, bool) else str(choice) for choice in choices)
+        return f"given {show(value)}; allowed: {words}" if wrong or not given else ""
+    for one in given:
+        number = one if isinstance(one, int | float) else _bound(one)[1] if isinstance(one, str) else None
+        if number is None or isinstance(one, bool):
+            return f"given {show(value)}; allowed: a number, a list of numbers, or a text as '> 4' or '<= 4'"
+    return ""
+
+
+def holds(when: Mapping[str, Any], facts: Mapping[str, Any]) -> bool:
+    """Whether a condition holds.
+
+    Raises:
+        MissingError: it depends on a fact that is not stated, and nothing else of it fails.
+    """
+    unknown = [name for name in when if facts.get(name) is None]
+    for name, wanted in when.items():
+        if name not in unknown and not any(_fits(facts[name], one) for one in _several(wanted)):
+            return False
+    if unknown:
+        raise MissingError(unknown[0])
+    return True
+
+
+def _several(wanted: Any) -> list[Any]:
+    return wanted if isinstance(wanted, list) else [wanted]
+
+
+def _fits(fact: Any, wanted: Any) -> bool:
+    compare, number = _bound(wanted) if isinstance(wanted, str) else (None, None)
+    return bool(fact == wanted if compare is None or number is None else compare(fact, number))
+
+
+def _bound(text: str) -> tuple[Callable[[float, float], bool] | None, float | None]:
+    """Operator and number of a text as '> 4'; None for another text."""
+    for sign, compare in OPERATORS.items():
+        if text.startswith(sign):
+            try:
+                return compare, float(text.removeprefix(sign))
+            except ValueError:
+                return None, None
+    return None, None
+
+
+def system_of(scenario: Scenario) -> str:
+    """Kind of ropeway of a scenario, one of `SYSTEMS`."""
+    if scenario.carriers is not None and scenario.carriers.tracks:
+        return CIRCULATING
+    roles = {rope_role(scenario, rope) for rope in scenario.cables}
+    return REVERSIBLE if "track_ropes" in roles else MONOCABLE
+
+
+def facts_of(scenario: Scenario) -> dict[str, Any]:
+    """Facts of a scenario by name, None where not stated; those of one figure's subject are left out."""
+    stated = scenario.limits.installation.model_dump()
+    hauled = [one for one in scenario.carriages.values() if one.drive.haul_rope is not None]
+    loops = {one.before for one in scenario.strands.values()}
+    limits = [one.limits.speed for one in scenario.drives.values()]
+    limits += [one.drive.limits.speed for one in scenario.carriages.values() if one.joint == "sliding"]
+    rated = max((speed for speed in limits if speed is not None), default=None)
+    spans = [span for rope in scenario.cables for span in spans_of(scenario, rope)]
+    bicable = system_of(scenario) != MONOCABLE
+    return stated | {
+        "carriage_brake": any(one.drive.track_rope_brake is not None for one in scenario.carriages.values()),
+        "haul_ropes": (1 if hauled or loops else None) if bicable else None,
+        "carrying_ropes": None if bicable else 1,
+        "vehicles": len(scenario.vehicles),
+        "rated_speed": rated,
+        "span": max(spans, default=None),
+    }
+
+
+def spans_of(scenario: Scenario, rope: str) -> list[float]:
+    """Chords (m) of the spans of a rope."""
+    return [sum(part * part for part in chord) ** 0.5 for chord in chords_of(scenario, rope)]
+
+
+def chords_of(scenario: Scenario, rope: str) -> list[tuple[float, float, float]]:
+    """Vectors (3,) in m from support to support along a rope."""
+    corners = [in_space(corner) for corner in scenario.of_rope(rope).corners]
+    return [(end[0] - start[0], end[1] - start[1], end[2] - start[2]) for start, end in pairwise(corners)]
+
+
+def subject_facts(scenario: Scenario, subject: str) -> dict[str, float]:
+    """Facts of the subject of a figure: friction and wrap of a bullwheel, derailment ratio of a tower."""
+    kind, _, name = subject.partition(".")
+    if kind == "sheaves" and name in scenario.sheaves:
+        wheel = scenario.sheaves[name]
+        return {"friction": wheel.friction, "wrap": wheel.wrap}
+    if kind == "towers" and name in scenario.towers:
+        return {"derailment_ratio": scenario.towers[name].derailment_ratio}
+    return {}

@@ -1,0 +1,203 @@
+"""Key figures that rules compare and that follow from others and from the dimensions of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from math import atan, hypot, inf, pi, sin, tan
+
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure
+from cable_twin.key_figures.rules.conditions import chords_of
+from cable_twin.key_figures.rules.subjects import rope_role
+from cable_twin.key_figures.stops import groups_of
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.builders.system import TOWER_FRICTION
+
+SETTING = "as the scenario has it"
+
+
+class Found:
+    """Figures of a run by quantity, subject and statistic."""
+
+    def __init__(self, figures: Iterable[KeyFigure]) -> None:
+        self._figures = {one.id: one for one in figures}
+
+    def __call__(self, quantity: str, subject: str, statistic: str) -> KeyFigure | None:
+        """Figure of a quantity, a subject and a statistic; None without one."""
+        return self._figures.get((quantity, subject, statistic))  # type: ignore[call-overload, no-any-return]
+
+
+def derived_figures(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[KeyFigure]:
+    """Figures that follow from those of a run and from the dimensions of its scenario.
+
+    Args:
+        scenario: scenario of the run.
+        figures: key figures of the run.
+    """
+    found = Found(figures)
+    return [
+        *(one for rope in scenario.cables for one in _of_rope(scenario, rope, found)),
+        *(one for tower in scenario.towers for one in _of_tower(scenario, tower, found)),
+        *(one for name in scenario.sheaves for one in _of_bullwheel(scenario, name)),
+        *_of_vehicles(scenario, found),
+        *_of_line(scenario, found),
+    ]
+
+
+def _of(source: KeyFigure, quantity: str, statistic: str, value: float, subject: Subject | None = None) -> KeyFigure:
+    """Figure derived from one of the run, with its time, place and relative uncertainty."""
+    name = source.name.partition(": ")[0] if ": " in source.name else ""
+    one = figure(quantity, subject or Subject(source.id.subject, name), statistic, value, source.time, source.place)
+    if source.uncertainty is None or source.value == 0.0:
+        return replace(one, band=source.band)
+    return replace(one, band=source.band, uncertainty=abs(source.uncertainty * value / source.value))
+
+
+def _setting(quantity: str, subject: Subject, statistic: str, value: float) -> KeyFigure:
+    """Figure of the scenario alone."""
+    return figure(quantity, subject, statistic, value, 0.0, SETTING)
+
+
+def _named(scenario: Scenario, rope: str) -> Subject:
+    return Subject(f"ropes.{rope}", rope if scenario.ropes else "")
+
+
+def _of_rope(scenario: Scenario, rope: str, found: Found) -> Iterator[KeyFigure]:
+    """Safety factors of a rope on other breaking forces than the minimum one."""
+    cable, subject = scenario.cables[rope], _named(scenario, rope)
+    tension = found("rope_tension", subject.key, "highest")
+    if tension is None or tension.value <= 0.0:
+        return
+    forces = {
+        "calculated_safety_factor": cable.calculated_breaking_force,
+        "tested_safety_factor": cable.tested_breaking_force,
+    }
+    for quantity, force in forces.items():
+        if force is not None:
+            yield _of(tension, quantity, "lowest", force / tension.value, subject)
+
+
+def _of_tower(scenario: Scenario, name: str, found: Found) -> Iterator[KeyFigure]:
+    """Load ratio, deflection of the rope, pressure of rollers, and proportions of saddles."""
+    tower, subject = scenario.towers[name], Subject(f"towers.{name}", name)
+    rope = scenario.rope_of(tower)
+    cable, key = scenario.cables[rope], f"ropes.{rope}"
+    low, high = (found("support_load", subject.key, which) for which in ("lowest", "highest"))
+    most = found("rope_tension", key, "highest")
+    if low is not None and high is not None and high.value > 0.0:
+        yield _of(low, "load_ratio", "lowest", low.value / high.value)
+    if low is not None and most is not None and most.value > 0.0:
+        yield _of(low, "rope_deflection", "lowest", low.value / most.value)
+    if high is not None and tower.kind == "sheaves" and cable.metal_area:
+        pressure = high.value / tower.contacts / cable.metal_area
+        yield _of(high, "roller_pressure", "highest", pressure)
+    if tower.kind == "saddle":
+        friction = TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction
+        yield _setting("saddle_friction", subject, "lowest", friction)
+        if tower.radius and cable.diameter:
+            yield _setting("radius_ratio", subject, "lowest", tower.radius / cable.diameter)
+        if tower.radius and (speed := _speed(scenario, found)) is not None:
+            yield _of(speed, "saddle_acceleration", "highest", speed.value**2 / tower.radius, subject)
+
+
+def _of_bullwheel(scenario: Scenario, name: str) -> Iterator[KeyFigure]:
+    """Proportions of a bullwheel and its rope."""
+    wheel, subject = scenario.sheaves[name], Subject(f"sheaves.{name}", name)
+    ropes = [scenario.cables[rope] for rope in wheel.ropes if rope in scenario.cables]
+    for quantity, sizes in (
+        ("diameter_ratio", [one.diameter for one in ropes]),
+        ("wire_ratio", [one.largest_wire for one in ropes]),
+    ):
+        if known := [size for size in sizes if size]:
+            yield _setting(quantity, subject, "lowest", 2.0 * wheel.radius / max(known))
+
+
+def _speed(scenario: Scenario, found: Found) -> KeyFigure | None:
+    """Highest speed of a run: of its drives, else of its vehicles."""
+    keys = [f"drives.{name}" for name in scenario.drives] or [one.subject.key for one in groups_of(scenario)]
+    speeds = [one for key in keys if (one := found("speed", key, "highest")) is not None]
+    return max(speeds, key=lambda one: one.value, default=None)
+
+
+def _of_vehicles(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
+    """Inclination, wheel loads, brakes, grips and payload of each carriage and of the carriers."""
+    installation = scenario.limits.installation
+    for group in groups_of(scenario):
+        subject = group.subject
+        for quantity, own in (("swing", "swing_tangent"), ("lateral_swing", "lateral_swing_tangent")):
+            angle = found(quantity, subject.key, "highest")
+            if angle is not None and angle.value < 0.5 * pi:
+                yield _of(angle, own, "highest", tan(angle.value))
+        carriage = scenario.carriages.get(subject.name)
+        rope = scenario.rope_of(carriage) if carriage is not None else None
+        ropes = [rope] if rope else list(scenario.carriers.tracks.values()) if scenario.carriers else []
+        rolled = [name for name in ropes if rope_role(scenario, name) == "track_ropes"]
+        yield from _of_wheels(scenario, subject, rolled, found)
+        pull = found("clamp_force", subject.key, "highest")
+        if pull is not None and pull.value > 0.0 and installation.grip_force:
+            yield _of(pull, "grip_slip_safety", "lowest", installation.grip_force / pull.value)
+        payloads = [scenario.vehicles[name].payload for name in [list(scenario.vehicles)[row] for row in group.rows]]
+        capacity = min((one.capacity for one in payloads if one is not None), default=None)
+        if capacity is not None and installation.persons:
+            yield _setting("mass_per_person", subject, "lowest", capacity / installation.persons)
+        if carriage is None:
+            continue
+        if carriage.payload is not None:
+            yield _setting("boarding_speed", subject, "highest", carriage.payload.station_speed)
+        brake, steepest = carriage.drive.track_rope_brake, _steepest(scenario, ropes)
+        if brake is not None and steepest > 0.0:
+            mass = sum(body.mass for body in carriage.bodies.values()) + (capacity or 0.0)
+            pulled = mass * scenario.gravity * sin(atan(steepest))
+            if pulled > 0.0:
+                yield _setting("brake_hold", subject, "lowest", brake.force / pulled)
+
+
+def _of_wheels(scenario: Scenario, subject: Subject, ropes: list[str], found: Found) -> Iterator[KeyFigure]:
+    """Loads across track ropes, of all wheels of a vehicle and of one."""
+    force, wheels = found("contact_force", subject.key, "highest"), scenario.limits.installation.wheels
+    tensions = [one.value for rope in ropes if (one := found("rope_tension", f"ropes.{rope}", "lowest")) is not None]
+    if force is None or force.value <= 0.0 or not ropes:
+        return
+    least = min(tensions, default=0.0)
+    if least > 0.0:
+        yield _of(force, "tension_over_load", "lowest", least / force.value)
+        if wheels:
+            yield _of(force, "wheel_load_ratio", "highest", force.value / wheels / least)
+    areas = [area for rope in ropes if (area := scenario.cables[rope].metal_area)]
+    if wheels and areas:
+        yield _of(force, "wheel_pressure", "highest", force.value / wheels / min(areas))
+
+
+def _steepest(scenario: Scenario, ropes: Iterable[str]) -> float:
+    """Steepest slope of the chords of ropes, rise over horizontal distance."""
+    return max((abs(slope) for rope in ropes for slope in _slopes(scenario, rope)), default=0.0)
+
+
+def _slopes(scenario: Scenario, rope: str) -> list[float]:
+    return [z / across if (across := hypot(x, y)) > 0.0 else inf for x, y, z in chords_of(scenario, rope)]
+
+
+def _of_line(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
+    """Slopes, interval of carriers, and settings of drives."""
+    line = Subject("line")
+    rope = next(iter(scenario.cables))
+    chords = chords_of(scenario, rope)
+    across, rise = sum(hypot(x, y) for x, y, _ in chords), sum(z for _, _, z in chords)
+    if across > 0.0:
+        yield _setting("slope", line, "mean", abs(rise) / across)
+        if (steepest := _steepest(scenario, [rope])) < inf:
+            yield _setting("slope", line, "highest", steepest)
+    speed = _speed(scenario, found)
+    if scenario.carriers is not None and speed is not None and speed.value > 0.0:
+        carriers = Subject("carriers", scenario.carriers.name)
+        yield _of(speed, "carrier_interval", "lowest", scenario.spacing / speed.value, carriers)
+    drives = {f"drives.{name}": (name, one.limits) for name, one in scenario.drives.items()}
+    drives |= {
+        f"carriages.{name}": (name, one.drive.limits)
+        for name, one in scenario.carriages.items()
+        if not scenario.drives and one.joint == "sliding"
+    }
+    for key, (name, limits) in drives.items():
+        slowing = limits.acceleration if limits.deceleration is None else limits.deceleration
+        yield _setting("drive_acceleration", Subject(key, name), "lowest", limits.acceleration)
+        yield _setting("drive_deceleration", Subject(key, name), "lowest", slowing)

@@ -1,0 +1,332 @@
+"""Verdicts of rule profiles on the key figures of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+from cable_twin.key_figures.figure import TOLERANCE, KeyFigure
+from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, subject_facts, system_of
+from cable_twin.key_figures.rules.derived import derived_figures
+from cable_twin.key_figures.rules.document import UNITS, Check, Profile, profiles_of
+from cable_twin.key_figures.rules.expressions import FormulaError, MissingError, value_of
+from cable_twin.key_figures.rules.subjects import has_role
+from cable_twin.scenario import Scenario
+
+KEPT, EXCEEDED, NOT_DECIDED = "kept", "exceeded", "not decided"
+WAIVABLE, OUTSIDE = "authority may allow", "does not apply"
+STATES = (EXCEEDED, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
+# what a run needs for figures that not every one has
+NEEDS = {
+    "stopping_distance": "a stop in the run",
+    "stopping_time": "a stop in the run",
+    "mean_deceleration": "a stop in the run",
+    "rope_safety_factor": "cable.breaking_force",
+    "tested_safety_factor": "cable.breaking_force or cable.tested_breaking_force",
+    "calculated_safety_factor": "cable.calculated_breaking_force",
+    "vehicle_clearance": "terrain",
+    "rope_clearance": "terrain",
+    "tower_clearance": "space: 3, and towers with mast_offset and mast_width",
+    "vehicle_separation": "space: 3, and vehicles on different ropes that come near each other",
+    "lateral_swing_tangent": "space: 3",
+    "lateral_ratio": "space: 3",
+    "roller_pressure": "cable.metal_area",
+    "wheel_pressure": "cable.metal_area and limits.installation.wheels",
+    "wheel_load_ratio": "limits.installation.wheels",
+    "radius_ratio": "cable.diameter, and radius of a saddle",
+    "saddle_acceleration": "radius of a saddle",
+    "diameter_ratio": "cable.diameter",
+    "wire_ratio": "cable.largest_wire",
+    "brake_hold": "track_rope_brake",
+    "grip_slip_safety": "clamps on a haul rope, and limits.installation.grip_force",
+    "mass_per_person": "payload, and limits.installation.persons",
+    "boarding_speed": "payload of a carriage",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RuleVerdict:
+    """Verdict of one check of a rule profile on a run.
+
+    Attributes:
+        profile: name of the profile.
+        check: id of the check in it.
+        document: title of the document, with edition.
+        edition: edition of the document.
+        clause: clause of the document.
+        text: the rule in words.
+        state: one of `STATES`.
+        reason: why it is not decided or does not apply, what may be allowed, or doubts; may be empty.
+        quantity: compared figure as quantity/role/statistic.
+        figure: figure that is judged, the worst of several; None without one.
+        comparison: side of the limits that is allowed; empty without limits.
+        limits: limit, or least and most, in the unit of the rule; empty where not known.
+        unit: unit of the rule.
+        scale: SI units in a unit of the rule.
+    """
+
+    profile: str
+    check: str
+    document: str
+    edition: str
+    clause: str
+    text: str
+    state: str
+    reason: str = ""
+    quantity: str = ""
+    figure: KeyFigure | None = None
+    comparison: str = ""
+    limits: tuple[float, ...] = ()
+    unit: str = ""
+    scale: float = 1.0
+
+    @property
+    def value(self) -> float | None:
+        """Value of the figure in the unit of the rule; None without one."""
+        return None if self.figure is None else self.figure.value / self.scale
+
+
+def judge(
+    scenario: Scenario, figures: Sequence[KeyFigure], profiles: Sequence[Profile] | None = None
+) -> list[RuleVerdict]:
+    """Verdicts of rule profiles on the key figures of a run, a check each that a figure can decide.
+
+    Args:
+        scenario: scenario of the run.
+        figures: key figures of the run.
+        profiles: profiles; None: those that the scenario names.
+
+    Raises:
+        RuleError: a profile is invalid; one line each.
+    """
+    chosen = profiles_of(scenario) if profiles is None else profiles
+    if not chosen:
+        return []
+    run = _Run(scenario, figures)
+    return [
+        run.verdict(profile, name, check)
+        for profile in chosen
+        for name, check in profile.document.checks.items()
+        if check.quantity is not None
+    ]
+
+
+class _Run:
+    """Figures and facts of a run that rules compare."""
+
+    def __init__(self, scenario: Scenario, figures: Sequence[KeyFigure]) -> None:
+        self._scenario, self._system, self._facts = scenario, system_of(scenario), facts_of(scenario)
+        self._figures = [*figures, *derived_figures(scenario, figures)]
+        sags = [one.value for one in figures if one.id.quantity == "sag"]
+        self._facts["sag"] = max(sags, default=None)
+
+    def verdict(self, profile: Profile, name: str, check: Check) -> RuleVerdict:
+        """Verdict of one check that compares a figure."""
+        base = _Base(profile, name, check)
+        if self._system not in profile.systems_of(check):
+            return base.outside(f"it is for {' and '.join(profile.systems_of(check))}, this is {self._system}")
+        try:
+            if not holds(check.when, self._facts):
+                return base.outside(f"it is for {words(check.when)}")
+        except MissingError as missing:
+            return base.open(_not_stated(str(missing)))
+        case = check.load_case
+        if case is not None and f"{profile.name}.{case}" not in self._scenario.limits.load_cases:
+            return base.open(f"load case {profile.name}.{case} is not this run: {profile.document.load_cases[case]}")
+        quantity, compared, found = check.quantity or "", check.compared, self._matching(check.quantity or "")
+        if not found and check.substitute is not None:
+            quantity, compared, found = check.substitute, check.substitute_compared, self._matching(check.substitute)
+        if not found:
+            return base.open(self._why_none(check.quantity or ""))
+        verdicts = [self._of_figure(base, quantity, compared, one) for one in found]
+        return min(verdicts, key=lambda one: (STATES.index(one.state), _margin(one)))
+
+    def _why_none(self, quantity: str) -> str:
+        """Reason why a run has no such figure."""
+        name, role, _ = quantity.split("/")
+        if not any(has_role(self._scenario, role, one.id.subject) for one in self._figures):
+            return f"the scenario has no {role.replace('_', ' ')}"
+        needs = NEEDS.get(name, "")
+        return f"the run has no figure {name}" + (f", which needs {needs}" if needs else "")
+
+    def _matching(self, quantity: str) -> list[KeyFigure]:
+        name, role, statistic = quantity.split("/")
+        wanted = [one for one in self._figures if (one.id.quantity, one.id.statistic) == (name, statistic)]
+        return [one for one in wanted if has_role(self._scenario, role, one.id.subject)]
+
+    def _of_figure(self, base: _Base, quantity: str, compared: str, figure: KeyFigure) -> RuleVerdict:
+        check, facts = base.check, self._facts | subject_facts(self._scenario, figure.id.subject)
+        numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
+        base = base.with_figure(quantity, figure)
+        try:
+            given = _case_of(check.limit, facts)
+            if given is None:
+                return base.outside("none of its cases is this ropeway")
+            both = given if isinstance(given, list) else [given]
+            limits = tuple(value_of(one, numbers) for one in both)
+            allowance = 0.0 if check.allowance is None else value_of(check.allowance, numbers)
+        except MissingError as missing:
+            return base.open(_not_stated(str(missing)))
+        except FormulaError as error:
+            return base.open(f"limit {error}")
+        base = base.with_limits(limits)
+        off = (figure.uncertainty or 0.0) / base.scale
+        value = figure.value / base.scale
+        least = -inf if compared == "at least" else value - off
+        most = inf if compared == "at most" else value + off
+        kept = {_keeps(check.comparison or "", limits, end, allowance) for end in (least, most)}
+        if kept == {True}:
+            return base.made(KEPT, check.doubt)
+        if _never_kept(check.comparison or "", limits, least, most):
+            state = WAIVABLE if check.waiver else EXCEEDED
+            return base.made(state, "; ".join(filter(None, (check.waiver, check.doubt))))
+        if figure.uncertainty and least < value < most:
+            return base.open(f"within the uncertainty of {off:.2g} {base.check.unit}")
+        if check.allowance is not None:
+            return base.open(f"within the allowance of {allowance:.3g} {check.unit}; {check.definition}".rstrip("; "))
+        return base.open(f"the figure is {compared} what the rule compares: {check.definition or check.text}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Base:
+    """Verdict under way: check, figure and limits."""
+
+    profile: Profile
+    name: str
+    check: Check
+    quantity: str = ""
+    figure: KeyFigure | None = None
+    limits: tuple[float, ...] = ()
+
+    @property
+    def scale(self) -> float:
+        """SI units in a unit of the rule."""
+        return UNITS.get(self.check.unit or "", ("", 1.0))[1]
+
+    def with_figure(self, quantity: str, figure: KeyFigure) -> _Base:
+        """Verdict under way with the judged figure."""
+        return _Base(self.profile, self.name, self.check, quantity, figure)
+
+    def with_limits(self, limits: tuple[float, ...]) -> _Base:
+        """Verdict under way with the limits in the unit of the rule."""
+        return _Base(self.profile, self.name, self.check, self.quantity, self.figure, limits)
+
+    def made(self, state: str, reason: str) -> RuleVerdict:
+        """Verdict with a state and its reason."""
+        document, check = self.profile.document, self.check
+        return RuleVerdict(
+            profile=self.profile.name,
+            check=self.name,
+            document=document.document,
+            edition=document.edition,
+            clause=check.clause,
+            text=check.text,
+            state=state,
+            reason=reason,
+            quantity=self.quantity or check.quantity or "",
+            figure=self.figure,
+            comparison=check.comparison or "",
+            limits=self.limits,
+            unit=check.unit or "",
+            scale=self.scale,
+        )
+
+    def open(self, reason: str) -> RuleVerdict:
+        """Verdict `not decided`, with its reason."""
+        return self.made(NOT_DECIDED, reason)
+
+    def outside(self, reason: str) -> RuleVerdict:
+        """Verdict `does not apply`, with its reason."""
+        return self.made(OUTSIDE, reason)
+
+
+def words(when: Mapping[str, Any]) -> str:
+    """Condition in words."""
+    return " and ".join(f"{name} {_value_words(value)}" for name, value in when.items())
+
+
+def _value_words(value: Any) -> str:
+    if isinstance(value, list):
+        return " or ".join(map(str, value))
+    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
+
+
+def _not_stated(fact: str) -> str:
+    if fact in ("rated_speed",):
+        return "the drive has no limit of its speed, limits.speed"
+    if fact == "sag" or (fact not in NUMBERS and fact in ("span", "friction", "wrap", "derailment_ratio")):
+        return f"this run has no {fact}"
+    return f"limits.installation.{fact} is not stated"
+
+
+def _case_of(limit: Any, facts: Mapping[str, Any]) -> Any:
+    """Limit of the first case that holds; None where none does."""
+    if not (isinstance(limit, list) and limit and isinstance(limit[0], Mapping)):
+        return limit
+    return next((one["limit"] for one in limit if holds(one["when"], facts)), None)
+
+
+def _keeps(comparison: str, limits: tuple[float, ...], value: float, allowance: float) -> bool:
+    """Whether a value is on the allowed side, to a tolerance of 0.1 % of the limit, and by the allowance within it."""
+    low, high = limits[0], limits[-1]
+    if comparison == "above":
+        return value > low + allowance
+    if comparison == "below":
+        return value < high - allowance
+    up = value <= high + TOLERANCE * abs(high) - allowance
+    down = value >= low - TOLERANCE * abs(low) + allowance
+    return {"at most": up, "at least": down, "within": up and down}[comparison]
+
+
+def _never_kept(comparison: str, limits: tuple[float, ...], least: float, most: float) -> bool:
+    """Whether no value from `least` to `most` is allowed, without any allowance."""
+    low, high = limits[0], limits[-1]
+    if comparison in ("at least", "above"):
+        return not _keeps(comparison, limits, most, 0.0)
+    if comparison in ("at most", "below"):
+        return not _keeps(comparison, limits, least, 0.0)
+    return not (_keeps("at least", (low,), most, 0.0) and _keeps("at most", (high,), least, 0.0))
+
+
+def _margin(verdict: RuleVerdict) -> float:
+    """Order of verdicts of one state, the worst first: by excess over the limit, else by distance from it."""
+    value = verdict.value
+    if value is None or not verdict.limits:
+        return inf
+    ends = [abs(value - limit) / max(abs(limit), 1e-9) for limit in verdict.limits]
+    return -min(ends) if verdict.state in (EXCEEDED, WAIVABLE) else min(ends)
+
+
+# quantities that rules compare in place of each other, by the one that stands for all
+TOPICS = {
+    "tested_safety_factor": "rope_safety_factor",
+    "calculated_safety_factor": "rope_safety_factor",
+    "tension_over_load": "tension_per_transverse_load",
+}
+
+
+def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
+    """Verdicts on one quantity, of several profiles, where their rules or verdicts differ or one has none.
+
+    Args:
+        verdicts: of all profiles.
+        profiles: names of the profiles.
+    """
+    by_topic: dict[tuple[str, str], list[RuleVerdict]] = {}
+    for one in verdicts:
+        if one.state != OUTSIDE:
+            quantity, role, _ = one.quantity.split("/")
+            by_topic.setdefault((TOPICS.get(quantity, quantity), role), []).append(one)
+    for found in by_topic.values():
+        seen = [
+            {
+                (one.quantity, one.comparison, tuple(limit * one.scale for limit in one.limits), one.state)
+                for one in found
+                if one.profile == name
+            }
+            for name in profiles
+        ]
+        if any(one != seen[0] for one in seen):
+            yield found

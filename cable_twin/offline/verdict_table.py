@@ -1,0 +1,162 @@
+"""Table of the verdicts of rule profiles on a run, and of what differs between profiles."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from textwrap import fill
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from cable_twin.basics.units import rounded
+from cable_twin.key_figures import QUANTITIES
+from cable_twin.key_figures.rules import STATES, Profile, RuleVerdict, differences
+from cable_twin.key_figures.rules.document import counts_of
+from cable_twin.key_figures.rules.subjects import ROLES
+from cable_twin.key_figures.rules.verdicts import EXCEEDED, KEPT, NOT_DECIDED, OUTSIDE, WAIVABLE
+
+WIDE = 140  # characters that a table with clauses needs
+STYLES = {EXCEEDED: "bold red", WAIVABLE: "bold yellow"}
+COLUMNS = (
+    *("profile", "check", "document", "edition", "clause", "text", "verdict", "reason", "quantity", "figure", "value"),
+    *("comparison", "limits", "unit", "place", "time [s]"),
+)
+
+
+def print_verdicts(console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict]) -> None:
+    """Print the verdicts of each profile, then what differs between several profiles."""
+    for profile in profiles:
+        own = [one for one in verdicts if one.profile == profile.name]
+        _print_profile(console, profile, own)
+    if len(profiles) > 1:
+        _print_differences(console, profiles, verdicts)
+
+
+def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVerdict]) -> None:
+    wide = console.width >= WIDE
+    document = profile.document
+    edition = "" if document.edition in document.document else f", {document.edition}"
+    _say(console, f"{profile.name}: {document.jurisdiction}, {document.document}{edition}")
+    shown = [one for one in verdicts if one.state != OUTSIDE and one.limits]
+    if shown:
+        table = Table("rule", "clause", "what", box=box.SIMPLE_HEAD, pad_edge=False)
+        for title in ("value", "limit", "", "of"):
+            table.add_column(title, justify="right" if title == "value" else "left", no_wrap=title in ("value", ""))
+        if not wide:
+            table = Table("rule", "value", "limit", "", box=box.SIMPLE_HEAD, pad_edge=False)
+        for one in sorted(shown, key=lambda each: STATES.index(each.state)):
+            verdict = f"[{STYLES[one.state]}]{one.state}[/]" if one.state in STYLES else one.state
+            value, limit = value_text(one), limit_text(one)
+            if wide:
+                table.add_row(one.check, one.clause, escape(one.text), value, limit, verdict, escape(_subject(one)))
+            else:
+                below = f"\n  [dim]{escape(one.clause)}, {escape(one.text)}[/]"
+                table.add_row(f"{one.check}{below}", value, limit, verdict)
+        console.print(table)
+    for one in verdicts:
+        if one.state in (EXCEEDED, WAIVABLE):
+            _say(console, f"  {sentence(one)}", style=STYLES[one.state])
+    reasons: dict[str, list[str]] = {}
+    for one in verdicts:
+        if one.state == NOT_DECIDED:
+            reasons.setdefault(one.reason, []).append(one.check)
+    for reason, checks in reasons.items():
+        _say(console, f"  not decided, {', '.join(checks)}: {reason}")
+    counts = Counter(one.state for one in verdicts)
+    told = ", ".join(f"{counts[state]} {state}" for state in STATES if counts[state])
+    beyond = counts_of(document).not_decidable
+    _say(console, f"  {len(verdicts)} checks: {told}; {beyond} more no figure decides (rules {profile.name})")
+    console.print()
+
+
+def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict]) -> None:
+    """Print a row for each quantity on which the profiles do not agree."""
+    names = [profile.name for profile in profiles]
+    table = Table("where the profiles differ", *names, box=box.SIMPLE_HEAD, pad_edge=False)
+    for group in differences(verdicts, names):
+        quantity, role, _ = group[0].quantity.split("/")
+        cells = ["\n".join(_cell(one) for one in group if one.profile == name) or "no rule" for name in names]
+        table.add_row(f"{QUANTITIES[quantity].name.format('').strip(' ,')}\n  [dim]{ROLES[role]}[/]", *cells)
+    if table.row_count:
+        console.print(table)
+    else:
+        _say(console, "the profiles agree in all that they compare")
+
+
+def _cell(one: RuleVerdict) -> str:
+    state = f"[{STYLES[one.state]}]{one.state}[/]" if one.state in STYLES else one.state
+    value = f"{value_text(one)}, " if one.state == KEPT or one.limits else ""
+    return f"{value}{limit_text(one)}: {state} ({escape(one.check)}, {escape(one.clause)})".removeprefix(": ")
+
+
+def sentence(one: RuleVerdict) -> str:
+    """Verdict in one line: what, value, limit, unit, where, document, edition and clause."""
+    edition = "" if one.edition in one.document else f", {one.edition}"
+    reason = f"; {one.reason}" if one.reason else ""
+    figure = f"{one.figure.name}: " if one.figure is not None else ""
+    said = f"{value_text(one)}, {limit_text(one)}".strip(", ")
+    place = ", ".join(filter(None, (_when(one), one.figure.place if one.figure is not None else "")))
+    return (
+        f"{one.check} {one.state}: {figure}{said}, {place} ({one.document}{edition}, {one.clause}: {one.text}){reason}"
+    )
+
+
+def _when(one: RuleVerdict) -> str:
+    return f"at {one.figure.time:.2f} s" if one.figure is not None and one.figure.time else ""
+
+
+def value_text(one: RuleVerdict) -> str:
+    """Value of a verdict's figure with the unit of the rule; empty without one."""
+    return "" if one.value is None else f"{_tidy(one.value)}{_unit(one)}"
+
+
+def limit_text(one: RuleVerdict) -> str:
+    """Limit of a verdict with the unit of the rule, as `at most 2.5 m/s`; empty where not known."""
+    if not one.limits:
+        return ""
+    numbers = " to ".join(rounded(limit) for limit in one.limits)
+    return f"{one.comparison} {numbers}{_unit(one)}"
+
+
+def _tidy(value: float) -> str:
+    return "0" if abs(value) < 1e-9 else rounded(value)
+
+
+def _unit(one: RuleVerdict) -> str:
+    return "" if one.unit == "-" else f" {one.unit}"
+
+
+def _subject(one: RuleVerdict) -> str:
+    if one.figure is None:
+        return ""
+    return one.figure.name.partition(": ")[0] if ": " in one.figure.name else ""
+
+
+def _say(console: Console, text: str, style: str | None = None) -> None:
+    console.print(fill(text, console.width, subsequent_indent="    "), markup=False, soft_wrap=True, style=style)
+
+
+def verdict_columns(one: RuleVerdict) -> dict[str, Any]:
+    """Verdict as a mapping by the names of `COLUMNS`, numbers in the unit of the rule."""
+    figure = one.figure
+    id_, time, place = (str(figure.id), figure.time, figure.place) if figure is not None else (None, None, None)
+    values = (one.profile, one.check, one.document, one.edition, one.clause, one.text, one.state, one.reason)
+    return dict(
+        zip(
+            COLUMNS,
+            (*values, one.quantity, id_, one.value, one.comparison, [*one.limits], one.unit, place, time),
+            strict=True,
+        )
+    )
+
+
+def verdict_rows(verdicts: Iterable[RuleVerdict]) -> list[list[Any]]:
+    """Rows of verdicts for CSV, in the order of `COLUMNS`."""
+    return [
+        [" to ".join(map(repr, value)) if isinstance(value, list) else value for value in verdict_columns(one).values()]
+        for one in verdicts
+    ]

@@ -1,0 +1,193 @@
+"""Rule profiles: schema and faults, verdicts of hand-made figures, shipped documents, and real runs."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cable_twin.basics.limited_yaml import as_yaml
+from cable_twin.key_figures import KeyFigures, Subject, figure
+from cable_twin.key_figures.rules import RuleError, judge, load_profile, profiles_of
+from cable_twin.key_figures.rules.document import counts_of
+from cable_twin.offline.rules import markdown
+from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario.checks.limits import profile_names
+from cable_twin.simulation import Simulation
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "rules.md"
+CHECK = {
+    "clause": "1",
+    "text": "speed of the drive",
+    "quantity": "speed/drives/highest",
+    "comparison": "at most",
+    "limit": 2.0,
+    "unit": "m/s",
+}
+DOCUMENT = {
+    "document": "a rule book",
+    "jurisdiction": "test",
+    "edition": "first",
+    "systems": ["monocable"],
+    "carries": "both",
+    "load_cases": {"storm": "a storm"},
+    "checks": {"A-1": CHECK},
+}
+
+
+def profile(directory, name="own", **changes):
+    """Profile in a file, with changes of its one check, None for a key that is left out."""
+    document = deepcopy(DOCUMENT)
+    check = document["checks"]["A-1"] | changes
+    document["checks"]["A-1"] = {key: value for key, value in check.items() if value is not None}
+    file = directory / f"{name}.yaml"
+    file.write_text(as_yaml(document), encoding="utf-8")
+    return str(file)
+
+
+def verdict(directory, value, changes=(), uncertainty=None, **check):
+    """Verdict on one speed of the drive of a chairlift."""
+    scenario = load_scenario("chairlift", dict(changes))
+    one = figure("speed", Subject("drives.haul_rope", "haul_rope"), "highest", value, 1.0)
+    load_profile.cache_clear()
+    found = [load_profile(profile(directory, **check))]
+    return judge(scenario, [replace(one, uncertainty=uncertainty)], found)[0]
+
+
+def test_shipped_documents_are_valid_and_counted_as_the_page_has_them():
+    documents = [load_profile(name).document for name in profile_names()]
+    assert "\n".join(markdown()) in PAGE.read_text(encoding="utf-8")
+    for document in documents:
+        for name, check in document.checks.items():
+            assert check.clause, name
+            assert check.quantity or check.judged_in or check.not_decidable, name
+    assert sum(counts_of(document).decided for document in documents) >= 20
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"unit": None}, "checks.A-1.unit: given nothing: it is needed; allowed: a text"),
+        (
+            {"quantity": "sped/drives/highest"},
+            "given 'sped/drives/highest': unknown quantity; allowed: did you",
+        ),
+        ({"quantity": "speed/wheels/highest"}, "allowed: speed/ROLE/highest, with ROLE one of ropes, track_ropes"),
+        ({"unit": "km/h"}, "checks.A-1.unit: given 'km/h': speed is in m/s; allowed: m/s"),
+        ({"limit": None}, "checks.A-1.limit: given nothing; allowed: a number, a formula, or a list of cases"),
+        ({"limit": "2 * sped"}, "given '2 * sped': unknown variable sped; allowed: haul_ropes,"),
+        ({"limit": "open('x')"}, "no formula; allowed: a number, or a formula with + - * /"),
+        ({"limit": [2.0]}, "allowed: a number, a formula, or a list of cases"),
+        ({"comparison": "within", "limit": [2.0, 1.0]}, "given [2.0, 1.0]: nothing can be within it; allowed: the l"),
+        ({"comparison": "under"}, "given 'under'; allowed: one of at most, at least, below, above, within"),
+        ({"when": {"grip": "fixd"}}, "checks.A-1.when.grip: given 'fixd'; allowed: fixed, detachable"),
+        ({"when": {"colour": "red"}}, "no such fact; allowed: carries, existing,"),
+        ({"load_case": "flood"}, "checks.A-1.load_case: given 'flood'; allowed: storm"),
+        (
+            {"not_decidable": "no"},
+            "given 'quantity and not_decidable'; allowed: one of quantity, judged_in",
+        ),
+        ({"systems": ["lift"]}, "allowed: a list of some of reversible_bicable, circulating_bicable, monocable"),
+        ({"sourc": "x"}, "checks.A-1.sourc: this key does not exist"),
+    ],
+)
+def test_faults_of_a_profile_are_a_line_each(tmp_path, changes, told):
+    file = profile(tmp_path, **changes)
+    load_profile.cache_clear()
+    with pytest.raises(RuleError) as error:
+        load_profile(file)
+    (line,) = str(error.value).splitlines()
+    assert line.startswith(f"{file}: ")
+    assert told in line
+
+
+def test_profiles_that_contradict_are_refused(tmp_path):
+    goods = as_yaml(DOCUMENT | {"carries": "goods"})
+    (tmp_path / "goods.yaml").write_text(goods, encoding="utf-8")
+    checks = {"A-1": CHECK, "A-2": CHECK | {"comparison": "at least", "limit": 3.0}}
+    (tmp_path / "both.yaml").write_text(as_yaml(DOCUMENT | {"checks": checks}), encoding="utf-8")
+    goods_and_persons = (str(tmp_path / "goods.yaml"), "france_1985")
+    with pytest.raises(RuleError, match=r"^limits\.profile: given goods, france_1985: goods is for goods alone and fr"):
+        profiles_of(load_scenario("jig_back"), goods_and_persons)
+    with pytest.raises(RuleError, match=r"A-1\.limit: given 2\.0: contradicts A-2, at least 3 m/s; allowed: at l"):
+        load_profile(str(tmp_path / "both.yaml"))
+    for key, value, told in (
+        ("profile", ["france_1985", "france_1985"], r"given 'france_1985': given twice; allowed: each profile once"),
+        ("profile", ["france"], r"given 'france': no such profile; allowed: .*france_1985"),
+        ("load_cases", ["france_1985.uplift"], r"without a profile there is no load case; allowed: none"),
+    ):
+        with pytest.raises(ScenarioError, match=rf"limits\.{key}\.\d: .*{told}"):
+            load_scenario("jig_back", {f"limits.{key}": value})
+    wrong = {"limits.profile": ["france_1985"], "limits.installation.carries": "goods"}
+    with pytest.raises(RuleError, match=r"given 'france_1985': it is for persons alone.*; allowed: profiles for goods"):
+        profiles_of(load_scenario("jig_back", wrong))
+    wrong = {"limits.profile": ["france_1985"], "limits.load_cases": ["france_1985.flood"]}
+    with pytest.raises(RuleError, match=r"given 'france_1985\.flood'; allowed: france_1985\.inward, france_1985\.up"):
+        profiles_of(load_scenario("jig_back", wrong))
+
+
+@pytest.mark.parametrize(
+    ("value", "options", "state", "reason"),
+    [
+        (2.001, {}, "kept", ""),
+        (2.1, {}, "exceeded", ""),
+        (2.1, {"waiver": "if watched"}, "authority may allow", "if watched"),
+        (1.9, {"uncertainty": 0.05}, "kept", ""),
+        (1.9, {"uncertainty": 0.2}, "not decided", "within the uncertainty of 0.2 m/s"),
+        (1.9, {"compared": "at most", "definition": "mean"}, "not decided", "the figure is at most what .*: mean"),
+        (2.1, {"compared": "at most"}, "exceeded", ""),
+        (2.1, {"compared": "at least"}, "not decided", "the figure is at least what"),
+        (1.9, {"allowance": 0.2}, "not decided", "within the allowance of 0.2 m/s"),
+        (1.7, {"allowance": 0.2}, "kept", ""),
+        (2.1, {"allowance": 0.2}, "exceeded", ""),
+        (2.0, {"comparison": "below"}, "exceeded", ""),
+        (2.0, {"comparison": "within", "limit": [1.0, "rated_speed / 2"]}, "exceeded", ""),
+        (1.2, {"comparison": "within", "limit": [1.0, "rated_speed / 2"]}, "kept", ""),
+        (1.2, {"limit": "0.5 + persons / 4"}, "not decided", "limits.installation.persons is not stated"),
+        (1.2, {"limit": "1 / (persons - 4)", "changes": {"limits.installation.persons": 4}}, "not decided", "no value"),
+        (1.2, {"when": {"rated_speed": "> 4"}}, "does not apply", "it is for rated_speed > 4"),
+        (1.2, {"when": {"grip": "fixed"}}, "not decided", "limits.installation.grip is not stated"),
+        (1.2, {"systems": ["reversible_bicable"]}, "does not apply", "it is for reversible_bicable, this is monocable"),
+        (1.2, {"load_case": "storm"}, "not decided", "load case own.storm is not this run: a storm"),
+        (1.2, {"quantity": "speed/pairs/highest"}, "not decided", "the scenario has no pairs"),
+    ],
+)
+def test_verdicts(tmp_path, value, options, state, reason):
+    found = verdict(tmp_path, value, **options)
+    assert found.state == state, found
+    assert not reason or found.reason.startswith(reason.partition(".*")[0]) or reason in found.reason
+    assert (found.profile, found.check, found.document, found.edition, found.clause, found.unit) == (
+        *("own", "A-1", "a rule book", "first", "1", "m/s"),
+    )
+
+
+def test_a_case_and_a_unit_of_a_rule(tmp_path):
+    limit = [{"when": {"persons": [1, 2]}, "limit": 2.5}, {"when": {"persons": "> 2"}, "limit": 2.3}]
+    found = verdict(tmp_path, 2.4, {"limits.installation.persons": 4}, limit=limit)
+    assert (found.state, found.limits) == ("exceeded", (2.3,))
+    scenario = load_scenario("chairlift", {"limits.profile": [profile(
+        tmp_path, "percent", quantity="swing_tangent/vehicles/highest", limit=20, unit="%")]})  # fmt: skip
+    swing = figure("swing", Subject("carriers", "chair"), "highest", 0.15, 1.0)
+    (found,) = judge(scenario, [swing])
+    assert found.state == "kept"
+    assert found.value == pytest.approx(15.11, abs=0.01)
+
+
+def test_a_tramway_by_real_figures():
+    """Jig-back after a stop from full speed: figures of the run, and those that follow from its dimensions."""
+    facts = {"automatic_deceleration_control": True, "lining": "rubber", "persons": 80, "snow": 1.0}
+    changes = {f"limits.installation.{key}": value for key, value in facts.items()}
+    scenario = load_scenario("jig_back", {"limits.profile": ["france_1985"], **changes})
+    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    figures.update(simulation.snapshot)
+    found = {one.check: one for one in judge(scenario, figures.figures())}
+    factor = found["FR85-16"]
+    assert factor.quantity.startswith("rope_safety_factor")  # for a tested one that is not given
+    assert (factor.state, factor.comparison, factor.limits) == ("kept", "at least", (3.15,))
+    assert found["FR85-12"].value == pytest.approx(80.0 / 0.066)
+    assert found["FR85-29"].value == pytest.approx(9.0 / 0.032)
+    assert found["FR85-57"].value == pytest.approx(80.0)
+    assert found["FR85-04"].reason == "the run has no figure mean_deceleration, which needs a stop in the run"
+    assert found["FR85-19"].state == "does not apply"
