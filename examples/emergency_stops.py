@@ -27,13 +27,12 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=7, metavar="N", help="of their times; default: 7")
     parser.add_argument("--output", type=Path, required=True, metavar="PATH", help="picture, as .png, .pdf or .svg")
     options = parser.parse_args()
-    times = np.sort(np.random.default_rng(options.seed).uniform(FIRST, LAST, options.stops))
+    times = np.random.default_rng(options.seed).uniform(FIRST, LAST, options.stops)
 
     twin = Simulation(load_scenario(SCENARIO))
     twin.command(VEHICLE, speed=SPEED)
     ensemble = Ensemble(SCENARIO, options.stops)
-    for member, time in enumerate(times):
-        ensemble.fork(twin_at(twin, time), member)
+    ensemble.fork(twin, at=times)
     ensemble.emergency_stop()
 
     looks = np.arange(0.0, AFTER + 0.5 * PERIOD, PERIOD)
@@ -49,17 +48,11 @@ def main() -> int:
     highest, distances = np.degrees(np.abs(swings).max(axis=0)), places[-1] - places[0]
     worst = int(highest.argmax())
     print(f"{SCENARIO}: {options.stops} emergency stops from {SPEED:g} m/s")
-    print(f"swing along the track: {highest.min():.1f} deg to {highest.max():.1f} deg ")
+    print(f"swing along the track: {highest.min():.1f} deg to {highest.max():.1f} deg")
     print(f"highest swing: stop at {places[0, worst]:.0f} m")
     print(f"stopping distance of the cabin along the rope: {distances.min():.1f} to {distances.max():.1f} m")
     draw(looks, places, swings, options.output)
     return 0
-
-
-def twin_at(twin: Simulation, time: float) -> Simulation:
-    """Twin at a later time (s)."""
-    twin.advance_to(time)
-    return twin
 
 
 def draw(looks: np.ndarray, places: np.ndarray, swings: np.ndarray, path: Path) -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cable_twin import Command, Ensemble, Simulation, load_scenario
 from cable_twin.frame.records import CommandError
-from cable_twin.scenario import ScenarioError
+from cable_twin.key_figures import KeyFigures
+from cable_twin.scenario import ScenarioError, scenario_names
 from cable_twin.simulation.snapshot_file import FullState
 
+ROOT = Path(__file__).resolve().parents[1]
 TRIP = 1.5  # s
 SPEEDS = np.array([0.5, 1.0, 1.5])  # m/s
 # a plane and space, one rope and several: changes of all, drive, and values that differ between three members
@@ -242,6 +247,54 @@ def test_key_figures_are_columns_over_the_members():
     with pytest.raises(ValueError, match="allowed: with figures_period"):
         Ensemble("single_span", 1).figures()
     ensemble.close()
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.long] * (one == "pantograph")) for one in scenario_names()]
+)
+@pytest.mark.parametrize("space", [2, 3])
+def test_key_figures_of_members_are_those_of_a_simulation(name, space):
+    scenario = load_scenario(name, {"space": 3} if space == 3 else {})
+    drives = [*scenario.drives, *(key for key, one in scenario.carriages.items() if one.drive.mode == "speed")][:1]
+    ensemble = Ensemble(scenario, 2, figures_period=0.05, threads=2)
+    single = Simulation(scenario, samples=2, on_demand=True)
+    expected = KeyFigures(scenario)
+    expected.update(single.snapshot)
+    for one, drive in itertools.product((ensemble, single), drives):
+        one.command(drive, speed=0.5)
+    for time in (0.05, 0.1, 0.15):
+        expected.update(single.advance_to(time))
+    ensemble.advance_to(0.15)
+    found = ensemble.figures()
+    ensemble.close()
+    assert [*found] == [one.name for one in expected.figures()]
+    for one in expected.figures():
+        assert np.array_equal(found[one.name], [one.value] * 2, equal_nan=True), one.name
+
+
+def test_a_fork_at_times_is_one_at_each(tramways, tramway):
+    tramway.command("cabin", speed=4.0)
+    start, times = tramway.capture(), [0.5, 0.2, 0.4]
+    tramways.fork(tramway, [3, 1, 2], at=times)
+    for member, time in zip([3, 1, 2], times, strict=True):
+        tramway.restore(start)
+        expected = tramway.advance_to(time).numbers
+        assert np.array_equal(tramways.snapshot(member).numbers, expected, equal_nan=True)
+    with pytest.raises(ValueError, match=r"fork: at 0.1 s given for member 0; allowed: a finite time, from 0.4 s"):
+        tramways.fork(tramway, 0, at=0.1)
+
+
+def test_the_page_of_ensembles_has_many_stops_in_two_lines_more(tmp_path, monkeypatch):
+    """Besides the import of numpy; with three stops, soon after the start."""
+    text = (ROOT / "docs" / "ensemble.md").read_text(encoding="utf-8")
+    one, many = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)[:2]
+    assert len(many.splitlines()) == len(one.splitlines()) + 2 + 1
+    many = many.replace("uniform(40.0, 105.0, 200)", "uniform(0.2, 0.9, 3)").replace('tramway", 200)', 'tramway", 3)')
+    assert "200" not in many
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    exec(many.replace("+ 25.0", "+ 1.0"), {})
+    assert (tmp_path / "stops.png").stat().st_size > 1000
 
 
 @pytest.mark.parametrize("arguments", [{"members": 0}, {"members": 1.5}, {"members": 2, "threads": 0}])

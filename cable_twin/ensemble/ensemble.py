@@ -153,16 +153,22 @@ class Ensemble:
                 self._carry_over(member, before, settings, set(own))
         self._threads.forget([one.engine.bundle for one in states.variants])
 
-    def fork(self, simulation: Simulation, members: Chosen = None) -> None:
-        """Copy the present state of a simulation into members, which keep their own parameters.
+    def fork(self, simulation: Simulation, members: Chosen = None, *, at: Any = None) -> None:
+        """Copy the state of a simulation, at present or at given times, into members with parameters of their own.
 
         Args:
             simulation: of the scenario of this ensemble.
             members: number of a member, slice or sequence of numbers; None for all.
+            at: time (s), one for all or one for each of these members, up to which the simulation runs before it is
+                copied; None for the present state.
 
         Raises:
-            ValueError: it is of another scenario.
+            ValueError: it is of another scenario, or beyond a time.
+            SolverError: the simulation fails on its way to a time; members of earlier times have been forked.
         """
+        if at is not None:
+            self._fork_at(simulation, self._rows(members), at)
+            return
         states, base = self._states, self._states.base
         if simulation.scenario is not self._alike and simulation.scenario.resolved() != base.scenario.resolved():
             raise ValueError(f"fork: a simulation of other values or another scenario than '{base.scenario.name}'")
@@ -303,6 +309,21 @@ class Ensemble:
             raise EquilibriumError(f"member {member}: {error}") from None
         settings = variant.engine.settings() if values else self._first
         return variant, engine.memory.copy(), engine.moving.memory.copy(), settings
+
+    def _fork_at(self, simulation: Simulation, rows: Sequence[int], at: Any) -> None:
+        """Run a simulation through the times (s) of some members, in their order, and fork each at its own."""
+        times = np.broadcast_to(np.asarray(at, dtype=np.float64), (len(rows),))
+        for member, time in zip(rows, times.tolist(), strict=True):
+            if not math.isfinite(time) or time < simulation.time - 0.5 * simulation.step:
+                raise ValueError(
+                    f"fork: at {time:.9g} s given for member {member}; allowed: a finite time, from "
+                    f"{simulation.time:.9g} s of the simulation on"
+                )
+        with self._bar("members", len(rows)) as show:
+            for place in np.argsort(times, kind="stable").tolist():
+                simulation.advance_to(float(times[place]))
+                self.fork(simulation, rows[place])
+                show()
 
     def _go_on_with(self, member: int, settings: Settings, parameters: Settings) -> None:
         """Continue the state of a member with the settings of another simulation and parameters of its own."""
