@@ -24,6 +24,7 @@ from benchmarks import (
     live,
     loads,
     lockstep,
+    outlook,
     ropes,
     scaling,
     space,
@@ -56,6 +57,7 @@ PARTS = {
     ),
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
     "ensemble": (ensemble.run, "32 twins side by side beside a plain loop: real time, threads, forks, memory"),
+    "outlook": (outlook.run, "processor time of three futures of a minute, ahead of a running twin"),
     "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
     "emergency_stop": (
         emergency_stop.run,

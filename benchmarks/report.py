@@ -23,7 +23,8 @@ HEAD = """\
 Written part by part; the same numbers are in [benchmarks.json](benchmarks.json). Times of the solver are medians of
 interleaved repetitions on one thread. It takes minutes, on a machine that does nothing else; one part alone takes
 seconds (`python -m benchmarks exudyn --quick`, likewise `exudyn_space`, `space`, `ropes`, `scaling`, `startup`,
-`frame`, `loads`, `accuracy`, `convergence`, `learning`, `ensemble`, `lockstep`, `emergency_stop`, `live`):
+`frame`, `loads`, `accuracy`, `convergence`, `learning`, `ensemble`, `outlook`, `lockstep`,
+`emergency_stop`, `live`):
 
 ```sh
 .venv/bin/pip install --quiet '.[bench,gym,ros]'

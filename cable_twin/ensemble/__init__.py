@@ -2,5 +2,6 @@
 
 from cable_twin.ensemble.columns import MemberColumns
 from cable_twin.ensemble.ensemble import Ensemble
+from cable_twin.ensemble.outlook import Forecaster
 
-__all__ = ["Ensemble", "MemberColumns"]
+__all__ = ["Ensemble", "Forecaster", "MemberColumns"]

@@ -10,7 +10,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from cable_twin.ensemble import Ensemble
+from cable_twin import Ensemble
 from cable_twin.frame.records import FloatArray
 from cable_twin.gym.environment import RopewayEnv
 

@@ -10,7 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_f
 from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
 from cable_twin.simulation.vehicles import Vehicles
+
+if TYPE_CHECKING:
+    from cable_twin import Forecaster, Outlook
 
 PART = 50_000  # steps times nodes that are taken at once
 PERIOD = 0.05  # s of simulated time from one look to the next; a person gets into a cabin in several of them
@@ -120,6 +123,7 @@ class Simulation(Queries):
         self._shown = read_only(self._state)
         self._observer, self._on_demand = Observer(scenario, self._engine, samples), on_demand
         self.supports = self._observer.layout.supports
+        self._forecaster: Forecaster | None = None
 
     def _find_start(self, meanwhile: Meanwhile | None) -> None:
         """Find the static equilibrium, and set out from it."""
@@ -322,6 +326,29 @@ class Simulation(Queries):
             CommandError: when it is refused: not finite, or one that no rope has.
         """
         return self.apply(Command("temperature", {"ropes": degrees}))
+
+    def outlook(
+        self, *, horizon: float = 60.0, announced: Command | None = None, threads: int | None = None
+    ) -> Outlook:
+        """Futures from the present state: emergency stop now, as commanded, and an announced gust or wind.
+
+        The first call makes members of an ensemble, which takes as long as a start; the simulation stays as it is.
+
+        Args:
+            horizon: length of the futures (s).
+            announced: gust, operating gust or wind that is assumed to come now; None for a gust of 10 m/s.
+            threads: number of threads; None for one a core.
+
+        Raises:
+            CommandError: the announced wind is none, or beyond what a command may ask for.
+            ValueError: the horizon is out of range; one line.
+        """
+        from cable_twin import Forecaster  # noqa: PLC0415 - of the ensemble, which stands on this
+
+        if self._forecaster is None or self._forecaster.horizon != horizon:
+            samples = self._observer.samples
+            self._forecaster = Forecaster(self.scenario, horizon=horizon, samples=samples, threads=threads)
+        return self._forecaster.outlook(self, announced)
 
     def reset(self) -> AppliedCommand:
         """Reset the state to the start; time runs on, drives return to their initial settings."""

@@ -1,0 +1,167 @@
+"""Forecaster of a running twin: futures forked from its state into members of an ensemble, and run ahead of it."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from cable_twin.ensemble.ensemble import Ensemble
+from cable_twin.frame.records import AppliedCommand, Command, CommandError
+from cable_twin.frame.snapshot import Snapshot
+from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
+from cable_twin.key_figures.outlook import ANNOUNCED, AS_COMMANDED, EMERGENCY_STOP, LEFT_OUT, SHOWN, Future, Outlook
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario import Scenario, wind_unfelt
+from cable_twin.simulation import SAMPLES, Simulation
+from cable_twin.simulation.command_handlers import GUST_DURATION, check_ahead
+
+HORIZON, LONGEST = 60.0, 3600.0  # s
+LOOK = 0.1  # s between two looks at the key figures of a future
+CHECK = 2.0  # s between two looks at limits, which take longer
+GUST = 10.0  # m/s, of the announced gust where nothing is announced; assumed: a squall that no wind alarm foretells
+WINDS = ("gust", "operating_gust", "wind")  # kinds of commands that can be announced
+NAMES = (EMERGENCY_STOP, AS_COMMANDED, ANNOUNCED)
+SOURCE = "outlook"  # of assumed commands
+
+
+def standard_gust(scenario: Scenario, speed: float = GUST) -> Command:
+    """Gust of one minus cosine with an amplitude (m/s), across the track in space, along the track in a plane."""
+    along, across = (0.0, speed) if scenario.dim == 3 else (speed, 0.0)
+    return Command("gust", {"x": along, "y": across, "z": 0.0, "duration": GUST_DURATION})
+
+
+class Forecaster:
+    """Futures of a twin from any of its states: emergency stop now, as commanded, and an announced gust or wind.
+
+    Each future has the bits of a simulation that goes on from the same state with the same commands.
+
+    Args:
+        scenario: of the twin.
+        horizon: length of the futures (s).
+        look: simulated time (s) between two looks at the key figures, to the nearest whole solver step.
+        samples: points of each rope in a snapshot, for clearances and sag.
+        threads: of the ensemble; None for one a core.
+
+    Raises:
+        ValueError: the horizon or the time between looks is out of range; one line.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        horizon: float = HORIZON,
+        look: float = LOOK,
+        samples: int = SAMPLES,
+        threads: int | None = None,
+    ) -> None:
+        for name, value in (("horizon", horizon), ("look", look)):
+            if not 0.0 < value <= LONGEST:
+                raise ValueError(f"outlook: {name}: {value!r} s given; allowed: more than 0 to {LONGEST:g} s")
+        self.horizon, self._look, self._scenario = horizon, look, scenario
+        self._ensemble = Ensemble(scenario, len(NAMES), samples=samples, threads=threads, progress=False)
+
+    def outlook(self, simulation: Simulation, announced: Command | None = None) -> Outlook:
+        """Run the futures from the present state of a simulation, which stays as it is.
+
+        Args:
+            simulation: of the scenario.
+            announced: gust, operating gust or wind that is assumed to come now; None for a gust of 10 m/s.
+
+        Raises:
+            CommandError: the announced wind is none, or beyond what a command may ask for.
+            ValueError: the simulation is of another scenario.
+        """
+        begun, now, ensemble = time.perf_counter(), simulation.time, self._ensemble
+        commands = self._commands(simulation, announced)
+        ensemble.fork(simulation)
+        runs = [_Run(self._scenario, *named) for named in zip(NAMES, (text for _, text in commands), strict=True)]
+        for member, (run, (command, text)) in enumerate(zip(runs, commands, strict=True)):
+            run.take(ensemble.snapshot(member))
+            if command is not None:
+                try:
+                    ensemble.apply(command, member)
+                    run.figures.command(AppliedCommand(now, command, SOURCE))
+                except CommandError as error:  # by the present motion, as of a gust while another one lasts
+                    run.fault = str(error).removeprefix(f"member {member}: ")
+            elif run.name == ANNOUNCED:
+                run.fault = text
+        not_run = {member for member, run in enumerate(runs) if run.fault}
+        for number, moment in enumerate(self._moments(now, simulation.step), 1):
+            going = [member for member in range(len(runs)) if member not in not_run | ensemble.faults.keys()]
+            ensemble.advance_to([moment if member in going else now for member in range(len(runs))])
+            for member in going:
+                runs[member].take(ensemble.snapshot(member))
+                if number % max(round(CHECK / self._look), 1) == 0:
+                    runs[member].check()
+        for member, line in ensemble.faults.items():
+            runs[member].fault = line
+        futures = tuple(run.future(run=member not in not_run) for member, run in enumerate(runs))
+        return Outlook(now, self.horizon, futures, tuple(self._scenario.cables), time.perf_counter() - begun)
+
+    def close(self) -> None:
+        """End the threads of the ensemble."""
+        self._ensemble.close()
+
+    def _commands(self, simulation: Simulation, announced: Command | None) -> list[tuple[Command | None, str]]:
+        """Command and assumption of each future."""
+        stop: tuple[Command | None, str] = Command("emergency_stop", {}), "emergency stop now"
+        if simulation.emergency_stopped:
+            stop = None, "emergency stop, already in force"
+        commands = [stop, (None, "drives go on as commanded, wind as it is and as the scenario has it")]
+        if announced is None:
+            if unfelt := wind_unfelt(self._scenario):
+                return [*commands, (None, f"no gust is looked at: {unfelt}")]
+            announced = standard_gust(self._scenario)
+        if announced.kind not in WINDS:
+            raise CommandError(f"announced {announced.kind!r} given; allowed: {', '.join(WINDS)}")
+        check_ahead(self._scenario, announced, stopped=False)
+        values = ", ".join(f"{key} {value:g}" for key, value in announced.values.items())
+        kind = announced.kind.replace("_", " ")
+        return [*commands, (announced, f"as commanded, with a {kind} from now on: {values} (m/s, duration in s)")]
+
+    def _moments(self, now: float, step: float) -> FloatArray:
+        """Times (n,) in s of the looks at the futures, the last one at the horizon."""
+        steps = max(round(self._look / step), 1)
+        total = max(round(self.horizon / step), 1)
+        clocks = np.append(np.arange(steps, total, steps), total)
+        return (round(now / step) + clocks) * step
+
+
+class _Run:
+    """Future while it is run: its key figures, tensions over time, and when limits are passed."""
+
+    def __init__(self, scenario: Scenario, name: str, assumed: str) -> None:
+        self.name, self.assumed, self.fault = name, assumed, ""
+        self.figures = KeyFigures(scenario)
+        self._passed: dict[FigureId, float] = {}
+        self._times: list[float] = []
+        self._highest: list[FloatArray] = []
+        self._lowest: list[FloatArray] = []
+        self._last: Snapshot | None = None
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Take in the next snapshot."""
+        self.figures.update(snapshot)
+        columns = snapshot.columns
+        self._times.append(snapshot.time)
+        self._highest.append(columns.highest_tension[:, 0].copy())
+        self._lowest.append(columns.lowest_tension[:, 0].copy())
+        self._last = snapshot
+
+    def check(self) -> list[KeyFigure]:
+        """Key figures so far, after a look at their limits."""
+        found = [one for one in self.figures.figures() if one.id.quantity != LEFT_OUT]
+        for one in found:
+            if one.kept is False:
+                self._passed.setdefault(one.id, one.time)
+        return found
+
+    def future(self, *, run: bool) -> Future:
+        """Future as it has been found; without figures where it was not run."""
+        found = self.check() if run else []
+        shown = tuple(one for one in found if one.id.quantity in SHOWN or one.id in self._passed)
+        times, highest, lowest = (np.array(one) for one in (self._times, self._highest, self._lowest))
+        last = self._last if run else None
+        return Future(self.name, self.assumed, shown, self._passed, times, highest, lowest, last, self.fault)
