@@ -63,7 +63,7 @@ def test_shipped_documents_are_valid_and_counted_as_the_page_has_them():
         for name, check in document.checks.items():
             assert check.clause, name
             assert check.quantity or check.judged_in or check.not_decidable, name
-    assert sum(counts_of(document).decided for document in documents) >= 20
+    assert sum(counts_of(document).decided for document in documents) >= 60
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,7 @@ _ROWS = (
         "-",
         LOWEST,
     ),
+    Quantity("moving_clearance", "clearance of what moves", "least height of vehicles and moving ropes", "m", LOWEST),
     Quantity("load_ratio", "smallest over largest load", "smallest over largest load of a tower", "-", LOWEST),
     Quantity(
         "rope_deflection", "deflection angle of the rope", "load of a tower over the tension of its rope", "rad", LOWEST

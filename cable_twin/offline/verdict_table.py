@@ -69,22 +69,32 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
     counts = Counter(one.state for one in verdicts)
     told = ", ".join(f"{counts[state]} {state}" for state in STATES if counts[state])
     beyond = counts_of(document).not_decidable
-    _say(console, f"  {len(verdicts)} checks: {told}; {beyond} more no figure decides (rules {profile.name})")
+    number = f"{len(verdicts)} {'check' if len(verdicts) == 1 else 'checks'}"
+    _say(console, f"  {number}: {told}; {beyond} more no figure decides (rules {profile.name})")
     console.print()
 
 
 def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict]) -> None:
-    """Print a row for each quantity on which the profiles do not agree."""
+    """Print a row for each quantity on which profiles differ, and a line of those that one of them alone has."""
     names = [profile.name for profile in profiles]
     table = Table("where the profiles differ", *names, box=box.SIMPLE_HEAD, pad_edge=False)
+    alone: dict[str, list[str]] = {}
     for group in differences(verdicts, names):
         quantity, role, _ = group[0].quantity.split("/")
+        what, having = QUANTITIES[quantity].name.format("").strip(" ,"), {one.profile for one in group}
+        if len(having) == 1:
+            rules = ", ".join(one.check for one in group)
+            alone.setdefault(group[0].profile, []).append(f"{what} ({rules})")
+            continue
         cells = ["\n".join(_cell(one) for one in group if one.profile == name) or "no rule" for name in names]
-        table.add_row(f"{QUANTITIES[quantity].name.format('').strip(' ,')}\n  [dim]{ROLES[role]}[/]", *cells)
+        table.add_row(f"{what}\n  [dim]{ROLES[role]}[/]", *cells)
     if table.row_count:
         console.print(table)
-    else:
+    elif not alone:
         _say(console, "the profiles agree in all that they compare")
+    for name, whats in alone.items():
+        _say(console, f"only {name} has a rule on {'; '.join(whats)}")
+    console.print()
 
 
 def _cell(one: RuleVerdict) -> str:

@@ -46,7 +46,7 @@ def run(tmp_path_factory):
     facts = "limits.installation={persons: 80, lining: rubber, automatic_deceleration_control: false}"
     options = ["--script", directory / "trip.yaml", "--duration", 8, "--output", directory / "log", "--record", "bag"]
     options += ["--json", directory / "run.json", "--csv", directory / "run.csv", "--set", facts]
-    options += ["--set", "limits.profile=[france_1985]"]
+    options += ["--set", "limits.profile=[france_1985, vorarlberg_persons]"]
     assert simulate.main(["jig_back", *map(str, options)]) == 0
     return directory
 
@@ -54,7 +54,7 @@ def run(tmp_path_factory):
 def test_a_run_is_judged_in_all_outputs(run):
     (data,) = json.loads((run / "run.json").read_text())["runs"]
     found = {one["check"]: one for one in data["rules"]}
-    assert len(found) == 27
+    assert {one["profile"] for one in data["rules"]} == {"france_1985", "vorarlberg_persons"}
     stop, speed = found["FR85-04"], found["FR85-01"]
     assert (speed["verdict"], speed["limits"], speed["unit"], speed["clause"]) == ("kept", [2.5], "m/s", "art. 3")
     assert speed["edition"] == "25 June 1985"
@@ -71,8 +71,9 @@ def test_a_run_is_judged_in_all_outputs(run):
 def test_a_log_is_judged_by_its_own_profile_and_by_another(run, tmp_path, capsys):
     (log,) = (run / "log").iterdir()
     assert review.main([str(log), "--no-viewer"]) == 0
-    printed = capsys.readouterr().out
-    assert "FR85-01" in printed
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "1 m/s, at most 2.5 m/s: kept (FR85-01, art. 3) 1 m/s, at most 4 m/s: kept (ATV1-09, § 5(1))" in printed
+    assert "only vorarlberg_persons has a rule on " in printed
     own = (rules.load_profile.__wrapped__("france_1985").document.checks["FR85-02"]).model_dump(exclude_none=True)
     text = json.dumps({"document": "a book", "jurisdiction": "here", "edition": "1", "systems": ["reversible_bicable"],
                        "carries": "both", "checks": {"X-1": own | {"limit": 0.5, "when": {}}}})  # fmt: skip
@@ -86,3 +87,23 @@ def test_a_log_is_judged_by_its_own_profile_and_by_another(run, tmp_path, capsys
         review.main([str(log), "--profile", "nowhere"])
     assert ended.value.code == 2
     assert "given 'nowhere': no such profile" in capsys.readouterr().err
+
+
+def test_a_chairlift_under_two_profiles(tmp_path, capsys):
+    """The speed of boarding at four seats is exceeded in France, and Pennsylvania has no rule on it."""
+    (tmp_path / "trip.yaml").write_text("- {time: 0, name: haul_rope, speed: 2.5}\n")
+    stated = "{persons: 4, grip: fixed, vehicle: chair, passengers: skiers, turn_at_loading: false, loading_aid: true}"
+    options = ["--script", tmp_path / "trip.yaml", "--duration", 20, "--record", "off", "--json", tmp_path / "run.json"]
+    options += ["--set", "limits.profile=[france_2009, pennsylvania]", "--set", f"limits.installation={stated}"]
+    assert simulate.main(["chairlift", *map(str, options)]) == 0
+    (data,) = json.loads((tmp_path / "run.json").read_text())["runs"]
+    found = {one["check"]: (one["verdict"], one["limits"]) for one in data["rules"]}
+    assert found["FR09-12"] == ("exceeded", [2.3])
+    assert found["FR09-14"] == ("kept", [2.7])
+    assert found["FR09-15"] == ("kept", [6.0])
+    assert found["FR09-04"][0] == "does not apply"
+    assert found["USPA-01"] == ("not decided", [5.0])  # with its dynamic parts the tension is too high
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "FR09-12 exceeded: haul_rope: speed: 2.5 m/s, at most 2.3 m/s, at " in printed
+    assert "(Arrêté of 7 August 2009, design, operation and maintenance of ropeways, " in printed
+    assert "only pennsylvania has a rule on rope safety factor (USPA-01)" in printed

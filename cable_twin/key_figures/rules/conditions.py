@@ -29,11 +29,10 @@ OPERATORS: dict[str, Callable[[float, float], bool]] = {
 OF_SCENARIO = {
     "carriage_brake": ("a brake of a carriage on its track rope", ""),
     "haul_ropes": ("haul ropes of a vehicle", "-"),
-    "carrying_ropes": ("ropes that carry and pull a vehicle", "-"),
     "vehicles": ("vehicles in the scenario", "-"),
     "rated_speed": ("limit of the speed of the drive", "m/s"),
     "span": ("longest span, chord", "m"),
-    "sag": ("largest sag of the run", "m"),
+    "sag": ("largest sag of the run, of spans with a chord above 100 m", "m"),
     "friction": ("friction of the rope on the bullwheel", "-"),
     "wrap": ("wrap of the rope on the bullwheel", "rad"),
     "derailment_ratio": ("lateral over normal force at which the rope leaves the tower", "-"),
@@ -120,7 +119,6 @@ def facts_of(scenario: Scenario) -> dict[str, Any]:
     return stated | {
         "carriage_brake": any(one.drive.track_rope_brake is not None for one in scenario.carriages.values()),
         "haul_ropes": (1 if hauled or loops else None) if bicable else None,
-        "carrying_ropes": None if bicable else 1,
         "vehicles": len(scenario.vehicles),
         "rated_speed": rated,
         "span": max(spans, default=None),

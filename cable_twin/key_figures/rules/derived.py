@@ -187,6 +187,12 @@ def _of_line(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
         yield _setting("slope", line, "mean", abs(rise) / across)
         if (steepest := _steepest(scenario, [rope])) < inf:
             yield _setting("slope", line, "highest", steepest)
+    moving = [found("vehicle_clearance", group.subject.key, "lowest") for group in groups_of(scenario)]
+    ropes = [rope for rope in scenario.cables if rope_role(scenario, rope) != "track_ropes"]
+    moving += [found("rope_clearance", f"ropes.{rope}", "lowest") for rope in ropes]
+    if heights := [one for one in moving if one is not None]:
+        least = min(heights, key=lambda one: one.value)
+        yield _of(least, "moving_clearance", "lowest", least.value, line)
     speed = _speed(scenario, found)
     if scenario.carriers is not None and speed is not None and speed.value > 0.0:
         carriers = Subject("carriers", scenario.carriers.name)

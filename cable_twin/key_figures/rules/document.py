@@ -109,16 +109,17 @@ class Counts(NamedTuple):
 
 
 def counts_of(document: Document) -> Counts:
-    """Numbers of the checks of a document by how the twin can decide them."""
+    """Numbers of the checks of a document by how the twin can decide them; an id with a letter behind is no other."""
     checks = document.checks
-    judged = [checks[one.judged_in] if one.judged_in else one for one in checks.values()]
+    rules = [one for name, one in checks.items() if not name[-1].islower()]
+    judged = [checks[one.judged_in] if one.judged_in else one for one in rules]
     figures = [one for one in judged if one.quantity is not None]
     return Counts(
-        checks=len(checks),
+        checks=len(rules),
         decided=len(figures),
         one_way=sum(one.compared != "equal" for one in figures),
         by_load_case=sum(one.load_case is not None for one in figures),
-        not_decidable=len(checks) - len(figures),
+        not_decidable=len(rules) - len(figures),
     )
 
 

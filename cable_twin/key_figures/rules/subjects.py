@@ -9,6 +9,7 @@ ROLES = {
     "ropes": "every rope",
     "track_ropes": "ropes on which vehicles roll",
     "haul_ropes": "ropes that pull vehicles along track ropes",
+    "moving_ropes": "ropes that pull vehicles, or carry and pull them",
     "carrying_hauling_ropes": "ropes that carry and pull their vehicles",
     "towers": "every tower",
     "track_towers": "towers of track ropes",
@@ -40,7 +41,8 @@ def has_role(scenario: Scenario, role: str, subject: str) -> bool:
     if role == "line":
         return subject == "line"
     if role.endswith("ropes"):
-        return kind == "ropes" and role in ("ropes", rope_role(scenario, name.partition(".")[0]))
+        own = rope_role(scenario, name.partition(".")[0]) if kind == "ropes" else ""
+        return bool(own) and (role in ("ropes", own) or (role == "moving_ropes" and own != "track_ropes"))
     if role.endswith("towers") or role == "saddles":
         return kind == "towers" and name in scenario.towers and _tower_has(scenario, role, name)
     if role == "drives":

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf
 from typing import Any
 
 from cable_twin.key_figures.figure import TOLERANCE, KeyFigure
-from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, subject_facts, system_of
+from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, spans_of, subject_facts, system_of
 from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import UNITS, Check, Profile, profiles_of
 from cable_twin.key_figures.rules.expressions import FormulaError, MissingError, value_of
@@ -17,6 +18,7 @@ from cable_twin.scenario import Scenario
 
 KEPT, EXCEEDED, NOT_DECIDED = "kept", "exceeded", "not decided"
 WAIVABLE, OUTSIDE = "authority may allow", "does not apply"
+LONG = 100.0  # m, chord above which a span is long
 STATES = (EXCEEDED, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
 # what a run needs for figures that not every one has
 NEEDS = {
@@ -28,6 +30,7 @@ NEEDS = {
     "calculated_safety_factor": "cable.calculated_breaking_force",
     "vehicle_clearance": "terrain",
     "rope_clearance": "terrain",
+    "moving_clearance": "terrain",
     "tower_clearance": "space: 3, and towers with mast_offset and mast_width",
     "vehicle_separation": "space: 3, and vehicles on different ropes that come near each other",
     "lateral_swing_tangent": "space: 3",
@@ -36,7 +39,7 @@ NEEDS = {
     "wheel_pressure": "cable.metal_area and limits.installation.wheels",
     "wheel_load_ratio": "limits.installation.wheels",
     "radius_ratio": "cable.diameter, and radius of a saddle",
-    "saddle_acceleration": "radius of a saddle",
+    "saddle_acceleration": "radius of a saddle, and a speed",
     "diameter_ratio": "cable.diameter",
     "wire_ratio": "cable.largest_wire",
     "brake_hold": "track_rope_brake",
@@ -119,8 +122,18 @@ class _Run:
     def __init__(self, scenario: Scenario, figures: Sequence[KeyFigure]) -> None:
         self._scenario, self._system, self._facts = scenario, system_of(scenario), facts_of(scenario)
         self._figures = [*figures, *derived_figures(scenario, figures)]
-        sags = [one.value for one in figures if one.id.quantity == "sag"]
-        self._facts["sag"] = max(sags, default=None)
+        self._facts["sag"] = self._largest_sag(figures)
+
+    def _largest_sag(self, figures: Sequence[KeyFigure]) -> float | None:
+        """Largest sag (m) of long spans; 0 without one, None without any figure of a sag."""
+        sags = {one.id.subject: one.value for one in figures if one.id.quantity == "sag"}
+        long = []
+        for rope in self._scenario.cables:
+            supports = ["start", *self._scenario.of_rope(rope).towers, "end"]
+            for span, ends in zip(spans_of(self._scenario, rope), pairwise(supports), strict=True):
+                if span > LONG:
+                    long.append(sags.get(f"ropes.{rope}.{'+'.join(ends)}", 0.0))
+        return max(long, default=0.0) if sags else None
 
     def verdict(self, profile: Profile, name: str, check: Check) -> RuleVerdict:
         """Verdict of one check that compares a figure."""
