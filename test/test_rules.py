@@ -12,7 +12,8 @@ from cable_twin.basics.limited_yaml import as_yaml
 from cable_twin.key_figures import KeyFigures, Subject, figure
 from cable_twin.key_figures.rules import RuleError, judge, load_profile, profiles_of
 from cable_twin.key_figures.rules.document import counts_of
-from cable_twin.offline.rules import markdown
+from cable_twin.offline.rules import markdown, reasons
+from cable_twin.runtime.watches import FigureWatch
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.scenario.checks.limits import profile_names
 from cable_twin.simulation import Simulation
@@ -58,7 +59,8 @@ def verdict(directory, value, changes=(), uncertainty=None, **check):
 
 def test_shipped_documents_are_valid_and_counted_as_the_page_has_them():
     documents = [load_profile(name).document for name in profile_names()]
-    assert "\n".join(markdown()) in PAGE.read_text(encoding="utf-8")
+    for table in (markdown(), reasons()):
+        assert "\n".join(table) in PAGE.read_text(encoding="utf-8")
     for document in documents:
         for name, check in document.checks.items():
             assert check.clause, name
@@ -191,3 +193,21 @@ def test_a_tramway_by_real_figures():
     assert found["FR85-57"].value == pytest.approx(80.0)
     assert found["FR85-04"].reason == "the run has no figure mean_deceleration, which needs a stop in the run"
     assert found["FR85-19"].state == "does not apply"
+
+
+def test_a_running_twin_warns_once_of_a_rule(tmp_path):
+    own = profile(
+        tmp_path, quantity="rope_safety_factor/moving_ropes/lowest", comparison="at least", limit=50, unit="-"
+    )
+    load_profile.cache_clear()
+    scenario = load_scenario("chairlift", {"limits.profile": [own]})
+    watch = FigureWatch(KeyFigures(scenario), scenario)
+    watch.update(Simulation(scenario).snapshot)
+    watch.statuses()
+    watch.statuses()
+    (told,) = [line for line in watch.take_messages() if line.startswith("rule of own: A-1 exceeded: ")]
+    assert "at least 50" in told
+    assert "own A-1" in watch.status()[2]
+    gone = load_scenario("chairlift", {"limits.profile": [str(tmp_path / "gone.yaml")]})
+    (told,) = FigureWatch(KeyFigures(gone), gone).take_messages()
+    assert told.startswith("no rule profile is judged: ")

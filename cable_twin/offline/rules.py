@@ -59,7 +59,7 @@ def parser() -> OneLineParser:
     )
     add_changes(result)
     result.add_argument(
-        "--markdown", action="store_true", help="print the table of all profiles as docs/rules.md has it, and end"
+        "--markdown", action="store_true", help="print the tables of all profiles as docs/rules.md has them, and end"
     )
     result.add_argument(
         "--vocabulary",
@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_vocabulary(console)
         return SHOWN
     if options.markdown:
-        print("\n".join(markdown()))
+        print("\n".join((*markdown(), "", *reasons())))
         return SHOWN
     try:
         profiles = [load_profile(name) for name in options.profiles or profile_names()]
@@ -120,6 +120,22 @@ def markdown() -> list[str]:
     ]
     total = [sum(int(row[number]) for row in rows) for number in range(3, len(titles))]
     rows.append(("all", "", "", *map(str, total)))
+    return _table(titles, rows)
+
+
+def reasons() -> list[str]:
+    """Lines of the table of what no figure decides, in Markdown."""
+    rows = []
+    for name, document in map(load_profile, profile_names()):
+        found: dict[str, list[str]] = {}
+        for check, one in document.checks.items():
+            if one.not_decidable is not None:
+                found.setdefault(one.not_decidable, []).append(check)
+        rows += [(f"`{name}`", ", ".join(checks), reason) for reason, checks in found.items()]
+    return _table(("profile", "rules", "not decidable, as"), rows)
+
+
+def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return [f"| {' | '.join(row)} |" for row in (titles, ["---"] * len(titles), *rows)]
 
 

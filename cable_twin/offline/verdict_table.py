@@ -12,12 +12,20 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cable_twin.basics.units import rounded
 from cable_twin.key_figures import QUANTITIES
 from cable_twin.key_figures.rules import STATES, Profile, RuleVerdict, differences
 from cable_twin.key_figures.rules.document import counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
-from cable_twin.key_figures.rules.verdicts import EXCEEDED, KEPT, NOT_DECIDED, OUTSIDE, WAIVABLE
+from cable_twin.key_figures.rules.verdicts import (
+    EXCEEDED,
+    KEPT,
+    NOT_DECIDED,
+    OUTSIDE,
+    WAIVABLE,
+    limit_text,
+    sentence,
+    value_text,
+)
 
 WIDE = 140  # characters that a table with clauses needs
 STYLES = {EXCEEDED: "bold red", WAIVABLE: "bold yellow"}
@@ -101,43 +109,6 @@ def _cell(one: RuleVerdict) -> str:
     state = f"[{STYLES[one.state]}]{one.state}[/]" if one.state in STYLES else one.state
     value = f"{value_text(one)}, " if one.state == KEPT or one.limits else ""
     return f"{value}{limit_text(one)}: {state} ({escape(one.check)}, {escape(one.clause)})".removeprefix(": ")
-
-
-def sentence(one: RuleVerdict) -> str:
-    """Verdict in one line: what, value, limit, unit, where, document, edition and clause."""
-    edition = "" if one.edition in one.document else f", {one.edition}"
-    reason = f"; {one.reason}" if one.reason else ""
-    figure = f"{one.figure.name}: " if one.figure is not None else ""
-    said = f"{value_text(one)}, {limit_text(one)}".strip(", ")
-    place = ", ".join(filter(None, (_when(one), one.figure.place if one.figure is not None else "")))
-    return (
-        f"{one.check} {one.state}: {figure}{said}, {place} ({one.document}{edition}, {one.clause}: {one.text}){reason}"
-    )
-
-
-def _when(one: RuleVerdict) -> str:
-    return f"at {one.figure.time:.2f} s" if one.figure is not None and one.figure.time else ""
-
-
-def value_text(one: RuleVerdict) -> str:
-    """Value of a verdict's figure with the unit of the rule; empty without one."""
-    return "" if one.value is None else f"{_tidy(one.value)}{_unit(one)}"
-
-
-def limit_text(one: RuleVerdict) -> str:
-    """Limit of a verdict with the unit of the rule, as `at most 2.5 m/s`; empty where not known."""
-    if not one.limits:
-        return ""
-    numbers = " to ".join(rounded(limit) for limit in one.limits)
-    return f"{one.comparison} {numbers}{_unit(one)}"
-
-
-def _tidy(value: float) -> str:
-    return "0" if abs(value) < 1e-9 else rounded(value)
-
-
-def _unit(one: RuleVerdict) -> str:
-    return "" if one.unit == "-" else f" {one.unit}"
 
 
 def _subject(one: RuleVerdict) -> str:

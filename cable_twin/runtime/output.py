@@ -50,7 +50,7 @@ class Output:
         frames: FrameNames,
         paced: bool,
     ) -> None:
-        self.figures = FigureWatch(KeyFigures(simulation.scenario))
+        self.figures = FigureWatch(KeyFigures(simulation.scenario), simulation.scenario)
         self._simulation = simulation
         self._publishers = publishers
         backlog = math.inf if paced else BACKLOG

@@ -8,11 +8,14 @@ from typing import Any
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
+from cable_twin.key_figures.rules import Judge, RuleError, RuleVerdict, profiles_of
+from cable_twin.key_figures.rules.verdicts import BROKEN, sentence
 from cable_twin.messages import Status
 from cable_twin.messages.figure_messages import OK, WARNING, describe, figure_statuses
 from cable_twin.recording.recorder import CAPACITY, Recorder
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.run_clock import RunClock
+from cable_twin.scenario import Scenario
 
 LATE, ON_TIME = 1.0, 0.1  # s of lateness from which the twin has fallen behind, and below which it has caught up
 LAG = 0.02  # s by which stamps are behind the clock after a pause, from which on it is logged
@@ -24,14 +27,21 @@ class FigureWatch:
 
     Args:
         figures: gathers the key figures.
+        scenario: scenario of the run, whose rule profiles are watched; None: none.
     """
 
-    def __init__(self, figures: KeyFigures) -> None:
+    def __init__(self, figures: KeyFigures, scenario: Scenario | None = None) -> None:
         self._figures = figures
+        self._broken: dict[tuple[str, str], RuleVerdict] = {}  # first verdict beyond a rule, by profile and check
         self._lock = threading.Lock()  # so that value, time and place of an extreme belong together
         self._exceeded: dict[FigureId, KeyFigure] = {}  # with the first value beyond the limit
         self._contacts: dict[tuple[str, str], float] = {}  # pair of vehicles -> time (s) of its last reported contact
         self._messages: list[str] = []
+        try:
+            self._judge = None if scenario is None else Judge(scenario, profiles_of(scenario))
+        except RuleError as error:
+            self._judge = None
+            self._messages += [f"no rule profile is judged: {fault}" for fault in error.faults]
 
     def update(self, snapshot: Snapshot) -> None:
         """Update the watched key figures with a frame."""
@@ -61,6 +71,10 @@ class FigureWatch:
             if figure.kept is False and figure.id not in self._exceeded:
                 self._exceeded[figure.id] = figure
                 self._messages.append(f"limit exceeded: {figure.name}: {describe(figure)}")
+        for one in [] if self._judge is None else self._judge.verdicts(figures):
+            if one.state in BROKEN and (one.profile, one.check) not in self._broken:
+                self._broken[one.profile, one.check] = one
+                self._messages.append(f"rule of {one.profile}: {sentence(one)}")
         return figure_statuses(figures)
 
     def take_messages(self) -> list[str]:
@@ -71,6 +85,7 @@ class FigureWatch:
     def status(self) -> tuple[int, str, dict[str, str]]:
         """Level, message and figures for the task `limits`: a warning that names exceeded limits."""
         values = {figure.name: describe(figure) for figure in self._exceeded.values()}
+        values |= {f"{profile} {check}": sentence(one) for (profile, check), one in self._broken.items()}
         return (WARNING, f"limits exceeded: {', '.join(values)}", values) if values else (OK, "all limits kept", {})
 
 

@@ -79,7 +79,8 @@ def test_a_log_is_judged_by_its_own_profile_and_by_another(run, tmp_path, capsys
                        "carries": "both", "checks": {"X-1": own | {"limit": 0.5, "when": {}}}})  # fmt: skip
     (tmp_path / "own.yaml").write_text(text)
     judged = ["--profile", str(tmp_path / "own.yaml"), "--profile", "france_1985", "--fact", "snow=1"]
-    assert review.main([str(log), "--no-viewer", *judged]) == 0
+    assert review.main([str(log), "--no-viewer", "--plots", str(tmp_path / "plots"), *judged]) == 0
+    assert (tmp_path / "plots" / "rules.png").stat().st_size > 10_000
     printed = " ".join(capsys.readouterr().out.split())
     assert "X-1 exceeded: haul_rope: speed: 1 m/s, at most 0.5 m/s" in printed
     assert "where the profiles differ" in printed

@@ -1,6 +1,16 @@
 """Rules as data: profiles of documents in YAML, and their verdicts on the key figures of a run."""
 
 from cable_twin.key_figures.rules.document import Profile, RuleError, load_profile, profiles_of
-from cable_twin.key_figures.rules.verdicts import STATES, RuleVerdict, differences, judge
+from cable_twin.key_figures.rules.verdicts import STATES, Judge, RuleVerdict, differences, judge
 
-__all__ = ["STATES", "Profile", "RuleError", "RuleVerdict", "differences", "judge", "load_profile", "profiles_of"]
+__all__ = [
+    "STATES",
+    "Judge",
+    "Profile",
+    "RuleError",
+    "RuleVerdict",
+    "differences",
+    "judge",
+    "load_profile",
+    "profiles_of",
+]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Mapping
-from itertools import pairwise
+from math import hypot
 from typing import Any, Literal, get_args, get_origin
 
 from cable_twin.key_figures.rules.expressions import MissingError
-from cable_twin.key_figures.rules.subjects import rope_role
-from cable_twin.scenario import Scenario, in_space
+from cable_twin.key_figures.rules.subjects import Subjects, rope_roles
+from cable_twin.scenario import Scenario
 from cable_twin.scenario.checks.fault import scalar, show
 from cable_twin.scenario.sections.limits import Installation
 
@@ -102,11 +102,10 @@ def system_of(scenario: Scenario) -> str:
     """Kind of ropeway of a scenario, one of `SYSTEMS`."""
     if scenario.carriers is not None and scenario.carriers.tracks:
         return CIRCULATING
-    roles = {rope_role(scenario, rope) for rope in scenario.cables}
-    return REVERSIBLE if "track_ropes" in roles else MONOCABLE
+    return REVERSIBLE if "track_ropes" in rope_roles(scenario).values() else MONOCABLE
 
 
-def facts_of(scenario: Scenario) -> dict[str, Any]:
+def facts_of(scenario: Scenario, subjects: Subjects) -> dict[str, Any]:
     """Facts of a scenario by name, None where not stated; those of one figure's subject are left out."""
     stated = scenario.limits.installation.model_dump()
     hauled = [one for one in scenario.carriages.values() if one.drive.haul_rope is not None]
@@ -114,26 +113,15 @@ def facts_of(scenario: Scenario) -> dict[str, Any]:
     limits = [one.limits.speed for one in scenario.drives.values()]
     limits += [one.drive.limits.speed for one in scenario.carriages.values() if one.joint == "sliding"]
     rated = max((speed for speed in limits if speed is not None), default=None)
-    spans = [span for rope in scenario.cables for span in spans_of(scenario, rope)]
+    spans = [hypot(*chord) for chords in subjects.chords.values() for chord in chords]
     bicable = system_of(scenario) != MONOCABLE
     return stated | {
         "carriage_brake": any(one.drive.track_rope_brake is not None for one in scenario.carriages.values()),
         "haul_ropes": (1 if hauled or loops else None) if bicable else None,
-        "vehicles": len(scenario.vehicles),
+        "vehicles": len(subjects.vehicles),
         "rated_speed": rated,
         "span": max(spans, default=None),
     }
-
-
-def spans_of(scenario: Scenario, rope: str) -> list[float]:
-    """Chords (m) of the spans of a rope."""
-    return [sum(part * part for part in chord) ** 0.5 for chord in chords_of(scenario, rope)]
-
-
-def chords_of(scenario: Scenario, rope: str) -> list[tuple[float, float, float]]:
-    """Vectors (3,) in m from support to support along a rope."""
-    corners = [in_space(corner) for corner in scenario.of_rope(rope).corners]
-    return [(end[0] - start[0], end[1] - start[1], end[2] - start[2]) for start, end in pairwise(corners)]
 
 
 def subject_facts(scenario: Scenario, subject: str) -> dict[str, float]:

@@ -7,9 +7,7 @@ from dataclasses import replace
 from math import atan, hypot, inf, pi, sin, tan
 
 from cable_twin.key_figures.figure import KeyFigure, Subject, figure
-from cable_twin.key_figures.rules.conditions import chords_of
-from cable_twin.key_figures.rules.subjects import rope_role
-from cable_twin.key_figures.stops import groups_of
+from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.system import TOWER_FRICTION
 
@@ -27,20 +25,23 @@ class Found:
         return self._figures.get((quantity, subject, statistic))  # type: ignore[call-overload, no-any-return]
 
 
-def derived_figures(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[KeyFigure]:
+def derived_figures(
+    scenario: Scenario, figures: Iterable[KeyFigure], subjects: Subjects | None = None
+) -> list[KeyFigure]:
     """Figures that follow from those of a run and from the dimensions of its scenario.
 
     Args:
         scenario: scenario of the run.
         figures: key figures of the run.
+        subjects: those of the scenario; None: they are found.
     """
-    found = Found(figures)
+    found, subjects = Found(figures), subjects or Subjects(scenario)
     return [
         *(one for rope in scenario.cables for one in _of_rope(scenario, rope, found)),
-        *(one for tower in scenario.towers for one in _of_tower(scenario, tower, found)),
+        *(one for tower in scenario.towers for one in _of_tower(scenario, tower, subjects, found)),
         *(one for name in scenario.sheaves for one in _of_bullwheel(scenario, name)),
-        *_of_vehicles(scenario, found),
-        *_of_line(scenario, found),
+        *_of_vehicles(scenario, subjects, found),
+        *_of_line(scenario, subjects, found),
     ]
 
 
@@ -77,7 +78,7 @@ def _of_rope(scenario: Scenario, rope: str, found: Found) -> Iterator[KeyFigure]
             yield _of(tension, quantity, "lowest", force / tension.value, subject)
 
 
-def _of_tower(scenario: Scenario, name: str, found: Found) -> Iterator[KeyFigure]:
+def _of_tower(scenario: Scenario, name: str, subjects: Subjects, found: Found) -> Iterator[KeyFigure]:
     """Load ratio, deflection of the rope, pressure of rollers, and proportions of saddles."""
     tower, subject = scenario.towers[name], Subject(f"towers.{name}", name)
     rope = scenario.rope_of(tower)
@@ -96,7 +97,7 @@ def _of_tower(scenario: Scenario, name: str, found: Found) -> Iterator[KeyFigure
         yield _setting("saddle_friction", subject, "lowest", friction)
         if tower.radius and cable.diameter:
             yield _setting("radius_ratio", subject, "lowest", tower.radius / cable.diameter)
-        if tower.radius and (speed := _speed(scenario, found)) is not None:
+        if tower.radius and (speed := _speed(scenario, subjects, found)) is not None:
             yield _of(speed, "saddle_acceleration", "highest", speed.value**2 / tower.radius, subject)
 
 
@@ -112,17 +113,19 @@ def _of_bullwheel(scenario: Scenario, name: str) -> Iterator[KeyFigure]:
             yield _setting(quantity, subject, "lowest", 2.0 * wheel.radius / max(known))
 
 
-def _speed(scenario: Scenario, found: Found) -> KeyFigure | None:
+def _speed(scenario: Scenario, subjects: Subjects, found: Found) -> KeyFigure | None:
     """Highest speed of a run: of its drives, else of its vehicles."""
-    keys = [f"drives.{name}" for name in scenario.drives] or [one.subject.key for one in groups_of(scenario)]
+    keys = [f"drives.{name}" for name in scenario.drives] or [one.subject.key for one in subjects.groups]
     speeds = [one for key in keys if (one := found("speed", key, "highest")) is not None]
     return max(speeds, key=lambda one: one.value, default=None)
 
 
-def _of_vehicles(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
+def _of_vehicles(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[KeyFigure]:
     """Inclination, wheel loads, brakes, grips and payload of each carriage and of the carriers."""
     installation = scenario.limits.installation
-    for group in groups_of(scenario):
+    vehicles = subjects.vehicles
+    names = list(vehicles)
+    for group in subjects.groups:
         subject = group.subject
         for quantity, own in (("swing", "swing_tangent"), ("lateral_swing", "lateral_swing_tangent")):
             angle = found(quantity, subject.key, "highest")
@@ -131,12 +134,12 @@ def _of_vehicles(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
         carriage = scenario.carriages.get(subject.name)
         rope = scenario.rope_of(carriage) if carriage is not None else None
         ropes = [rope] if rope else list(scenario.carriers.tracks.values()) if scenario.carriers else []
-        rolled = [name for name in ropes if rope_role(scenario, name) == "track_ropes"]
+        rolled = [name for name in ropes if subjects.rope_roles[name] == "track_ropes"]
         yield from _of_wheels(scenario, subject, rolled, found)
         pull = found("clamp_force", subject.key, "highest")
         if pull is not None and pull.value > 0.0 and installation.grip_force:
             yield _of(pull, "grip_slip_safety", "lowest", installation.grip_force / pull.value)
-        payloads = [scenario.vehicles[name].payload for name in [list(scenario.vehicles)[row] for row in group.rows]]
+        payloads = [vehicles[names[row]].payload for row in group.rows]
         capacity = min((one.capacity for one in payloads if one is not None), default=None)
         if capacity is not None and installation.persons:
             yield _setting("mass_per_person", subject, "lowest", capacity / installation.persons)
@@ -144,7 +147,7 @@ def _of_vehicles(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
             continue
         if carriage.payload is not None:
             yield _setting("boarding_speed", subject, "highest", carriage.payload.station_speed)
-        brake, steepest = carriage.drive.track_rope_brake, _steepest(scenario, ropes)
+        brake, steepest = carriage.drive.track_rope_brake, _steepest(subjects, ropes)
         if brake is not None and steepest > 0.0:
             mass = sum(body.mass for body in carriage.bodies.values()) + (capacity or 0.0)
             pulled = mass * scenario.gravity * sin(atan(steepest))
@@ -168,35 +171,35 @@ def _of_wheels(scenario: Scenario, subject: Subject, ropes: list[str], found: Fo
         yield _of(force, "wheel_pressure", "highest", force.value / wheels / min(areas))
 
 
-def _steepest(scenario: Scenario, ropes: Iterable[str]) -> float:
+def _steepest(subjects: Subjects, ropes: Iterable[str]) -> float:
     """Steepest slope of the chords of ropes, rise over horizontal distance."""
-    return max((abs(slope) for rope in ropes for slope in _slopes(scenario, rope)), default=0.0)
+    return max((abs(slope) for rope in ropes for slope in _slopes(subjects, rope)), default=0.0)
 
 
-def _slopes(scenario: Scenario, rope: str) -> list[float]:
-    return [z / across if (across := hypot(x, y)) > 0.0 else inf for x, y, z in chords_of(scenario, rope)]
+def _slopes(subjects: Subjects, rope: str) -> list[float]:
+    return [z / across if (across := hypot(x, y)) > 0.0 else inf for x, y, z in subjects.chords[rope]]
 
 
-def _of_line(scenario: Scenario, found: Found) -> Iterator[KeyFigure]:
+def _of_line(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[KeyFigure]:
     """Slopes, interval of carriers, and settings of drives."""
     line = Subject("line")
     rope = next(iter(scenario.cables))
-    chords = chords_of(scenario, rope)
+    chords = subjects.chords[rope]
     across, rise = sum(hypot(x, y) for x, y, _ in chords), sum(z for _, _, z in chords)
     if across > 0.0:
         yield _setting("slope", line, "mean", abs(rise) / across)
-        if (steepest := _steepest(scenario, [rope])) < inf:
+        if (steepest := _steepest(subjects, [rope])) < inf:
             yield _setting("slope", line, "highest", steepest)
-    moving = [found("vehicle_clearance", group.subject.key, "lowest") for group in groups_of(scenario)]
-    ropes = [rope for rope in scenario.cables if rope_role(scenario, rope) != "track_ropes"]
+    moving = [found("vehicle_clearance", group.subject.key, "lowest") for group in subjects.groups]
+    ropes = [rope for rope in scenario.cables if subjects.rope_roles[rope] != "track_ropes"]
     moving += [found("rope_clearance", f"ropes.{rope}", "lowest") for rope in ropes]
     if heights := [one for one in moving if one is not None]:
         least = min(heights, key=lambda one: one.value)
         yield _of(least, "moving_clearance", "lowest", least.value, line)
-    speed = _speed(scenario, found)
+    speed = _speed(scenario, subjects, found)
     if scenario.carriers is not None and speed is not None and speed.value > 0.0:
         carriers = Subject("carriers", scenario.carriers.name)
-        yield _of(speed, "carrier_interval", "lowest", scenario.spacing / speed.value, carriers)
+        yield _of(speed, "carrier_interval", "lowest", subjects.spacing / speed.value, carriers)
     drives = {f"drives.{name}": (name, one.limits) for name, one in scenario.drives.items()}
     drives |= {
         f"carriages.{name}": (name, one.drive.limits)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from cable_twin.key_figures.stops import groups_of
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, in_space
 
 ROLES = {
     "ropes": "every rope",
@@ -25,42 +27,65 @@ ROLES = {
 }
 
 
-def rope_role(scenario: Scenario, rope: str) -> str:
-    """Role of a rope: track_ropes, haul_ropes or carrying_hauling_ropes."""
-    alone = scenario.of_rope(rope)
-    if alone.hauls:
-        return "haul_ropes"
-    return "carrying_hauling_ropes" if alone.strand is not None or alone.drives else "track_ropes"
+def rope_roles(scenario: Scenario) -> dict[str, str]:
+    """Role of each rope by name: track_ropes, haul_ropes or carrying_hauling_ropes."""
+    strands = scenario.strands
+    moving = set(strands) if scenario.sheaves else set(scenario.cables) if scenario.drives else set()
+    pulling = "haul_ropes" if len(strands) and len(moving) < len(scenario.cables) else "carrying_hauling_ropes"
+    return {rope: pulling if rope in moving else "track_ropes" for rope in scenario.cables}
 
 
-def has_role(scenario: Scenario, role: str, subject: str) -> bool:
-    """Whether the subject of a figure has a role; a part of a rope, as a span, has that of its rope."""
-    kind, _, name = subject.partition(".")
-    if role == "pairs":
-        return "+" in subject and kind != "ropes"
-    if role == "line":
-        return subject == "line"
-    if role.endswith("ropes"):
-        own = rope_role(scenario, name.partition(".")[0]) if kind == "ropes" else ""
-        return bool(own) and (role in ("ropes", own) or (role == "moving_ropes" and own != "track_ropes"))
-    if role.endswith("towers") or role == "saddles":
-        return kind == "towers" and name in scenario.towers and _tower_has(scenario, role, name)
-    if role == "drives":
-        return kind == "drives" if scenario.drives else subject in {one.subject.key for one in groups_of(scenario)}
-    if role == "vehicles":
-        return subject in {one.subject.key for one in groups_of(scenario)}
-    if role == "drive_bullwheels":
-        return kind == "sheaves" and any(drive.sheave == name for drive in scenario.drives.values())
-    return kind == "sheaves" and "." not in name
+def _chords(corners: list[tuple[float, ...]]) -> list[tuple[float, float, float]]:
+    """Vectors (3,) in m from corner to corner."""
+    return [(end[0] - start[0], end[1] - start[1], end[2] - start[2]) for start, end in pairwise(corners)]
 
 
-def _tower_has(scenario: Scenario, role: str, name: str) -> bool:
-    tower = scenario.towers[name]
-    on_track = rope_role(scenario, scenario.rope_of(tower)) == "track_ropes"
-    return {
-        "towers": True,
-        "track_towers": on_track,
-        "saddles": on_track and tower.kind == "saddle",
-        "sheave_towers": not on_track and tower.kind == "sheaves",
-        "hold_down_towers": tower.hold_down,
-    }[role]
+class Subjects:
+    """Subjects of the figures of a scenario with their roles, and what is found of them once.
+
+    Attributes:
+        rope_roles: role of each rope.
+        groups: carriages, and all carriers as one.
+        vehicles: all vehicles by name.
+        spacing: m, of carriers; 0 without them.
+        chords: vectors (3,) in m from support to support, of each rope.
+        supports: names of the supports along each rope: start, towers, end.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario, self.rope_roles = scenario, rope_roles(scenario)
+        self.groups, self.vehicles, self.spacing = groups_of(scenario), scenario.vehicles, scenario.spacing
+        ropes = {rope: scenario.of_rope(rope) for rope in scenario.cables}
+        self.supports = {rope: ("start", *alone.towers, "end") for rope, alone in ropes.items()}
+        self.chords = {rope: _chords([*map(in_space, alone.corners)]) for rope, alone in ropes.items()}
+        self._vehicles = {one.subject.key for one in self.groups}
+        self._driven = {drive.sheave for drive in scenario.drives.values()}
+
+    def has(self, role: str, subject: str) -> bool:
+        """Whether the subject of a figure has a role; a part of a rope, as a span, has that of its rope."""
+        kind, _, name = subject.partition(".")
+        if role == "pairs":
+            return "+" in subject and kind != "ropes"
+        if role == "line":
+            return subject == "line"
+        if role.endswith("ropes"):
+            own = self.rope_roles.get(name.partition(".")[0], "") if kind == "ropes" else ""
+            return bool(own) and (role in ("ropes", own) or (role == "moving_ropes" and own != "track_ropes"))
+        if role.endswith("towers") or role == "saddles":
+            return kind == "towers" and name in self._scenario.towers and self._tower_has(role, name)
+        if role == "drives" and self._scenario.drives:
+            return kind == "drives"
+        if role in ("vehicles", "drives"):
+            return subject in self._vehicles
+        return kind == "sheaves" and "." not in name and (role == "bullwheels" or name in self._driven)
+
+    def _tower_has(self, role: str, name: str) -> bool:
+        tower = self._scenario.towers[name]
+        on_track = self.rope_roles[self._scenario.rope_of(tower)] == "track_ropes"
+        return {
+            "towers": True,
+            "track_towers": on_track,
+            "saddles": on_track and tower.kind == "saddle",
+            "sheave_towers": not on_track and tower.kind == "sheaves",
+            "hold_down_towers": tower.hold_down,
+        }[role]

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
+from math import hypot, inf
 from typing import Any
 
+from cable_twin.basics.units import rounded
 from cable_twin.key_figures.figure import TOLERANCE, KeyFigure
-from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, spans_of, subject_facts, system_of
+from cable_twin.key_figures.rules.conditions import NUMBERS, facts_of, holds, subject_facts, system_of
 from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import UNITS, Check, Profile, profiles_of
 from cable_twin.key_figures.rules.expressions import FormulaError, MissingError, value_of
-from cable_twin.key_figures.rules.subjects import has_role
+from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
 
 KEPT, EXCEEDED, NOT_DECIDED = "kept", "exceeded", "not decided"
 WAIVABLE, OUTSIDE = "authority may allow", "does not apply"
+BROKEN = (EXCEEDED, WAIVABLE)
 LONG = 100.0  # m, chord above which a span is long
 STATES = (EXCEEDED, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
 # what a run needs for figures that not every one has
@@ -104,38 +106,49 @@ def judge(
     Raises:
         RuleError: a profile is invalid; one line each.
     """
-    chosen = profiles_of(scenario) if profiles is None else profiles
-    if not chosen:
-        return []
-    run = _Run(scenario, figures)
-    return [
-        run.verdict(profile, name, check)
-        for profile in chosen
-        for name, check in profile.document.checks.items()
-        if check.quantity is not None
-    ]
+    return Judge(scenario, profiles_of(scenario) if profiles is None else profiles).verdicts(figures)
 
 
-class _Run:
-    """Figures and facts of a run that rules compare."""
+class Judge:
+    """Judge of the key figures of a scenario by rule profiles; what does not change in a run is found once.
 
-    def __init__(self, scenario: Scenario, figures: Sequence[KeyFigure]) -> None:
-        self._scenario, self._system, self._facts = scenario, system_of(scenario), facts_of(scenario)
-        self._figures = [*figures, *derived_figures(scenario, figures)]
+    Args:
+        scenario: scenario of the run.
+        profiles: rule profiles.
+    """
+
+    def __init__(self, scenario: Scenario, profiles: Sequence[Profile]) -> None:
+        self._scenario, self._profiles = scenario, profiles
+        if profiles:
+            self._subjects, self._system = Subjects(scenario), system_of(scenario)
+            self._facts = facts_of(scenario, self._subjects)
+            self._figures: list[KeyFigure] = []
+
+    def verdicts(self, figures: Sequence[KeyFigure]) -> list[RuleVerdict]:
+        """Verdicts on the key figures of the run so far, a check each that a figure can decide."""
+        if not self._profiles:
+            return []
+        self._figures = [*figures, *derived_figures(self._scenario, figures, self._subjects)]
         self._facts["sag"] = self._largest_sag(figures)
+        return [
+            self._verdict(profile, name, check)
+            for profile in self._profiles
+            for name, check in profile.document.checks.items()
+            if check.quantity is not None
+        ]
 
     def _largest_sag(self, figures: Sequence[KeyFigure]) -> float | None:
         """Largest sag (m) of long spans; 0 without one, None without any figure of a sag."""
         sags = {one.id.subject: one.value for one in figures if one.id.quantity == "sag"}
-        long = []
-        for rope in self._scenario.cables:
-            supports = ["start", *self._scenario.of_rope(rope).towers, "end"]
-            for span, ends in zip(spans_of(self._scenario, rope), pairwise(supports), strict=True):
-                if span > LONG:
-                    long.append(sags.get(f"ropes.{rope}.{'+'.join(ends)}", 0.0))
+        long = [
+            sags.get(f"ropes.{rope}.{'+'.join(ends)}", 0.0)
+            for rope, supports in self._subjects.supports.items()
+            for ends, chord in zip(pairwise(supports), self._subjects.chords[rope], strict=True)
+            if hypot(*chord) > LONG
+        ]
         return max(long, default=0.0) if sags else None
 
-    def verdict(self, profile: Profile, name: str, check: Check) -> RuleVerdict:
+    def _verdict(self, profile: Profile, name: str, check: Check) -> RuleVerdict:
         """Verdict of one check that compares a figure."""
         base = _Base(profile, name, check)
         if self._system not in profile.systems_of(check):
@@ -159,7 +172,7 @@ class _Run:
     def _why_none(self, quantity: str) -> str:
         """Reason why a run has no such figure."""
         name, role, _ = quantity.split("/")
-        if not any(has_role(self._scenario, role, one.id.subject) for one in self._figures):
+        if not any(self._subjects.has(role, one.id.subject) for one in self._figures):
             return f"the scenario has no {role.replace('_', ' ')}"
         needs = NEEDS.get(name, "")
         return f"the run has no figure {name}" + (f", which needs {needs}" if needs else "")
@@ -167,7 +180,7 @@ class _Run:
     def _matching(self, quantity: str) -> list[KeyFigure]:
         name, role, statistic = quantity.split("/")
         wanted = [one for one in self._figures if (one.id.quantity, one.id.statistic) == (name, statistic)]
-        return [one for one in wanted if has_role(self._scenario, role, one.id.subject)]
+        return [one for one in wanted if self._subjects.has(role, one.id.subject)]
 
     def _of_figure(self, base: _Base, quantity: str, compared: str, figure: KeyFigure) -> RuleVerdict:
         check, facts = base.check, self._facts | subject_facts(self._scenario, figure.id.subject)
@@ -312,12 +325,55 @@ def _margin(verdict: RuleVerdict) -> float:
     return -min(ends) if verdict.state in (EXCEEDED, WAIVABLE) else min(ends)
 
 
+def sentence(one: RuleVerdict) -> str:
+    """Verdict in one line: what, value, limit, unit, where, document, edition and clause."""
+    edition = "" if one.edition in one.document else f", {one.edition}"
+    reason = f"; {one.reason}" if one.reason else ""
+    figure = f"{one.figure.name}: " if one.figure is not None else ""
+    said = f"{value_text(one)}, {limit_text(one)}".strip(", ")
+    place = ", ".join(filter(None, (_when(one), one.figure.place if one.figure is not None else "")))
+    return (
+        f"{one.check} {one.state}: {figure}{said}, {place} ({one.document}{edition}, {one.clause}: {one.text}){reason}"
+    )
+
+
+def _when(one: RuleVerdict) -> str:
+    return f"at {one.figure.time:.2f} s" if one.figure is not None and one.figure.time else ""
+
+
+def value_text(one: RuleVerdict) -> str:
+    """Value of a verdict's figure with the unit of the rule; empty without one."""
+    return "" if one.value is None else f"{_tidy(one.value)}{_unit(one)}"
+
+
+def limit_text(one: RuleVerdict) -> str:
+    """Limit of a verdict with the unit of the rule, as `at most 2.5 m/s`; empty where not known."""
+    if not one.limits:
+        return ""
+    numbers = " to ".join(rounded(limit) for limit in one.limits)
+    return f"{one.comparison} {numbers}{_unit(one)}"
+
+
+def _tidy(value: float) -> str:
+    return "0" if abs(value) < 1e-9 else rounded(value)
+
+
+def _unit(one: RuleVerdict) -> str:
+    return "" if one.unit == "-" else f" {one.unit}"
+
+
 # quantities that rules compare in place of each other, by the one that stands for all
 TOPICS = {
     "tested_safety_factor": "rope_safety_factor",
     "calculated_safety_factor": "rope_safety_factor",
     "tension_over_load": "tension_per_transverse_load",
 }
+
+
+def topic_of(verdict: RuleVerdict) -> tuple[str, str]:
+    """Quantity and role of a verdict, the same for quantities that rules compare in place of each other."""
+    quantity, role, _ = verdict.quantity.split("/")
+    return TOPICS.get(quantity, quantity), role
 
 
 def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
@@ -330,8 +386,7 @@ def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Ite
     by_topic: dict[tuple[str, str], list[RuleVerdict]] = {}
     for one in verdicts:
         if one.state != OUTSIDE:
-            quantity, role, _ = one.quantity.split("/")
-            by_topic.setdefault((TOPICS.get(quantity, quantity), role), []).append(one)
+            by_topic.setdefault(topic_of(one), []).append(one)
     for found in by_topic.values():
         seen = [
             {
