@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, Protocol
@@ -13,7 +14,7 @@ from cable_twin.key_figures.rules import Profile, RuleError, RuleVerdict, judge,
 from cable_twin.messages.figure_messages import figures_of_statuses
 from cable_twin.offline.export import RunTable
 from cable_twin.offline.responses import Responses
-from cable_twin.offline.thinned_series import Signals, signal_values
+from cable_twin.offline.thinned_series import SAME, Signals, signal_values
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
@@ -37,6 +38,7 @@ class Reading:
         on_position: Called with the bytes read so far.
         profiles: Rule profiles in place of those of the scenario.
         facts: Keys of `limits.installation` in place of those of the scenario.
+        start: Simulated time (s) before which all is left out, with the key figures that the run has recorded itself.
 
     Raises:
         LogError: The log holds no frame, or its scenario cannot be understood.
@@ -48,6 +50,7 @@ class Reading:
         on_position: Callable[[int], None] | None = None,
         profiles: Sequence[str] | None = None,
         facts: Mapping[str, Any] | None = None,
+        start: float = -math.inf,
     ) -> None:
         self.log = log
         stated = {f"limits.installation.{key}": value for key, value in (facts or {}).items()}
@@ -66,6 +69,8 @@ class Reading:
         self.frames, self.commands, self.end = 0, 0, 0.0
         self.refused: RefusedCommand | None = None  # the last one
         self._items = read_snapshots(log, on_position=on_position)
+        if start > -math.inf:
+            self._items = _from_time(self._items, start - SAME)
         self._early: list[AppliedCommand | RefusedCommand | RecordedFigures] = []
         self.first = self._find_first()
 
@@ -151,3 +156,8 @@ class Reading:
             + (f", {self.refused.count} refused, the last {self.refused}" if self.refused else "")
             + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
         )
+
+
+def _from_time(items: Iterator[Item], start: float) -> Iterator[Item]:
+    """Items of a log from a time (s) on, without figures recorded by its run, which are of all of it."""
+    return (item for item in items if not isinstance(item, RecordedFigures) and item.time >= start)

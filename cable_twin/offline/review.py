@@ -223,8 +223,8 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
             reading.table.figures, reading.table.verdicts = reading.figures, reading.verdicts
             reading.table.responses = reading.responses.rows()
     with export.words():
-        _print(readings, comparisons)
-        if options.plots is not None and not _write_plots(readings, options.plots, console):
+        print_review(readings, comparisons)
+        if options.plots is not None and not write_review_plots(readings, options.plots, console):
             code = NOT_WRITTEN
     if not export.write("review"):
         code = NOT_WRITTEN
@@ -258,7 +258,7 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
     return move
 
 
-def _print(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> None:
+def print_review(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> None:
     """Print summaries, key figures, and the differences of each run from the first."""
     console = table_console()
     for label, reading in zip(LABELS, readings, strict=False):
@@ -320,7 +320,7 @@ def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | N
     return {name: differences[name] for name in worst.values()}
 
 
-def _write_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
+def write_review_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
     """Write the plots; prints their paths, or an error and returns False."""
     from cable_twin.offline.plots import PlottedRun, write_plots  # noqa: PLC0415 - a second, and not always installed
     from cable_twin.offline.verdict_plot import write_verdict_plot  # noqa: PLC0415 - the same

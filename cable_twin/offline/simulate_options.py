@@ -115,7 +115,7 @@ def parser() -> OneLineParser:
     add_changes(result)
     result.add_argument(
         "--duration",
-        type=_number(0.0, math.inf, "s"),
+        type=number(0.0, math.inf, "s"),
         metavar="S",
         help=f"simulated time to run; default: as long as the run in --from-bag, else until "
         f"{DURATION:g} s after the last command",
@@ -163,7 +163,7 @@ def _add_recording(result: OneLineParser) -> None:
     )
     result.add_argument(
         "--frame-rate",
-        type=_number(1.0, 1000.0, "Hz"),
+        type=number(1.0, 1000.0, "Hz"),
         default=100.0,
         metavar="HZ",
         help="frames per second of simulated time; default: 100",
@@ -173,7 +173,7 @@ def _add_recording(result: OneLineParser) -> None:
         result.add_argument(
             f"--log-{group.removesuffix('s')}-rate",
             dest=f"rate_{group}",
-            type=_number(0.0, 1000.0, "Hz", zero=True),  # whether it divides the frame rate is checked later
+            type=number(0.0, 1000.0, "Hz", zero=True),  # whether it divides the frame rate is checked later
             metavar="HZ",
             help=f"rate at which {text} recorded; 0: every frame; default: {rate:g}",
         )
@@ -239,7 +239,7 @@ def _changed_value(text: str) -> tuple[str, Any]:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def _number(low: float, high: float, unit: str, *, zero: bool = False) -> Callable[[str], float]:
+def number(low: float, high: float, unit: str, *, zero: bool = False) -> Callable[[str], float]:
     """Parser of an option with a number within bounds, above 0 unless `zero` is allowed."""
 
     def convert(text: str) -> float:

@@ -1,0 +1,336 @@
+"""Command `what_if`: branch a recorded run at a time, with other commands or values, and compare both."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cable_twin import Ensemble
+from cable_twin.frame.records import CommandError
+from cable_twin.key_figures import KeyFigures
+from cable_twin.messages import topics
+from cable_twin.messages.sensor_messages import sensor_topics
+from cable_twin.offline.export import Export, add_export, export_fault
+from cable_twin.offline.reading import Reading
+from cable_twin.offline.replay import first_start, made_here
+from cable_twin.offline.review import print_review, write_review_plots
+from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
+from cable_twin.offline.scripted_run import Outcome, simulate
+from cable_twin.offline.simulate import run_progress
+from cable_twin.offline.simulate_options import UNUSABLE, add_changes, number, plots_fault
+from cable_twin.offline.thinned_series import Comparison, compare
+from cable_twin.recording.log_file import LONGEST_GAP, LogError
+from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.recording.run import Run, start_run
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
+from cable_twin.simulation.snapshot_file import read_full_state
+from cable_twin.terminal.bars import compilation_shown
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+
+DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
+SINGLE, IN_SINGLE = 2.0**-24, "tension/"  # rounding of single precision, and the signals that logs hold in it
+EPILOG = """\
+Up to T the run is repeated from its own log, to the last bit; then commands at T or later are those of the script, in
+place of the recorded ones, and values of --set act on the state of T. Times of the script are those of the run. Values
+that would need another mesh, other parts or another solver are refused.
+
+a is the recorded run from T on, b the branch, which gets a log of its own: `review` shows both again.
+
+exit codes: 0 done, 1 the branch failed, refused a command or could not be written, 2 wrong log, script or option, 130
+ended by Ctrl-C
+
+examples:
+  what_if cable_twin_logs/2026-01-31_09-30-00 --at 60 \\
+          --set carriages.cabin.drive.limits.emergency_deceleration=0.6
+  what_if run.mcap --at 60 --script other.yaml --duration 90 --plots pictures
+"""
+
+
+class BranchError(ValueError):
+    """Branch that cannot be made: lines with what was given and what is allowed."""
+
+
+UNUSABLE_INPUT = (BranchError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Run from a branching time on, with valid inputs."""
+
+    simulation: Simulation
+    script: Sequence[ScriptedCommand]
+    start: float  # s
+    duration: float  # s
+    frame_steps: int
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `what_if`."""
+    result = OneLineParser(
+        "what_if",
+        "Branch a recorded run at a time with other commands or values, and compare both.",
+        EPILOG,
+        failure=UNUSABLE,
+    )
+    result.add_argument("log", type=Path, help="directory of a run, or one of its .mcap files")
+    result.add_argument(
+        "--at",
+        type=number(0.0, math.inf, "s", zero=True),
+        required=True,
+        metavar="T",
+        help="simulated time at which the branch begins, to the nearest frame of the log",
+    )
+    result.add_argument(
+        "--script",
+        type=Path,
+        metavar="FILE",
+        help="commands from T on, .yaml or .csv as for `simulate`; default: those of the log",
+    )
+    add_changes(result)
+    result.add_argument(
+        "--duration",
+        type=number(0.0, math.inf, "s"),
+        metavar="S",
+        help="simulated time from T on; default: to the end of the log",
+    )
+    result.add_argument(
+        "--output",
+        type=Path,
+        default=Path("cable_twin_logs"),
+        metavar="DIR",
+        help="directory in which the branch gets one of its own; default: cable_twin_logs",
+    )
+    result.add_argument(
+        "--record",
+        choices=("all", "bag"),
+        default="all",
+        help="all: MCAP bag and rerun recording; bag: the MCAP bag only; default: all",
+    )
+    result.add_argument(
+        "--plots", type=Path, metavar="DIR", help="write plots of both as PNG files into this directory"
+    )
+    add_export(result)
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command `what_if`; the help has the exit codes."""
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
+        arguments.error(fault)
+    console = Console(stderr=True)
+    try:
+        log = read_log(options.log)
+        branch = _branch(log, options, console)
+    except UNUSABLE_INPUT as error:
+        tell("what_if", error)
+        return UNUSABLE
+    try:
+        export = Export(options)
+        run = _start(branch, options)
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        tell(
+            "what_if",
+            f"{getattr(error, 'filename', None) or options.output}: {getattr(error, 'strerror', None) or error}",
+        )
+        return FAILED
+    outcome = _run(branch, run, log.epoch_ns, console)
+    lines = [f"refused: {line}" for line in outcome.refused] + [
+        f"not carried out: {one}" for one in outcome.not_reached
+    ]
+    lines += [outcome.fault] if outcome.fault else []
+    lines += run.recorder.faults
+    for line in lines:
+        tell("what_if", line)
+    if argv is None:
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # the log is closed: `what_if | head` ends without a word
+    try:
+        written = _compare(log, read_log(run.directory), branch.start, options, export, console)
+    except LogError as error:
+        tell("what_if", error)
+        return FAILED
+    with export.words():
+        print(f"log of the branch: {run.directory}")
+    return DONE if written and not lines else FAILED
+
+
+def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
+    """Repeat a run to the branching time, and prepare what goes on from there.
+
+    Raises:
+        One of UNUSABLE_INPUT: something cannot be used.
+    """
+    source = dict(options.set)
+    scenario = load_scenario(log.scenario, source)  # what is wrong is said before anything runs
+    script = None if options.script is None else read_script(options.script, scenario)
+    if not made_here(log):
+        tell("what_if", f"{log.path}: made by other versions or on another machine: last digits may differ")
+    if log.damage:
+        tell("what_if", f"{log.path}: {log.condition}: what is lost is not repeated")
+    if not log.end >= options.at:
+        raise BranchError(f"--at {options.at:g} s given; allowed: up to {log.end:g} s, the end of {log.path}")
+    with left_at_once("what_if"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        part, simulation = first_start(_from_nearest_state(log, options.at))
+    period = float(log.metadata["frame_period"])
+    frame_steps = max(round(period / simulation.step), 1)
+    start = simulation.time + round((options.at - simulation.time) / period) * period
+    if start < simulation.time:
+        raise BranchError(f"--at {options.at:g} s given; allowed: from {simulation.time:g} s, the start of {log.path}")
+    recorded = script_of_log(part)
+    later = [item for item in recorded if item.time > start - 0.5 * simulation.step] if script is None else script
+    if early := [one for one in later if one.at is None and one.time < start - 0.5 * simulation.step]:
+        lines = [
+            f"{one.place}: time {one.time:g} s given; allowed: from {start:g} s, the time of --at" for one in early
+        ]
+        raise ScriptError("\n".join(lines))
+    duration = _duration(log, start, period, options.duration)
+    _repeat(simulation, recorded, start, console)
+    if source:
+        simulation = _changed(simulation, scenario, log, source)
+    if script and (faults := check_script(simulation.scenario, script, stopped=simulation.emergency_stopped)):
+        raise ScriptError("\n".join(faults))
+    return Branch(simulation, later, start, duration, frame_steps)
+
+
+def _duration(log: Log, start: float, period: float, given: float | None) -> float:
+    """Simulated time (s) of a branch: as given, or to the last frame of the log."""
+    duration = math.floor((log.end - start) / period + 1e-6) * period if given is None else given
+    if duration < period:
+        what = f"--duration {given:g} s given" if given is not None else f"--at {start:g} s given, the end of the log"
+        raise BranchError(
+            f"{what}; allowed: at least one frame of {period:g} s" + ("" if given else "; give --duration")
+        )
+    return duration
+
+
+def _from_nearest_state(log: Log, at: float) -> Log:
+    """Log from the last file on whose attached state is not after a time (s)."""
+    for first in range(len(log.files) - 1, 0, -1):
+        try:
+            state = read_full_state(BytesIO(log.files[first].snapshot() or b""), log.files[first].path.name)
+        except SnapshotError:
+            continue
+        if state.time <= at:
+            return dataclasses.replace(log, files=log.files[first:])
+    return log
+
+
+def _repeat(simulation: Simulation, recorded: Sequence[ScriptedCommand], until: float, console: Console) -> None:
+    """Repeat a run with its recorded commands before a time (s).
+
+    Raises:
+        LogError: it cannot be repeated.
+    """
+    before = [item for item in recorded if item.time < until - 0.5 * simulation.step]
+
+    def advance_to(time: float, show: Callable[[float], None]) -> None:
+        if time - simulation.time > LONGEST_GAP:
+            raise LogError(f"nothing from {simulation.time:g} s to {time:g} s; allowed: {LONGEST_GAP:g} s")
+        while simulation.time < time - 0.5 * simulation.step:
+            show(simulation.advance_to(min(simulation.time + 1.0, time)).time)
+
+    with run_progress(console, simulation.time, max(until - simulation.time, simulation.step)) as show:
+        try:
+            for item in before:
+                advance_to(item.time, show)
+                simulation.apply(item.command, item.source)
+            advance_to(until, show)
+        except (SolverError, CommandError) as error:
+            raise LogError(f"the run cannot be repeated: {error}") from None
+
+
+def _changed(simulation: Simulation, scenario: Scenario, log: Log, values: dict[str, Any]) -> Simulation:
+    """Simulation that goes on from the present state with other values of its scenario."""
+    ensemble = Ensemble(simulation.scenario, 1, samples=int(log.metadata["sample_count"]), threads=1)
+    try:
+        ensemble.fork(simulation)
+        ensemble.change(values)
+        return ensemble.simulation(0)
+    except ScenarioError:
+        raise
+    except ValueError as error:
+        raise BranchError(f"--set {error}") from None
+    finally:
+        ensemble.close()
+
+
+def _start(branch: Branch, options: argparse.Namespace) -> Run:
+    """Open the log of the branch."""
+    simulation = branch.simulation
+    return start_run(
+        simulation,
+        (*topics(simulation.layout), *sensor_topics(simulation.scenario)),
+        record_directory=options.output.expanduser(),
+        frame_period=branch.frame_steps * simulation.step,
+        rerun="file" if options.record == "all" else "none",
+    )
+
+
+def _run(branch: Branch, run: Run, epoch_ns: int, console: Console) -> Outcome:
+    """Run the branch with a progress bar, and close its log."""
+    simulation = branch.simulation
+    run.begin(epoch_ns)
+    try:
+        with run_progress(console, simulation.time, branch.duration) as show:
+            return simulate(
+                simulation,
+                branch.script,
+                duration=branch.duration,
+                frame_steps=branch.frame_steps,
+                epoch_ns=epoch_ns,
+                run=run,
+                figures=KeyFigures(simulation.scenario),
+                on_frame=show,
+            )
+    finally:
+        run.close()
+
+
+def _compare(a: Log, b: Log, start: float, options: argparse.Namespace, export: Export, console: Console) -> bool:
+    """Print the comparison of both runs from a time (s) on, with plots and tables; returns whether all is written."""
+    readings = [Reading(log, start=start) for log in (a, b)]
+    for reading in readings:
+        reading.table = export.add(str(reading.log.source), reading.scenario.name)
+    with console.status("comparing"):
+        comparisons = compare(*(reading.values() for reading in readings))
+    for reading in readings:
+        if reading.table is not None:
+            reading.table.figures, reading.table.verdicts = reading.figures, reading.verdicts
+            reading.table.responses = reading.responses.rows()
+    with export.words():
+        print_review(readings, comparisons)
+        if not differs(comparisons[0]):
+            print("no sample differs: the branch has the bits of the run")
+        plotted = options.plots is None or write_review_plots(readings, options.plots, console)
+    return export.write("what_if") and plotted
+
+
+def differs(comparison: Comparison) -> bool:
+    """Whether any sample of two runs differs, or one has what the other one has not.
+
+    Between complete frames a log holds tensions along the rope in single precision; there they are compared in it.
+    """
+    if any(comparison.only_in):
+        return True
+    for name, one in comparison.differences.items():
+        rounding = SINGLE * max(map(abs, one.values)) if name.startswith(IN_SINGLE) else 0.0
+        if one.largest > rounding:
+            return True
+    return False
+
+
+if __name__ == "__main__":
+    sys.exit(main())
