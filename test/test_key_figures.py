@@ -130,6 +130,11 @@ def test_stopping_distance_is_half_the_square_of_speed_over_deceleration():
     duration = gathered(figures)["cabin: stopping time"]
     assert (duration.value, duration.unit, duration.limit) == (pytest.approx(5.0, abs=1e-6), "s", None)
     assert (stop.time, stop.limit, stop.source, stop.kept) == (5.0, 20.0, "scenario: limits.stopping_distance", True)
+    assert gathered(figures)["cabin: mean deceleration of the stop"].value == pytest.approx(1.2, abs=1e-6)
+    for time, kind in ((14.0, "speed"), (15.0, "speed")):  # it stands from 10 s on
+        figures.command(AppliedCommand(time, Command(kind, {"cabin": 3.0}), "test"))
+    delay = gathered(figures)["cabin: delay of a restart"]
+    assert (delay.value, delay.time) == (pytest.approx(4.0, abs=0.02), 14.0)
 
 
 def test_a_passenger_swings_on_and_back_and_counts_until_told_to_move():

@@ -11,6 +11,7 @@ import pytest
 from cable_twin.basics.limited_yaml import as_yaml
 from cable_twin.key_figures import KeyFigures, Subject, figure
 from cable_twin.key_figures.rules import RuleError, judge, load_profile, profiles_of
+from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import counts_of
 from cable_twin.offline.rules import markdown, reasons
 from cable_twin.runtime.watches import FigureWatch
@@ -211,3 +212,11 @@ def test_a_running_twin_warns_once_of_a_rule(tmp_path):
     gone = load_scenario("chairlift", {"limits.profile": [str(tmp_path / "gone.yaml")]})
     (told,) = FigureWatch(KeyFigures(gone), gone).take_messages()
     assert told.startswith("no rule profile is judged: ")
+
+
+def test_the_wind_is_a_figure_and_its_pressure_follows():
+    scenario = load_scenario("windy_tramway", {"air.wind": [3.0, 6.0, 0.0]})
+    figures = KeyFigures(scenario)
+    figures.update(Simulation(scenario).snapshot)
+    found = {one.id.quantity: one.value for one in derived_figures(scenario, figures.figures())}
+    assert found["wind_pressure"] == pytest.approx(0.5 * scenario.air.density * 45.0)

@@ -75,6 +75,7 @@ class KeyFigures:
         self._around = pack(surroundings_of(scenario)) if in_space or scenario.terrain else None
         self._boxes = pack(boxes_of(scenario)) if passes(scenario) else None
         self._masts = masts_of(scenario) if in_space else []
+        self._wind = 0.0, nan  # m/s, the strongest so far, and its time (s)
         self._last, self._period = nan, nan  # s, time of the last frame and from one to the next
         self._groups = groups_of(scenario)
         driven = {
@@ -112,6 +113,9 @@ class KeyFigures:
             if self._boxes is not None:
                 take_passing(self._packed[0], self._boxes, self._packed_columns)
         self._stops.update(time)
+        wind = hypot(*self._columns.wind.tolist()) if self._scenario.dim == 3 else nan
+        if wind > self._wind[0]:
+            self._wind = wind, time
 
     def _take_layout(self, layout: Layout) -> None:
         """Allocate the columns that each frame of a layout is copied into."""
@@ -165,6 +169,8 @@ class KeyFigures:
             found += self._of_loads()
         found += [one.limited_by(self._scenario) for one in self._carried.figures()]
         found += [*self._seats.figures(), *self._of_couplings(), *self._of_passing()]
+        if self._wind[0] > 0.0:
+            found.append(figure("wind", Subject("air"), "highest", *self._wind))
         found.append(self._dissipation.figure(self._last))
         return [one for one in found if not isnan(one.value)]
 

@@ -83,6 +83,7 @@ _ROWS = (
         "m/s^2",
         ("mean",),
     ),
+    Quantity("restart_delay", "delay of a restart", "time from standstill to the next command to move", "s", LOWEST),
     Quantity(
         "passenger_stopping_distance",
         "passenger's stopping distance",
@@ -125,6 +126,7 @@ _ROWS = (
     Quantity("rope_slip", "slip of the rope", "distance that the rope has slipped on a bullwheel", "m", HIGHEST),
     Quantity("rollback", "rollback device triggered", "1 where a rollback device has stopped the lift", "-", HIGHEST),
     Quantity("drive_torque", "drive torque, highest", "torque of the drive of a bullwheel", "N m", HIGHEST),
+    Quantity("wind", "wind", "speed of the wind as set, without gusts and turbulence", "m/s", HIGHEST),
     _limited("energy lost by the solver, relative", "energy_lost", HIGHEST),
     # of `rules/derived.py`: from other figures and the dimensions of a scenario, for rules
     Quantity("swing_tangent", "inclination along the track, tangent", "tangent of the swing", "-", HIGHEST),
@@ -172,6 +174,7 @@ _ROWS = (
     Quantity("grip_slip_safety", "slip force of the grip over its pull", "highest pull of the run", "-", LOWEST),
     Quantity("mass_per_person", "payload per person", "capacity over persons", "kg", LOWEST),
     Quantity("saddle_friction", "friction along the rope", "of a tower", "-", LOWEST),
+    Quantity("wind_pressure", "dynamic pressure of the wind", "half the density times speed squared", "Pa", HIGHEST),
     Quantity("slope", "slope of the chords", "rise over horizontal distance", "-", ("mean", "highest")),
     Quantity("drive_acceleration", "acceleration of the drive", "its limit", "m/s^2", LOWEST),
     Quantity("drive_deceleration", "deceleration of the drive", "its limit for a service stop", "m/s^2", LOWEST),

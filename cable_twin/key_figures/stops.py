@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -97,6 +97,8 @@ class DriveStops:
         self._subjects, self._motion, self._on_bullwheels = subjects, motion, on_bullwheels
         self._braking: dict[str, Stop] = {}  # under way
         self._stops: dict[str, Stop] = {}  # completed
+        self._standing: dict[str, float] = {}  # s, of the standstill of what stands after a stop
+        self._restarts: dict[str, tuple[float, float]] = {}  # s, shortest delay of a restart, and its time
         self._time = nan  # s, of the last frame
 
     def update(self, time: float) -> None:
@@ -110,6 +112,7 @@ class DriveStops:
             if name not in self._stops or stop.kind == EMERGENCY or self._stops[name].kind != EMERGENCY:
                 self._stops[name] = stop
             del self._braking[name]
+            self._standing[name] = time
 
     def command(self, applied: AppliedCommand) -> None:
         """Take in a command at the time of its effect; an emergency stop replaces a normal stop under way."""
@@ -117,6 +120,10 @@ class DriveStops:
             kind, braking = ordered_stop(applied, {name}), self._braking.get(name)
             if kind == NO_STOP:
                 self._braking.pop(name, None)
+                since = self._standing.pop(name, nan)
+                delay = applied.time - since
+                if applied.command.kind != "reset" and delay < self._restarts.get(name, (inf, nan))[0]:
+                    self._restarts[name] = delay, applied.time
             elif kind and not isnan(self._time) and (braking is None or (kind == EMERGENCY != braking.kind)):
                 place, speed = self._motion(name)
                 if abs(speed) > SLOWEST:  # the place at the command, shortly after the frame
@@ -124,14 +131,16 @@ class DriveStops:
                     self._braking[name] = Stop(kind, applied.time, start, speed)
 
     def figures(self, name: str) -> list[KeyFigure]:
-        """Distance and time of the decisive stop of one drive; none without a stop."""
+        """Figures of the decisive stop of one drive, and its shortest delay of a restart; none without a stop."""
         stop = self._stops.get(name)
         if stop is None:
             return []
+        delay = self._restarts.get(name)
+        again = [] if delay is None else [figure("restart_delay", self._subjects[name], "lowest", *delay)]
         place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
         place += f", {RIM}" if name in self._on_bullwheels else ""
         values = stop.distance, stop.end - stop.time
-        return stop_figures(self._subjects[name], stop.speed, values, stop.time, (place, place))
+        return stop_figures(self._subjects[name], stop.speed, values, stop.time, (place, place)) + again
 
 
 class Travel:

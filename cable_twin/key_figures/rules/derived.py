@@ -196,6 +196,9 @@ def _of_line(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[K
     if heights := [one for one in moving if one is not None]:
         least = min(heights, key=lambda one: one.value)
         yield _of(least, "moving_clearance", "lowest", least.value, line)
+    if (wind := found("wind", "air", "highest")) is not None:
+        pressure = 0.5 * scenario.air.density * wind.value**2
+        yield _of(wind, "wind_pressure", "highest", pressure, line)
     speed = _speed(scenario, subjects, found)
     if scenario.carriers is not None and speed is not None and speed.value > 0.0:
         carriers = Subject("carriers", scenario.carriers.name)

@@ -235,7 +235,7 @@ def _quantity_faults(path: KeyPath, key: str, given: str, unit: str | None) -> I
     row = QUANTITIES.get(quantity)
     if row is None:
         near = get_close_matches(quantity, QUANTITIES, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"{', '.join(list(QUANTITIES)[:4])}, ... (`rules --quantities`)"
+        hint = f"did you mean {near[0]}?" if near else f"{', '.join(list(QUANTITIES)[:4])}, ... (`rules --vocabulary`)"
         yield refuse((*path, key), given, hint, "unknown quantity")
         return
     if role not in ROLES or statistic not in row.statistics or given.count("/") != 2:

@@ -33,6 +33,8 @@ NEEDS = {
     "vehicle_clearance": "terrain",
     "rope_clearance": "terrain",
     "moving_clearance": "terrain",
+    "wind_pressure": "space: 3, and wind",
+    "restart_delay": "a restart after a stop in the run",
     "tower_clearance": "space: 3, and towers with mast_offset and mast_width",
     "vehicle_separation": "space: 3, and vehicles on different ropes that come near each other",
     "lateral_swing_tangent": "space: 3",
