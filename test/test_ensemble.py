@@ -257,7 +257,7 @@ def test_key_figures_of_members_are_those_of_a_simulation(name, space):
     scenario = load_scenario(name, {"space": 3} if space == 3 else {})
     drives = [*scenario.drives, *(key for key, one in scenario.carriages.items() if one.drive.mode == "speed")][:1]
     ensemble = Ensemble(scenario, 2, figures_period=0.05, threads=2)
-    single = Simulation(scenario, samples=2, on_demand=True)
+    single = Simulation(scenario)
     expected = KeyFigures(scenario)
     expected.update(single.snapshot)
     for one, drive in itertools.product((ensemble, single), drives):

@@ -23,7 +23,7 @@ from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
 from cable_twin.scenario import Scenario, command_limits, load_scenario
-from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.simulation import SAMPLES, EquilibriumError, Simulation
 from cable_twin.simulation.engine import Settings
 
 ENDS_OF_CABLE = 2  # samples of each rope: the fewest
@@ -43,7 +43,8 @@ class Ensemble:
             for each member, or one for all.
         rest: let each member begin at the rest of its own parameters; else all begin at the rest of the scenario, and
             parameters change there.
-        samples: points (at least 2) at which snapshots hold each rope.
+        samples: points (at least 2) at which snapshots hold each rope; None for both ends, and for as many as a
+            `Simulation` has where key figures are gathered, which are of these points.
         figures_period: simulated time (s) between two looks at the key figures; None for none.
         threads: number of threads; None for one a core.
         progress: whether long calls show a bar; None for where the standard error is a terminal.
@@ -61,7 +62,7 @@ class Ensemble:
         *,
         parameters: Values | None = None,
         rest: bool = True,
-        samples: int = ENDS_OF_CABLE,
+        samples: int | None = None,
         figures_period: float | None = None,
         threads: int | None = None,
         progress: bool | None = None,
@@ -69,6 +70,8 @@ class Ensemble:
         for name, number in (("members", members), ("threads", 1 if threads is None else threads)):
             if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
                 raise ValueError(f"{name}: {number!r} given; allowed: a whole number from 1")
+        if samples is None:
+            samples = ENDS_OF_CABLE if figures_period is None else SAMPLES
         self._source: Source = scenario.resolved() if isinstance(scenario, Scenario) else scenario
         base = Simulation(load_scenario(self._source), samples=samples, on_demand=True)
         self.scenario = self._alike = base.scenario
@@ -78,7 +81,7 @@ class Ensemble:
         self._faults: dict[int, str] = {}
         self._first = self._states.settings[0]
         self._limits, self._looks = command_limits(self.scenario), looks_of(base)
-        self._threads = Threads(base.engine, _cores() if threads is None else int(threads))
+        self._threads = Threads(base.engine, usable_cores() if threads is None else int(threads))
         self._figures_steps, self._figures = 0, [KeyFigures(self.scenario)] * len(self)
         if parameters:
             self.change(parameters, rest=rest)
@@ -151,6 +154,20 @@ class Ensemble:
                 self._revive([member])
             else:
                 self._carry_over(member, before, settings, set(own))
+        self._threads.forget([one.engine.bundle for one in states.variants])
+
+    def begin(self, scenario: Scenario, member: int) -> None:
+        """Let a member begin at the rest of another loaded scenario of the same ropes, meshes, vehicles and solver.
+
+        Raises:
+            EquilibriumError: there is no rest; the member stays what it was.
+            OtherModelError: the scenario is of another mesh, other parts or another solver.
+        """
+        (row,), states, engine = self._rows(member), self._states, self._states.base.engine
+        engine.go_to_start()
+        states.variants[row] = variant = states.base.with_values(scenario)
+        states.leave(row, variant)
+        self._revive([row])
         self._threads.forget([one.engine.bundle for one in states.variants])
 
     def fork(self, simulation: Simulation, members: Chosen = None, *, at: Any = None) -> None:
@@ -488,6 +505,6 @@ def wind_of(scenario: Scenario) -> dict[str, float]:
     return {"x": along, "z": up} | ({"y": across[0]} if across else {})
 
 
-def _cores() -> int:
+def usable_cores() -> int:
     """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -24,7 +24,6 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.mechanics.language.declared import arrays_of
 from cable_twin.messages import APPLIED_COMMANDS, CLOCK, SECOND, FrameNames, MessageEncoder
 from cable_twin.messages.columns import COLUMNS, Row, RowDecoder
 from cable_twin.messages.command_messages import applied_command_message
@@ -185,8 +184,8 @@ def join(
 def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
     """Bitwise differences of two full states."""
     for part in ("state", "start"):
-        others = arrays_of(getattr(replayed, part))
-        for name, array in arrays_of(getattr(logged, part)).items():
+        others = replayed.arrays(part)
+        for name, array in logged.arrays(part).items():
             other = others[name]
             if array.tobytes() != other.tobytes():
                 same = np.array([a.tobytes() == b.tobytes() for a, b in zip(array.flat, other.flat, strict=True)])

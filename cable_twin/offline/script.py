@@ -24,7 +24,6 @@ from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.recording.log_reader import Log
 from cable_twin.scenario import Scenario
-from cable_twin.simulation import Simulation
 from cable_twin.simulation.command_handlers import check_ahead
 
 BY_NAME = {name: kind for name, kind in KINDS.items() if kind.quantity and not kind.axes}  # numbers by name
@@ -125,10 +124,10 @@ def script_of_log(log: Log) -> list[ScriptedCommand]:
     ]
 
 
-def commands_ahead(simulation: Simulation, script: Iterable[ScriptedCommand]) -> list[ScriptedCommand]:
-    """Commands of a script not before the present time, to the nearest solver step, or given at places."""
-    first = round(simulation.time / simulation.step)  # solver steps that are done
-    return [item for item in script if item.at is not None or round(item.time / simulation.step) >= first]
+def commands_ahead(script: Iterable[ScriptedCommand], time: float, step: float) -> list[ScriptedCommand]:
+    """Commands of a script not before a time (s), to the nearest solver step (s), or given at places."""
+    first = round(time / step)  # solver steps that are done
+    return [item for item in script if item.at is not None or round(item.time / step) >= first]
 
 
 def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool = False) -> list[str]:

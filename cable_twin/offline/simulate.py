@@ -154,7 +154,7 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
             tell("simulate", f"{log.path}: {log.condition}: {which} are lost")
     simulation = _simulation(options, log, scenario, console)
     profiles_of(simulation.scenario)
-    ahead = commands_ahead(simulation, script)
+    ahead = commands_ahead(script, simulation.time, simulation.step)
     faults = check_script(simulation.scenario, ahead, stopped=simulation.emergency_stopped)
     if faults and log is None:
         raise ScriptError("\n".join(faults))

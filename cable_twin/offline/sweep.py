@@ -3,47 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import os
-import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from cable_twin.key_figures import KeyFigures, compile_figures
+from cable_twin.key_figures import compile_figures
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import table_console
-from cable_twin.offline.script import ScriptedCommand, ScriptError, read_script
-from cable_twin.offline.scripted_run import simulate
+from cable_twin.offline.runs_side_by_side import Job, run_side_by_side
+from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, Sweep
 from cable_twin.offline.sweep_limits import SweptRun, limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import print_sweep, window_lines, write_csv, write_json
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown, count_shown
+from cable_twin.terminal.bars import compilation_shown, share_shown
 from cable_twin.terminal.command_line import INTERRUPTED, left_at_once, tell
 
 DONE, FAILED = 0, 1
 PRECISION, TURNS = 0.01, 12  # share of a step to which ends of windows are sought, and most rounds of the search
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """Inputs of one run of a sweep over values of a key."""
-
-    value: float
-    scenario: Scenario
-    script: Sequence[ScriptedCommand]
-    duration: float  # s
-    frame_steps: int
 
 
 def sweep(options: argparse.Namespace) -> int:
@@ -61,9 +46,10 @@ def sweep(options: argparse.Namespace) -> int:
         for path in (options.csv, options.json, options.plot):
             if path not in (None, STDOUT):
                 Path(path).touch()  # files that cannot be written are reported before any run
-        with side_by_side(len(jobs)) as run_all, count_shown(console, "runs", len(jobs)) as show:
-            runs = run_all(jobs, show)
-            runs = _refined(options, jobs[0], runs, lambda more: run_all(more, show))
+        with share_shown(console, f"{len(jobs)} runs") as show:
+            runs = run_side_by_side(jobs, show)
+        with share_shown(console, "runs between") as show:
+            runs = _refined(options, jobs[0], runs, lambda more: run_side_by_side(more, show))
         return _report(options, jobs[0].scenario.name, runs)
     except KeyboardInterrupt:
         tell("simulate", "ended by Ctrl-C")
@@ -189,43 +175,3 @@ def is_whole(scenario: Scenario, key: str) -> bool:
     for part in key.split("."):
         node = node.get(part) if isinstance(node, Mapping) else None
     return isinstance(node, int)
-
-
-@contextmanager
-def side_by_side(count: int) -> Iterator[Callable[[Sequence[Job], Callable[[], object]], list[SweptRun]]]:
-    """Worker processes for up to `count` parallel runs; yields a function from jobs to runs in equal order."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    context = multiprocessing.get_context("spawn")  # a process that has threads must not be forked
-    pool = ProcessPoolExecutor(min(cores, count), context, _leave_ctrl_c)
-
-    def run_all(jobs: Sequence[Job], on_run: Callable[[], object]) -> list[SweptRun]:
-        done = []
-        for run in pool.map(run_job, jobs):
-            on_run()
-            done.append(run)
-        return done
-
-    try:
-        yield run_all
-    finally:
-        processes = list((pool._processes or {}).values())
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:  # runs are not awaited after Ctrl-C
-            process.terminate()
-
-
-def _leave_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def run_job(job: Job) -> SweptRun:
-    """Carry out one run of a sweep."""
-    try:
-        simulation = Simulation(job.scenario)
-    except EquilibriumError as error:
-        return SweptRun(job.value, (), str(error))
-    figures = KeyFigures(job.scenario)
-    outcome = simulate(
-        simulation, job.script, duration=job.duration, frame_steps=job.frame_steps, epoch_ns=0, figures=figures
-    )
-    return SweptRun(job.value, figures.figures(), outcome.fault, outcome.refused)

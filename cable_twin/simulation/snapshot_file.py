@@ -94,6 +94,10 @@ class FullState:
         """State of the first rope at the start."""
         return self.starts[0]
 
+    def arrays(self, part: str) -> Mapping[str, Any]:
+        """Arrays by name of the first rope: its present "state", or "start", the state at the start."""
+        return arrays_of(getattr(self, part))
+
     def fits(self, scenario: Scenario) -> bool:
         """Whether the state was captured from an identical scenario object, and needs no check."""
         return self.scenario is scenario and self.foreign is None

@@ -11,10 +11,17 @@ import pytest
 from named_figures import named
 from ruamel.yaml import YAML
 
+from cable_twin.frame.records import Command
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.runs_side_by_side import Job, run_side_by_side
+from cable_twin.offline.script import Place, ScriptedCommand
+from cable_twin.offline.scripted_run import simulate
 from cable_twin.offline.simulate import main
 from cable_twin.offline.simulate_options import sweep_of
 from cable_twin.offline.sweep_limits import SweptRun, limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import window_lines
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
 from verification import JIT
 
 LIMIT = 0.2  # rad
@@ -71,6 +78,34 @@ def test_the_operating_limit_is_where_the_closed_form_has_it(scenario, tmp_path,
     assert {wind: got[wind] for wind in swing} == pytest.approx(swing, abs=1e-5)
     assert any(got[wind] == pytest.approx(LIMIT, rel=1e-3) for wind in got)  # a run at the limit itself
     assert (tmp_path / "sweep.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_runs_side_by_side_have_the_bits_of_runs_by_themselves():
+    """Of three meshes, as stiffness moves the short elements of a graded one, with commands at times and a place."""
+    script = [
+        ScriptedCommand(0.0, Command("speed", {"cabin": 6.0}), "script", "1"),
+        ScriptedCommand(0.2, Command("emergency_stop", {}), "script", "2", Place("cabin", 12.0001)),
+        ScriptedCommand(0.403, Command("wind", {"x": 9.0, "z": 1.0}), "script", "3"),
+        ScriptedCommand(0.65, Command("speed", {"cabin": 1.0}), "script", "4"),
+    ]
+    changes = [{"air.temperature": 0.0}, {}, {"cable.axial_stiffness": 4e8}, {"air.wind": [9.0, 0.0]}]
+    changes.append({"solver.step": 0.0025})
+    scenarios = [load_scenario("aerial_tramway", one) for one in changes]
+    jobs = [Job(float(number), one, script, 0.8, 2) for number, one in enumerate(scenarios)]
+    shares: list[float] = []
+    runs = run_side_by_side(jobs, shares.append)
+    for job, run in zip(jobs, runs, strict=True):
+        figures = KeyFigures(job.scenario)
+        alone = simulate(
+            Simulation(job.scenario), script, duration=job.duration, frame_steps=2, epoch_ns=0, figures=figures
+        )
+        assert (run.value, run.fault, run.refused) == (job.value, alone.fault, alone.refused)
+        assert run.figures == figures.figures()
+        assert len(run.refused) == 1
+        assert "emergency stop is in force" in run.refused[0]
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
@@ -160,7 +195,7 @@ def test_a_sweep_that_is_none_is_one_line(scenario, capsys, given, said):
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("cable_twin.offline.sweep.side_by_side", None)
+    monkeypatch.setattr("cable_twin.offline.sweep.run_side_by_side", None)
     missing = tmp_path / "nowhere" / "sweep.csv"
     assert main([scenario, "--sweep", "wind.x=0:1:1", "--csv", str(missing)]) == 1
     assert capsys.readouterr().err == f"simulate: {missing}: No such file or directory\n"

@@ -1,0 +1,208 @@
+"""Scripted runs of scenarios side by side: members of ensembles, each of those with the same mesh."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from cable_twin.ensemble import Ensemble, usable_cores
+from cable_twin.frame.records import AppliedCommand, Command, CommandError
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.course import Outcome, course
+from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.sweep_limits import SweptRun
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.builders.bundle import build_ropes
+from cable_twin.simulation import SAMPLES, EquilibriumError, SolverError
+from cable_twin.simulation.same_model import OtherModelError
+
+MOST = 64  # members of an ensemble, whose parameters take memory
+REST = 0.1  # of a run, as the bar has it: the search for its start
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Inputs of one run of a sweep over values of a key."""
+
+    value: float
+    scenario: Scenario
+    script: Sequence[ScriptedCommand]
+    duration: float  # s
+    frame_steps: int
+
+
+class Member:
+    """Member of an ensemble in the place of a simulation, which the ensemble advances.
+
+    Args:
+        ensemble: with snapshots as those of simulations.
+        number: of the member.
+        scenario: of the member.
+    """
+
+    def __init__(self, ensemble: Ensemble, number: int, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self._ensemble, self._number = ensemble, number
+
+    @property
+    def layout(self) -> Layout:
+        """Names and places of the numbers of a snapshot."""
+        return self._ensemble.layout
+
+    @property
+    def step(self) -> float:
+        """Solver step (s)."""
+        return self.scenario.solver.step
+
+    @property
+    def time(self) -> float:
+        """Simulated time (s)."""
+        return float(self._ensemble.times[self._number])
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """Present snapshot."""
+        return self._ensemble.snapshot(self._number)
+
+    def apply(self, command: Command, source: str = "python") -> AppliedCommand:
+        """Apply a command at the present time: whole or, with an error, not at all.
+
+        Raises:
+            CommandError: one line with what was given and what is allowed.
+        """
+        try:
+            self._ensemble.apply(command, self._number)
+        except CommandError as error:
+            raise CommandError(str(error).removeprefix(f"member {self._number}: ")) from None
+        return AppliedCommand(self.time, command, source)
+
+
+class _Bar:
+    """Share of runs that is done, shown by a callback; for several threads."""
+
+    def __init__(self, count: int, show: Callable[[float], object]) -> None:
+        self._done, self._count, self._show, self._lock = 0.0, count, show, threading.Lock()
+
+    def add(self, runs: float) -> None:
+        """Add a number of runs, or a share of one."""
+        with self._lock:
+            self._done += runs
+            self._show(min(self._done / self._count, 1.0))
+
+
+def run_side_by_side(jobs: Sequence[Job], show: Callable[[float], object]) -> list[SweptRun]:
+    """Carry out runs as members of ensembles, with the bits of simulations by themselves; in equal order.
+
+    Args:
+        jobs: the runs, each from the rest of its scenario.
+        show: called with the share of them that is done.
+    """
+    alike: dict[object, list[int]] = {}
+    for number, job in enumerate(jobs):
+        alike.setdefault(_mesh(job.scenario), []).append(number)
+    groups = [group[first : first + MOST] for group in alike.values() for first in range(0, len(group), MOST)]
+    cores, bar, stop = usable_cores(), _Bar(len(jobs), show), threading.Event()
+    threads = max(cores // len(groups), 1)
+    found: dict[int, SweptRun] = {}
+    running: set[Future[dict[int, SweptRun]]] = set()
+    with ThreadPoolExecutor(cores, "runs") as pool:
+        try:
+            while groups or running:
+                if groups and len(running) < cores:
+                    begun = _begin({number: jobs[number] for number in groups.pop()}, threads, bar)
+                    found |= begun.failed
+                    groups += [begun.others] if begun.others else []
+                    running |= {pool.submit(_run_courses, begun, bar, stop)} if begun.members else set()
+                    continue
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                for one in done:
+                    found |= one.result()
+        except BaseException:  # as of Ctrl-C
+            stop.set()
+            raise
+    return [found[number] for number in range(len(jobs))]
+
+
+def _mesh(scenario: Scenario) -> object:
+    """Condition for runs to be members of one ensemble with the bits of simulations: meshes of all ropes."""
+    try:
+        ropes = build_ropes(scenario)
+    except EquilibriumError:  # which its simulation will have as well
+        return None
+    return tuple((name, system.cable.node_arc_length.tobytes()) for name, system in ropes.items())
+
+
+class _Begun(NamedTuple):
+    """Ensemble of runs at their start, and those that have none or need another ensemble."""
+
+    ensemble: Ensemble | None
+    members: dict[int, tuple[Job, int]]  # with the member of each, by number of the run
+    failed: dict[int, SweptRun]
+    others: list[int]
+
+
+def _begin(jobs: dict[int, Job], threads: int, bar: _Bar) -> _Begun:
+    """Begin runs, as far as they may be members of one ensemble."""
+    begun = _Begun(None, {}, {}, [])
+    for number, job in jobs.items():
+        try:
+            if begun.ensemble is None:
+                ensemble = Ensemble(job.scenario, len(jobs), samples=SAMPLES, threads=threads, progress=False)
+                begun = begun._replace(ensemble=ensemble)
+            else:
+                begun.ensemble.begin(job.scenario, len(begun.members))
+        except OtherModelError:
+            begun.others.append(number)
+            continue
+        except EquilibriumError as error:
+            begun.failed[number] = SweptRun(job.value, (), str(error))
+            bar.add(1.0)
+            continue
+        begun.members[number] = job, len(begun.members)
+        bar.add(REST)
+    return begun
+
+
+def _run_courses(begun: _Begun, bar: _Bar, stop: threading.Event) -> dict[int, SweptRun]:
+    """Results of runs by number."""
+    ensemble, jobs = begun.ensemble, begun.members
+    assert ensemble is not None
+    figures = {number: KeyFigures(job.scenario) for number, (job, _) in jobs.items()}
+    courses = {
+        number: course(
+            Member(ensemble, member, job.scenario),
+            job.script,
+            duration=job.duration,
+            frame_steps=job.frame_steps,
+            figures=figures[number],
+        )
+        for number, (job, member) in jobs.items()
+    }
+    targets, found = {number: next(one) for number, one in courses.items()}, {}
+    while targets and not stop.is_set():
+        before = ensemble.times
+        times = before.copy()
+        for number, target in targets.items():
+            times[jobs[number][1]] = target
+        ensemble.advance_to(times)
+        faults, passed = ensemble.faults, ensemble.times - before
+        for number in [*targets]:
+            job, member = jobs[number]
+            bar.add((1.0 - REST) * float(passed[member]) / job.duration)
+            try:
+                targets[number] = _go_on(courses[number], faults.get(member))
+            except StopIteration as end:
+                outcome: Outcome = end.value
+                found[number] = SweptRun(job.value, figures[number].figures(), outcome.fault, outcome.refused)
+                del targets[number]
+    ensemble.close()
+    return found
+
+
+def _go_on(times: Generator[float, None, Outcome], fault: str | None) -> float:
+    """Next time (s) of a course, whose last one the simulation has reached, or not for a fault."""
+    return next(times) if fault is None else times.throw(SolverError(fault))
