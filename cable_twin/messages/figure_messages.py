@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from cable_twin.basics.printable import printable
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
+from cable_twin.key_figures.outlook import Outlook
 from cable_twin.messages import Status, diagnostics_message
 
 OK, WARNING = 0, 1  # levels of diagnostics
@@ -24,6 +25,32 @@ def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
 def figures_message(figures: Iterable[KeyFigure], stamp_ns: int) -> bytes:
     """Encode figures as a diagnostic_msgs/DiagnosticArray with a stamp in ns."""
     return diagnostics_message(stamp_ns, *figure_statuses(figures))
+
+
+def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
+    """Statuses of an outlook: one of the whole, then each figure of each future, a warning where a limit is passed.
+
+    Args:
+        outlook: outlook of a twin.
+        age: s by the clock since the state was taken from which it was made.
+    """
+    warnings = outlook.warnings
+    values = {
+        "time_s": repr(outlook.time),
+        "horizon_s": repr(outlook.horizon),
+        "age_s": f"{age:.3f}",
+        "took_s": f"{outlook.effort:.3f}",
+    }
+    values |= {one.name: one.fault or one.assumed for one in outlook.futures}
+    whole = f"{len(warnings)} limits would be passed" if warnings else "no limit would be passed"
+    found = [Status(WARNING if warnings else OK, "outlook", whole, values)]
+    for future in outlook.futures:
+        for one in future.figures:
+            passed = {"passed_s": repr(float(future.passed[one.id]))} if one.id in future.passed else {}
+            text = future.warning(one).removeprefix(f"{future.name}: ") if passed else describe(one)
+            own = {"future": future.name, **values_of(one), **passed}
+            found.append(Status(WARNING if passed else OK, f"{future.name}: {one.name}", text, own))
+    return found
 
 
 def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:

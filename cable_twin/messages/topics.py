@@ -46,6 +46,7 @@ SCENARIO = "scenario"
 APPLIED_COMMANDS = "applied_commands"
 REFUSED_COMMANDS = "refused_commands"
 KEY_FIGURES = "key_figures"
+OUTLOOK = "outlook"
 DERAILMENTS = "derailments"
 DIAGNOSTICS = "/diagnostics"
 CLOCK = "/clock"
@@ -77,6 +78,7 @@ def topics(
     tf: bool = False,
     markers: bool = False,
     robot: bool = False,
+    outlook: bool = False,
 ) -> tuple[Topic, ...]:
     """Table of the topics published for frames in a layout.
 
@@ -87,6 +89,7 @@ def topics(
         tf: With `/tf` and `/tf_static`.
         markers: With `markers`, only where visualization_msgs exists.
         robot: With `robot_description`.
+        outlook: With `outlook`, which the node has by default.
 
     Returns:
         Every topic, in a fixed order.
@@ -114,6 +117,8 @@ def topics(
     if layout.space:
         table.append(Topic(AIR_WIND, Vector3Stamped.__msgtype__, group="forces"))
     table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
+    if outlook:
+        table.append(Topic(OUTLOOK, DiagnosticArray.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))

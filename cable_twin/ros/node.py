@@ -23,6 +23,7 @@ from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
 from cable_twin.frame.records import AppliedCommand, RefusedCommand
 from cable_twin.key_figures import compile_figures
 from cable_twin.messages import (
+    OUTLOOK,
     REFUSED_COMMANDS,
     SCENARIO,
     FrameNames,
@@ -53,6 +54,7 @@ from cable_twin.ros.rviz import RvizTopics
 from cable_twin.ros.services import Services, SnapshotWriter
 from cable_twin.ros.simulation_services import WorldLoading, offer_simulation_services
 from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.runtime.outlook import Answer, LiveOutlook
 from cable_twin.runtime.output import Output
 from cable_twin.runtime.run_clock import RunClock
 from cable_twin.runtime.scenario_reading import ScenarioReader
@@ -151,7 +153,13 @@ class TwinNode(Node):
         rates = topic_rates(self, self._settings, frame_rate)
         self._frames = FrameNames(self._settings["frame_id"], self._settings["frame_prefix"])
         self._rviz = RvizTopics(self.simulation, self._frames)
-        table = topics(layout, own=own, clock=self._settings["publish_clock"], **self._rviz.present)
+        table = topics(
+            layout,
+            own=own,
+            clock=self._settings["publish_clock"],
+            outlook=self._settings["outlook"],
+            **self._rviz.present,
+        )
         table += sensor_topics(self.simulation.scenario)
         self._endpoints = Endpoints(self, table)
         self._senders = self._rviz.counted_senders(self._endpoints)
@@ -204,9 +212,21 @@ class TwinNode(Node):
         self._endpoints.warn_of_unknown()
         self.status = StatusLine(self.simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self.loading = WorldLoading(self, self._loop, self._check, self.get_parameter("scenario").value)
+        self._outlook = self._make_outlook() if self._settings["outlook"] else None
         self._create_services()
         self.emergency = emergency or EmergencyStop(self, arguments)
         self.emergency.serve(self._loop)
+
+    def _make_outlook(self) -> LiveOutlook:
+        """Outlook beside the frame loop, with the parameters of the node."""
+        return LiveOutlook(
+            self.simulation,
+            self._loop,
+            stamp_ns=self._run_clock.stamp_ns,
+            publish=self._publish_outlook,
+            warn=self._log_warning,
+            **{key: self._settings[f"outlook_{key}"] for key in ("horizon", "rate", "gust")},
+        )
 
     def _create_services(self) -> None:
         """Create the services and timers of the node."""
@@ -243,6 +263,8 @@ class TwinNode(Node):
             gc.freeze()  # permanent objects are not traversed between two frames
         start = f" from {self.simulation.time:.3f} s of the snapshot on" if self._settings["snapshot"] else ""
         self._loop.start()
+        if self._outlook is not None:
+            self._outlook.start()
         factor = self._settings["real_time_factor"]
         if factor != 1.0:
             pace = f"at {factor:g} times real time" if factor > 0.0 else "as fast as possible"
@@ -260,6 +282,8 @@ class TwinNode(Node):
     def stop(self) -> None:
         """Stop the loop and close the logs; the owner destroys the node."""
         self.emergency.leave()
+        if self._outlook is not None:
+            self._outlook.stop()
         self._loop.stop()
         if self._actions is not None:
             self._actions.destroy()
@@ -349,6 +373,12 @@ class TwinNode(Node):
 
     def _log_fault(self, line: str) -> None:
         self.get_logger().error(line)
+
+    def _log_warning(self, line: str) -> None:
+        self.get_logger().warning(line)
+
+    def _publish_outlook(self, answer: Answer) -> None:
+        self._output.send([(OUTLOOK, answer.message)], self._stamp_ns())
 
     def _log_goal(self, line: str, abandoned: bool) -> None:
         if abandoned:

@@ -184,6 +184,22 @@ PARAMETERS = (
         "with a slash, or empty",
         pattern=r"([^/\s]\S*)?",
     ),
+    Parameter(
+        "outlook",
+        True,
+        "publish ~/outlook: what happens if the emergency stop comes now, if all goes on as commanded, and in a gust; "
+        "from a process beside the twin at the lowest priority",
+    ),
+    Parameter("outlook_horizon", 60.0, "how far ahead ~/outlook looks", "s", 1.0, 3600.0),
+    Parameter("outlook_rate", 1.0, "outlooks a second, fewer where one takes longer", "Hz", 0.01, 10.0),
+    Parameter(
+        "outlook_gust",
+        10.0,
+        "amplitude of the announced gust of ~/outlook, across the track in space, along it in a plane",
+        "m/s",
+        0.1,
+        100.0,
+    ),
     Parameter("allow_second", False, "start even if a twin of the same name already runs in this ROS domain"),
     Parameter("start_paused", False, "start paused, until the service ~/pause or ~/step is called"),
     Parameter(

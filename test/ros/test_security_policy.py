@@ -46,7 +46,7 @@ def published() -> Iterator[str]:
     """Full names of all topics of all scenarios, with all options on."""
     for one in (*scenario_names(), BENT):
         layout = Layout.of(load_scenario(one), 2)
-        table = topics(layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True)
+        table = topics(layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True, outlook=True)
         for topic in table:
             if topic.name not in INPUTS:
                 yield topic.name if topic.name.startswith("/") else f"{TWIN}/{topic.name}"

@@ -1,0 +1,85 @@
+"""Process of the outlook: takes states of a running twin from a pipe, runs its futures, and gives back the message.
+
+It stands beside the twin at the lowest priority, and ends with it: as soon as the pipe is closed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Thread
+from typing import IO, Any
+
+import numpy as np
+
+from cable_twin.ensemble.outlook import Forecaster, standard_gust
+from cable_twin.frame.records import Command
+from cable_twin.key_figures.outlook import AS_COMMANDED, Outlook
+from cable_twin.messages import diagnostics_message
+from cable_twin.messages.figure_messages import outlook_statuses
+from cable_twin.runtime.outlook import Answer, Question, receive, send
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.snapshot_file import FullState
+
+
+def restore(twin: Simulation, like: FullState, question: Question) -> None:
+    """Take over the state of a question; `like` is a full state of the twin, which is overwritten."""
+    for kept, block in zip((like.now, like.before, *like.couplings), question.blocks, strict=True):
+        kept.memory[:] = np.frombuffer(block, np.uint8)
+    commands = {name: Command(kind, {name: value}) for name, (kind, value) in question.commands.items()}
+    state = (commands, question.loading, False, like.couplings)
+    twin.restore(FullState(twin.scenario, question.time, like.now, like.before, question.stopped, *state))
+
+
+def answer_of(outlook: Outlook, question: Question) -> Answer:
+    """Message and series of an outlook."""
+    age = time.monotonic() - question.taken
+    message = diagnostics_message(question.stamp_ns, *outlook_statuses(outlook, age))
+    ahead = outlook[AS_COMMANDED]
+    warnings = {str(one.id): ahead.warning(one) for one in ahead.figures if one.id in ahead.passed}
+    run = [one for one in outlook.futures if one.last is not None]
+    count = min(len(one.times) for one in run)
+    highest = np.max([one.highest[:count] for one in run], axis=0)
+    lowest = np.min([one.lowest[:count] for one in run], axis=0)
+    return Answer(outlook.time, message, warnings, run[0].times[:count], highest, lowest)
+
+
+def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:
+    """Answer questions until the pipe is closed, the newest one at a time.
+
+    Args:
+        source: pipe with the scenario and options, then questions.
+        sink: pipe for the answers.
+        leave: called as soon as the source is closed.
+    """
+    waiting: SimpleQueue[Any] = SimpleQueue()
+
+    def read() -> None:
+        while (item := receive(source)) is not None:
+            waiting.put(item)
+        leave()
+
+    Thread(target=read, name="questions", daemon=True).start()
+    options = waiting.get()
+    twin = Simulation(load_scenario(options["scenario"]), on_demand=True)
+    forecaster = Forecaster(twin.scenario, horizon=options["horizon"], threads=1)
+    gust, like = standard_gust(twin.scenario, options["gust"]), twin.capture()
+    while True:
+        question = waiting.get()
+        restore(twin, like, question)
+        send(sink, answer_of(forecaster.outlook(twin, gust), question))
+
+
+def main() -> None:
+    """Run the process between its standard input and output."""
+    sink = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody else writes into the pipe
+    serve(sys.stdin.buffer, sink, lambda: os._exit(0))
+
+
+if __name__ == "__main__":
+    main()
