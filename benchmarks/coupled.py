@@ -104,6 +104,8 @@ def run(effort: Effort, progress: Progress) -> Part:
         else:
             progress.advance(task, turns)
             row["a step [µs]"] = None
+        if "beside" in trees:
+            row["of the other checkout"] = None
         if times.get("beside"):
             ratio = statistics.median(a / b for a, b in zip(times["here"], times["beside"], strict=True))
             row["of the other checkout"] = ratio

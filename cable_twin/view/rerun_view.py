@@ -39,7 +39,7 @@ LIVE_MEMORY = "4MiB"
 _ABANDONED: list[rr.RecordingStream] = []
 BATCH = 500  # frames
 LIVE_WINDOW = 30.0  # s
-WIND_CHANGE = 1.0  # m/s of change from which on another wind is listed among the commands
+LISTED_CHANGE = {"wind": 1.0, "temperature": 1.0}  # m/s, K: from which on another one is listed among the commands
 
 
 class _Stream(rr.RecordingStream):
@@ -277,7 +277,7 @@ class RerunView:
             self._send()
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Log a command as a text line, unless repeated or a small change of the wind.
+        """Log a command as a text line, unless repeated or a small change of the air.
 
         Raises:
             RuntimeError: the view is closed.
@@ -288,9 +288,9 @@ class RerunView:
         last = self._last_commands.get(key)
         if applied.command == last:
             return  # repeated because of the time-out of commands
-        if kind.name == "wind" and last is not None:
-            change = [abs(speed - last.values[axis]) for axis, speed in applied.command.values.items()]
-            if max(change) < WIND_CHANGE:
+        if kind.name in LISTED_CHANGE and last is not None:
+            change = [abs(value - last.values[axis]) for axis, value in applied.command.values.items()]
+            if max(change) < LISTED_CHANGE[kind.name]:
                 return
         if not applied.command.values:
             self._last_commands.clear()  # after a stop or a reset a repeated command is listed again

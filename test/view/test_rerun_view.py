@@ -88,12 +88,14 @@ def test_payload_and_gusts_are_listed(tmp_path):
     drive = Command("speed", {"cabin": 12.0})
     gusts = [Command("wind", {"x": 5.0 + 0.4 * k, "z": 0.0}) for k in range(6)]
     orders = [Command("payload", {"cabin": 640.0}), *(order for gust in gusts for order in (drive, gust))]
+    orders += [Command("temperature", {"ropes": 8.0 - 0.4 * k}) for k in range(4)]
     for index, order in enumerate(orders):
         view.log_command(AppliedCommand(0.1 * index, order, "desk"))
         view.log(snapshot_at(0.1 * index))
     view.close()
     _, texts = column(path, "/commands", "TextLog:text")
     shown = ["payload cabin 640 kg", "speed cabin 12 m/s", *(f"wind x {x:g} m/s, z 0 m/s" for x in (5.0, 6.2))]
+    shown += ["temperature ropes 8 degC", "temperature ropes 6.8 degC"]
     assert [text[0] for text in texts] == [f"{line} (desk)" for line in shown]
 
 
