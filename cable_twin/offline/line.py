@@ -23,7 +23,7 @@ from cable_twin.offline.check import compared, refined
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
-from cable_twin.offline.verdict_table import print_verdicts
+from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import Scenario, ScenarioError, build_system, load_scenario, scenario_lines
 from cable_twin.scenario.command_limits import sense_of, travel_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -198,7 +198,9 @@ def _write_json(file: TextIO, line: Line) -> None:
         if one.uncertainty is not None:
             numbers["uncertainty"] = one.uncertainty
         envelope.append({"name": one.name, **values, **numbers, "vehicle_at_m": one.time, "kept": one.kept})
-    content = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
+    content: dict[str, Any] = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
+    if verdicts := judge(line.scenario, line.figures):
+        content["rules"] = [verdict_columns(one) for one in verdicts]
     json.dump({**content, "columns": names, "rows": rows}, file, indent=1)
     file.write("\n")
 

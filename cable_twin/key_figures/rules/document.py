@@ -141,10 +141,10 @@ def load_profile(source: str) -> Profile:
         names = ", ".join(profile_names())
         raise RuleError(f"given {source!r}: no such profile; allowed: {names}, or the path of a YAML file")
     file = Path(source).expanduser() if is_file(source) else RULES / f"{source}.yaml"
+    if not file.is_file():  # a pipe would hold up a running twin
+        raise RuleError(f"{file}: no such file; allowed: a YAML file with a rule profile")
     try:
         found = read_yaml(limited_text(file))
-    except FileNotFoundError:
-        raise RuleError(f"{file}: no such file; allowed: a YAML file with a rule profile") from None
     except UnreadableYamlError as error:
         raise RuleError(f"{file}{error.where}: {error}") from None
     except (OSError, ValueError) as error:
