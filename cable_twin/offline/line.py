@@ -103,7 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     title = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
     words.print(f"{line.scenario.name} at rest, {title}", markup=False)
     print_figures(words, [line.figures], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
-    print_verdicts(words, profiles_of(line.scenario), judge(line.scenario, line.figures))
+    print_verdicts(words, profiles_of(line.scenario), judge(line.scenario, line.figures, at_rest=True))
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):
             if path is not None:
@@ -199,7 +199,7 @@ def _write_json(file: TextIO, line: Line) -> None:
             numbers["uncertainty"] = one.uncertainty
         envelope.append({"name": one.name, **values, **numbers, "vehicle_at_m": one.time, "kept": one.kept})
     content: dict[str, Any] = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
-    if verdicts := judge(line.scenario, line.figures):
+    if verdicts := judge(line.scenario, line.figures, at_rest=True):
         content["rules"] = [verdict_columns(one) for one in verdicts]
     json.dump({**content, "columns": names, "rows": rows}, file, indent=1)
     file.write("\n")

@@ -96,7 +96,11 @@ class RuleVerdict:
 
 
 def judge(
-    scenario: Scenario, figures: Sequence[KeyFigure], profiles: Sequence[Profile] | None = None
+    scenario: Scenario,
+    figures: Sequence[KeyFigure],
+    profiles: Sequence[Profile] | None = None,
+    *,
+    at_rest: bool = False,
 ) -> list[RuleVerdict]:
     """Verdicts of rule profiles on the key figures of a run, a check each that a figure can decide.
 
@@ -104,11 +108,12 @@ def judge(
         scenario: scenario of the run.
         figures: key figures of the run.
         profiles: profiles; None: those that the scenario names.
+        at_rest: whether the figures are of a line at rest, without dynamic parts.
 
     Raises:
         RuleError: a profile is invalid; one line each.
     """
-    return Judge(scenario, profiles_of(scenario) if profiles is None else profiles).verdicts(figures)
+    return Judge(scenario, profiles_of(scenario) if profiles is None else profiles, at_rest=at_rest).verdicts(figures)
 
 
 class Judge:
@@ -117,10 +122,11 @@ class Judge:
     Args:
         scenario: scenario of the run.
         profiles: rule profiles.
+        at_rest: whether the figures are of a line at rest, without dynamic parts.
     """
 
-    def __init__(self, scenario: Scenario, profiles: Sequence[Profile]) -> None:
-        self._scenario, self._profiles = scenario, profiles
+    def __init__(self, scenario: Scenario, profiles: Sequence[Profile], *, at_rest: bool = False) -> None:
+        self._scenario, self._profiles, self._at_rest = scenario, profiles, at_rest
         if profiles:
             self._subjects, self._system = Subjects(scenario), system_of(scenario)
             self._facts = facts_of(scenario, self._subjects)
@@ -164,6 +170,8 @@ class Judge:
         if case is not None and f"{profile.name}.{case}" not in self._scenario.limits.load_cases:
             return base.open(f"load case {profile.name}.{case} is not this run: {profile.document.load_cases[case]}")
         quantity, compared, found = check.quantity or "", check.compared, self._matching(check.quantity or "")
+        if self._at_rest and check.compared_at_rest is not None:
+            compared = check.compared_at_rest
         if not found and check.substitute is not None:
             quantity, compared, found = check.substitute, check.substitute_compared, self._matching(check.substitute)
         if not found:

@@ -1,0 +1,299 @@
+"""Command `envelope`: load cases of a line at rest, and the extremes of all with the governing case."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
+from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
+from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
+from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
+from cable_twin.offline.figure_table import print_figures, table_console
+from cable_twin.offline.line import MOST, Line, calculate, plan_line
+from cable_twin.offline.load_cases import PLANS, CaseError, LoadCase, read_cases
+from cable_twin.offline.side_by_side import side_by_side
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes
+from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
+from cable_twin.scenario import ScenarioError, scenario_lines
+from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.terminal.bars import compilation_shown, count_shown
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, left_at_once, tell
+
+DONE, FAILED, UNUSABLE = 0, 1, 2
+PLACES = 5
+FEW = 4  # cases below which other processes would take longer to start
+SUFFIX = ".json"  # of the result of a case
+EPILOG = f"""\
+A file of load cases has a list `cases`, or a mapping `product` of factors whose levels are combined, or both. A case
+has `set`, changes by dotted key, `loading`, one of {", ".join(PLANS)}, and
+`load_cases` of rule profiles that it models:
+
+  cases:
+    - {{id: ice, name: ice of 3 kg/m, set: {{ropes.up.ice: 3.0}}}}
+  product:
+    load: {{empty: {{loading: empty}}, up: {{loading: up_full}}}}
+    air:
+      cold: {{set: {{air.temperature: -20}}}}
+      hot: {{set: {{air.temperature: 40}}}}
+
+Each case is calculated at rest for --places places of the vehicle, as `line` does, on all cores. The extremes of all
+cases are printed with the case that governs, and the verdicts of the scenario's rule profiles, each of the worst case.
+
+exit codes: 0 done, 1 a case has no equilibrium or a file cannot be written, 2 wrong scenario, file of cases or option,
+130 ended by Ctrl-C
+
+examples:
+  envelope chairlift --cases examples/load_cases.yaml
+  envelope chairlift --cases examples/load_cases.yaml --places 1 \\
+           --results cases --csv cases.csv
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Load case to be calculated."""
+
+    case: LoadCase
+    places: int
+
+
+@dataclass(frozen=True, slots=True)
+class CaseResult:
+    """Key figures of a load case at rest; the time of a figure is the place of the vehicle (m)."""
+
+    id: str
+    figures: tuple[KeyFigure, ...]
+    fault: str = ""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `envelope`."""
+    result = OneLineParser("envelope", "Calculate load cases of a line at rest.", EPILOG, failure=UNUSABLE)
+    result.add_scenario(f"name of a scenario, or path of its YAML file; default: {DEFAULT_SCENARIO}", scenario_lines)
+    result.add_argument("--cases", type=Path, required=True, metavar="FILE", help="YAML file of load cases")
+    result.add_argument(
+        "--places",
+        type=_places,
+        default=PLACES,
+        metavar="N",
+        help=f"places of the vehicle in each case, 1 to {MOST}; 1: where the scenario has it; default: {PLACES}",
+    )
+    add_changes(result)
+    result.add_argument(
+        "--results",
+        type=Path,
+        metavar="DIR",
+        help="keep each finished case in this directory, and calculate only what is missing or has changed",
+    )
+    result.add_argument("--csv", metavar="PATH", help="write the figures of all cases, in SI units; '-': to stdout")
+    result.add_argument("--json", metavar="PATH", help="write the envelope, in SI units; '-': to stdout")
+    result.add_argument(
+        "--parquet", type=Path, metavar="PATH", help="write the figures of all cases as Parquet; needs pyarrow"
+    )
+    return result
+
+
+def _places(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= MOST:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 1 to {MOST}")
+    return int(text)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Calculate load cases and report; the help has the exit codes."""
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    source = arguments.given_scenario(options) or DEFAULT_SCENARIO
+    if options.parquet is not None and find_spec("pyarrow") is None:
+        arguments.error("--parquet needs pyarrow, which this Python does not have: pip install pyarrow")
+    console = Console(stderr=True)
+    try:
+        with left_at_once("envelope"):
+            cases = read_cases(options.cases, source, dict(options.set))
+            profiles, *_ = [profiles_of(case.scenario) for case in cases]
+        shown_by = partial(print, file=sys.stderr, flush=True)
+        with left_at_once("envelope"), compilation_shown(console, shown_by), suppress(EquilibriumError):
+            Simulation(cases[0].scenario, meanwhile=compile_figures)  # a fault of its case is told with it
+        if options.results is not None:
+            options.results.mkdir(parents=True, exist_ok=True)
+        results = _calculated([Job(case, options.places) for case in cases], options.results, console)
+        verdicts = worst_verdicts([judge(one.scenario, result.figures, at_rest=True) for one, result in
+                                   zip(cases, results, strict=True)])  # fmt: skip
+        extremes = envelope(results)
+        with redirect_stdout(sys.stderr if STDOUT in (options.csv, options.json) else sys.stdout):
+            print(f"{cases[0].scenario.name} at rest, {len(cases)} load cases, {options.places} places of the vehicle")
+            shown = [replace(one, place=", ".join(filter(None, (f"case {case}", one.place)))) for case, one in extremes]
+            print_figures(table_console(), [shown], at="vehicle at", unit_at="m")
+            print_verdicts(table_console(), profiles, verdicts)
+        _write(options, cases, results, extremes, verdicts)
+    except (ScenarioError, CaseError) as error:
+        for line in str(error).splitlines():
+            tell("envelope", line)
+        return UNUSABLE
+    except KeyboardInterrupt:
+        tell("envelope", "ended by Ctrl-C; finished cases are kept with --results")
+        return INTERRUPTED
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        tell("envelope", f"{error.filename or 'output'}: {error.strerror or error}")
+        return FAILED
+    faults = [f"{one.id}: {one.fault}" for one in results if one.fault]
+    for line in faults:
+        tell("envelope", line)
+    return FAILED if faults else DONE
+
+
+def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> list[CaseResult]:
+    """Results of all load cases, those that are kept read and the others calculated in parallel."""
+    found = {job.case.id: result for job in jobs if kept is not None and (result := _read(kept, job)) is not None}
+    missing = [job for job in jobs if job.case.id not in found]
+    if kept is not None and found:
+        tell("envelope", f"{len(found)} of {len(jobs)} cases are in {kept} already")
+    by_id = {job.case.id: job for job in jobs}
+    with count_shown(console, "cases", len(missing)) as show:
+
+        def on_done(result: CaseResult) -> None:
+            if kept is not None and not result.fault:
+                _keep(kept, by_id[result.id], result)
+            found[result.id] = result
+            show()
+
+        if len(missing) < FEW:
+            for job in missing:
+                on_done(run_case(job))
+        else:
+            with side_by_side(len(missing), run_case) as run_all:
+                run_all(missing, on_done)
+    return [found[job.case.id] for job in jobs]
+
+
+def run_case(job: Job) -> CaseResult:
+    """Calculate one load case at rest."""
+    try:
+        scenario = job.case.scenario
+        line = Line(scenario, "", np.zeros(1)) if job.places == 1 else plan_line(scenario, job.places, None)
+        calculate(line)
+    except (EquilibriumError, ValueError) as error:
+        return CaseResult(job.case.id, (), " ".join(str(error).split()))
+    return CaseResult(job.case.id, tuple(line.figures))
+
+
+def _file(kept: Path, job: Job) -> Path:
+    """File of the result of a case: by the hash of its scenario, the places and the version."""
+    scenario = job.case.scenario.resolved()
+    for key in ("profile", "installation", "load_cases"):  # judged anew each time
+        del scenario["limits"][key]
+    text = json.dumps([scenario, job.places, metadata.version("cable_twin")], sort_keys=True)
+    return kept / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}{SUFFIX}"
+
+
+def _keep(kept: Path, job: Job, result: CaseResult) -> None:
+    """Write the result of a case, as a whole or not at all."""
+    figures = [{"name": one.name, **values_of(one)} for one in result.figures]
+    file = _file(kept, job)
+    partial = file.with_suffix(".partial")
+    partial.write_text(json.dumps({"id": result.id, "figures": figures}), encoding="utf-8")
+    partial.replace(file)
+
+
+def _read(kept: Path, job: Job) -> CaseResult | None:
+    """Kept result of a case; None without one that can be read."""
+    try:
+        data = json.loads(_file(kept, job).read_text(encoding="utf-8"))
+        figures = tuple(figure_from_values(one.pop("name"), one) for one in data["figures"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return CaseResult(job.case.id, figures)
+
+
+def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
+    """Extreme of each key figure over load cases, with the id of the governing case; the first of equal ones.
+
+    Args:
+        results: results of all cases.
+    """
+    found: dict[FigureId, tuple[str, KeyFigure]] = {}
+    for result in results:
+        for one in result.figures:
+            if one.id.statistic not in ("highest", "lowest"):
+                continue
+            sense = 1.0 if one.id.statistic == "highest" else -1.0
+            if one.id not in found or sense * one.value > sense * found[one.id][1].value:
+                found[one.id] = result.id, one
+    return list(found.values())
+
+
+def worst_verdicts(of_cases: Sequence[Sequence[RuleVerdict]]) -> list[RuleVerdict]:
+    """Worst verdict of each check over load cases; one that decides goes before one for want of a figure or case.
+
+    Args:
+        of_cases: verdicts of each case, of equal profiles.
+    """
+
+    def order(one: RuleVerdict) -> tuple[bool, int]:
+        return one.state == NOT_DECIDED and not one.limits, STATES.index(one.state)
+
+    return [min(both, key=order) for both in zip(*of_cases, strict=True)]
+
+
+def _write(
+    options: Any,
+    cases: Sequence[LoadCase],
+    results: Sequence[CaseResult],
+    extremes: Sequence[tuple[str, KeyFigure]],
+    verdicts: Sequence[RuleVerdict],
+) -> None:
+    """Write the files that are asked for.
+
+    Raises:
+        OSError: one cannot be written.
+    """
+    columns = ["case", *FIGURE_COLUMNS]
+    rows = [[one.id, *figure_columns(figure).values()] for one in results for figure in one.figures]
+    if options.csv is not None:
+        with sys.stdout if options.csv == STDOUT else open(options.csv, "w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(rows)
+    if options.json is not None:
+        data = {
+            "scenario": cases[0].scenario.name,
+            "cases": [
+                {"id": one.id, "name": one.name, "fault": found.fault}
+                for one, found in zip(cases, results, strict=True)
+            ],
+            "envelope": [{"case": case, **figure_columns(one)} for case, one in extremes],
+            "rules": [verdict_columns(one) for one in verdicts],
+        }  # fmt: skip
+        text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+        if options.json == STDOUT:
+            sys.stdout.write(text)
+        else:
+            Path(options.json).write_text(text, encoding="utf-8")
+    if options.parquet is not None:
+        import pyarrow  # noqa: PLC0415 - not always installed
+        from pyarrow import parquet  # noqa: PLC0415 - the same
+
+        parquet.write_table(
+            pyarrow.table({name: [row[number] for row in rows] for number, name in enumerate(columns)}), options.parquet
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,190 @@
+"""Load cases of a file: changes of a scenario by dotted key, loading plans, and all combinations of a product."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario.checks.fault import listed, show
+
+PLANS = {
+    "empty": "no payload anywhere",
+    "full": "the whole capacity everywhere",
+    "up_full": "full on the first rope, empty on the others",
+    "down_full": "empty on the first rope, full on the others",
+}
+KEYS = ("id", "name", "loading", "set", "load_cases")
+OF_PRODUCT = ("name", "loading", "set", "load_cases")
+MOST = 20_000  # cases of a file
+
+
+class LoadCase(NamedTuple):
+    """Load case: a scenario with an id, and a name that says what it stands for."""
+
+    id: str
+    name: str
+    scenario: Scenario
+
+
+class CaseError(ValueError):
+    """Error of a file of load cases; its text has one line per fault."""
+
+
+def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[LoadCase]:
+    """Load cases of a YAML file for a scenario.
+
+    Args:
+        file: with `cases`, a list, and `product`, mappings of which all combinations are cases.
+        source: as `load_scenario` takes it.
+        changes: values by dotted key that hold for all cases.
+
+    Raises:
+        CaseError: with every fault of the file and of the scenarios of its cases, one line each.
+        ScenarioError: the scenario itself is invalid.
+    """
+    base = load_scenario(source, changes)
+    content = _content(file)
+    faults: list[str] = []
+    if unknown := [key for key in content if key not in ("cases", "product")]:
+        faults.append(f"{unknown[0]}: this key does not exist; allowed: cases, product")
+    parts = [*_listed(content.get("cases"), faults), *_combined(content.get("product"), faults)]
+    if not parts and not faults:
+        faults.append("given no case; allowed: a list `cases`, or a mapping `product`")
+    seen: set[str] = set()
+    found = []
+    for id_, one in parts:
+        if id_ in seen:
+            faults.append(f"{id_}: given twice; allowed: each id once")
+            continue
+        seen.add(id_)
+        try:
+            values = _changes(base, one)
+            scenario = load_scenario(source, {**changes, **values})
+        except ScenarioError as error:
+            faults += [f"{id_}: {fault.partition(': ')[2]}" for fault in error.faults]
+        except CaseError as error:
+            faults.append(f"{id_}: {error}")
+        else:
+            found.append(LoadCase(id_, str(one.get("name", id_)), scenario))
+    if faults:
+        raise CaseError("\n".join(f"{file}: {fault}" for fault in faults))
+    return found
+
+
+def _content(file: Path) -> Mapping[str, Any]:
+    """Mapping in a YAML file."""
+    try:
+        found = read_yaml(limited_text(file))
+    except UnreadableYamlError as error:
+        raise CaseError(f"{file}{error.where}: {error}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CaseError(f"{file}: cannot be read ({reason}); allowed: a YAML file of load cases") from None
+    if found.doubles:
+        one = found.doubles[0]
+        raise CaseError(f"{file}: {'.'.join(map(str, one.path))}: given on lines {one.first} and {one.second}")
+    if not isinstance(found.content, Mapping):
+        raise CaseError(f"{file}: given {show(found.content)}; allowed: a mapping of cases and product")
+    return found.content
+
+
+def _listed(cases: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Cases of the list, by id."""
+    if cases is None:
+        return
+    if not isinstance(cases, list):
+        faults.append(f"cases: given {show(cases)}; allowed: a list of mappings with {', '.join(KEYS)}")
+        return
+    for number, one in enumerate(cases):
+        id_ = one.get("id") if isinstance(one, Mapping) else None
+        if not isinstance(id_, str) or not id_:
+            faults.append(f"cases.{number}: given {show(one)} without an id; allowed: a mapping with {', '.join(KEYS)}")
+        elif _is_case(f"cases.{number}", one, KEYS, faults):
+            yield id_, one
+
+
+def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """All combinations of the levels of each factor, with ids joined by +."""
+    if factors is None:
+        return
+    if not isinstance(factors, Mapping) or not all(isinstance(one, Mapping) and one for one in factors.values()):
+        faults.append(f"product: given {show(factors)}; allowed: mappings of factors to levels by id")
+        return
+    count = 1
+    for factor, levels in factors.items():
+        count *= len(levels)
+        for level, one in levels.items():
+            if not _is_case(f"product.{factor}.{level}", one, OF_PRODUCT, faults):
+                return
+    if count > MOST:
+        faults.append(f"product: given {count} combinations; allowed: at most {MOST}")
+        return
+    for combination in product(*(levels.items() for levels in factors.values())):
+        merged: dict[str, Any] = {"set": {}, "load_cases": []}
+        for _, one in combination:
+            merged |= {key: value for key, value in one.items() if key == "loading"}
+            merged["set"] |= one.get("set", {})
+            merged["load_cases"] += one.get("load_cases", [])
+        names = [str(one.get("name", level)) for level, one in combination]
+        yield "+".join(str(level) for level, _ in combination), {**merged, "name": ", ".join(names)}
+
+
+def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> bool:
+    """Whether something is a mapping of a case; else a fault is added."""
+    if not isinstance(one, Mapping):
+        faults.append(f"{path}: given {show(one)}; allowed: a mapping with {', '.join(keys)}")
+    elif unknown := [key for key in one if key not in keys]:
+        faults.append(f"{path}.{unknown[0]}: this key does not exist; allowed: {', '.join(keys)}")
+    elif not isinstance(one.get("set", {}), Mapping):
+        faults.append(f"{path}.set: given {show(one['set'])}; allowed: a mapping of dotted keys to values")
+    elif not isinstance(one.get("load_cases", []), list):
+        faults.append(f"{path}.load_cases: given {show(one['load_cases'])}; allowed: a list of PROFILE.LOAD_CASE")
+    else:
+        return True
+    return False
+
+
+def _changes(base: Scenario, one: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes of a scenario for a case, by dotted key."""
+    plan = one.get("loading")
+    values = {} if plan is None else loading(base, plan)
+    values |= {str(key): value for key, value in one.get("set", {}).items()}
+    return values | ({"limits.load_cases": one["load_cases"]} if one.get("load_cases") else {})
+
+
+def loading(scenario: Scenario, plan: Any) -> dict[str, Any]:
+    """Changes of payloads for a loading plan, by dotted key.
+
+    Args:
+        scenario: scenario with payloads.
+        plan: one of `PLANS`.
+
+    Raises:
+        CaseError: there is no such plan, or nothing has a payload; one line.
+    """
+    if plan not in PLANS:
+        raise CaseError(f"loading: given {show(plan)}; allowed: {', '.join(PLANS)}")
+    first = next(iter(scenario.cables))
+    values: dict[str, Any] = {}
+    for name, carriage in scenario.carriages.items():
+        if carriage.payload is not None:
+            full = plan == "full" or (plan != "empty" and (scenario.rope_of(carriage) == first) == (plan == "up_full"))
+            values[f"carriages.{name}.payload.mass"] = carriage.payload.capacity if full else 0.0
+    for path, kind in scenario.carriers.kinds_by_path.items() if scenario.carriers is not None else ():
+        if kind.payload is None:
+            continue
+        key, most = ".".join((*path, "payload")), kind.payload.capacity
+        up, down = (most if plan in ("full", which) else 0.0 for which in ("up_full", "down_full"))
+        values[f"{key}.on_cable"] = None
+        if scenario.sheaves:
+            behind = scenario.strands[first].before if first in scenario.strands else ""
+            values[f"{key}.leaving"] = {name: up if name == behind else down for name in scenario.sheaves}
+        else:
+            values |= {f"{key}.from_start": up, f"{key}.from_end": down}
+    if not values:
+        raise CaseError(f"loading: given {plan!r}; allowed: {listed((), 'no plan, as no vehicle has a payload')}")
+    return values

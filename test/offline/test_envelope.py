@@ -1,0 +1,134 @@
+"""Load cases: the file and its faults, extremes with the governing case, kept results, rules of load cases."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import pytest
+
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline import envelope
+from cable_twin.offline.load_cases import CaseError, loading, read_cases
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+CASES = """\
+cases:
+  - {id: heavy, name: more counterweight, loading: empty, set: {sheaves.return.counterweight.mass: 36000.0}}
+product:
+  load: {empty: {loading: empty}, up: {name: full up, loading: up_full}}
+  air: {cold: {set: {air.temperature: -20.0}}}
+"""
+
+
+def cases_in(directory, text):
+    file = directory / "cases.yaml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("cases: 3", "cases: given 3; allowed: a list of mappings with id, name, loading, set, load_cases"),
+        ("cases: [{name: x}]", "cases.0: given a mapping without an id; allowed: a mapping with id, name"),
+        ("cases: [{id: a, sett: {}}]", "cases.0.sett: this key does not exist; allowed: id, name, loading"),
+        ("cases: [{id: a}, {id: a}]", "a: given twice; allowed: each id once"),
+        ("cases: [{id: a, loading: half}]", "a: loading: given 'half'; allowed: empty, full, up_full, down_full"),
+        ("cases: [{id: a, set: {gravity: -1}}]", "a: gravity: given -1 m/s^2; allowed: a finite number at least 0, in"),
+        ("product: {load: [1]}", "product: given a mapping; allowed: mappings of factors to levels by id"),
+        ("case: []", "case: this key does not exist; allowed: cases, product"),
+        ("{}", "given no case; allowed: a list `cases`, or a mapping `product`"),
+    ],
+)
+def test_faults_of_a_file_are_a_line_each(tmp_path, text, told):
+    with pytest.raises(CaseError) as error:
+        read_cases(cases_in(tmp_path, text), "chairlift", {})
+    line, *_ = str(error.value).splitlines()
+    assert line.startswith(f"{tmp_path / 'cases.yaml'}: ")
+    assert told in line
+
+
+def test_wrong_files_and_profiles_are_a_line(tmp_path, capsys):
+    assert envelope.main(["chairlift", "--cases", str(tmp_path / "nowhere.yaml")]) == 2
+    file = cases_in(tmp_path, "cases: [{id: a, load_cases: [france_1985.uplift]}]")
+    assert envelope.main(["jig_back", "--cases", str(file)]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert "cannot be read (No such file or directory); allowed: a YAML file of load cases" in first
+    assert "limits.load_cases.0: given 'france_1985.uplift': without a profile there is no load case" in second
+
+
+def test_loading_plans():
+    chairs = loading(load_scenario("chairlift"), "up_full")
+    assert chairs["carriers.payload.leaving"] == {"drive": 0.0, "return": 300.0}
+    cabins = loading(load_scenario("jig_back"), "down_full")
+    assert cabins == {"carriages.cabin_1.payload.mass": 0.0, "carriages.cabin_2.payload.mass": 6400.0}
+
+
+@pytest.fixture(scope="module")
+def calculated(tmp_path_factory):
+    """Three load cases of the chairlift, kept and exported, under a profile."""
+    directory = tmp_path_factory.mktemp("envelope")
+    file = cases_in(directory, CASES)
+    options = ["chairlift", "--cases", file, "--places", 1, "--results", directory / "kept"]
+    options += [
+        "--set",
+        "limits.profile=[pennsylvania]",
+        "--json",
+        directory / "all.json",
+        "--csv",
+        directory / "all.csv",
+    ]
+    assert envelope.main([*map(str, options)]) == 0
+    return directory, [*map(str, options)]
+
+
+def test_each_extreme_has_the_case_that_governs(calculated):
+    directory, _ = calculated
+    data = json.loads((directory / "all.json").read_text())
+    assert [(one["id"], one["name"]) for one in data["cases"]] == [
+        ("heavy", "more counterweight"),
+        ("empty+cold", "empty, cold"),
+        ("up+cold", "full up, cold"),
+    ]
+    found = {one["id"]: one for one in data["envelope"]}
+    start = {which: found[f"support_load/ropes.up.start/{which}"] for which in ("highest", "lowest")}
+    assert start["highest"]["case"] == "heavy"
+    assert start["highest"]["value"] == pytest.approx(36e3 * 9.81 / 2.0, rel=2e-3)  # half the counterweight a strand
+    assert start["lowest"]["value"] == pytest.approx(33e3 * 9.81 / 2.0, rel=2e-3)
+    assert found["sag/ropes.up.tower_3_up+tower_4_up/highest"]["case"] == "up+cold"
+    scenario = load_scenario("chairlift", loading(load_scenario("chairlift"), "up_full") | {"air.temperature": -20.0})
+    figures = KeyFigures(scenario)
+    figures.update(Simulation(scenario).snapshot)
+    alone = {str(one.id): one.value for one in figures.figures()}
+    with (directory / "all.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["case"] == "up+cold"]
+    same = [row for row in rows if row["id"] in alone]
+    assert len(same) > 40
+    assert all(float(row["value"]) == pytest.approx(alone[row["id"]], rel=1e-6, abs=1e-9) for row in same)
+    (rule,) = data["rules"]
+    assert (rule["check"], rule["verdict"]) == ("USPA-01", "exceeded")  # at rest it is the static factor
+
+
+def test_finished_cases_are_not_calculated_again(calculated, capsys, monkeypatch):
+    directory, options = calculated
+    before = (directory / "all.csv").read_bytes()
+    monkeypatch.setattr("cable_twin.offline.envelope.run_case", None)
+    assert envelope.main(options) == 0
+    assert f"3 of 3 cases are in {directory / 'kept'} already" in capsys.readouterr().err
+    assert (directory / "all.csv").read_bytes() == before
+
+
+@pytest.mark.long
+def test_processes_have_the_bits_of_one(calculated, tmp_path):
+    directory, _ = calculated
+    text = CASES + "    hot: {set: {air.temperature: 40.0}}\n"
+    text = text.replace(
+        "  air: {cold: {set: {air.temperature: -20.0}}}\n", "  air:\n    cold: {set: {air.temperature: -20.0}}\n"
+    )
+    options = ["chairlift", "--cases", cases_in(tmp_path, text), "--places", 1, "--csv", tmp_path / "all.csv"]
+    assert envelope.main([*map(str, options)]) == 0
+    rows = (tmp_path / "all.csv").read_text(encoding="utf-8").splitlines()
+    assert {row.partition(",")[0] for row in rows[1:]} == {"heavy", "empty+cold", "empty+hot", "up+cold", "up+hot"}
+    assert set((directory / "all.csv").read_text(encoding="utf-8").splitlines()) <= set(rows)
