@@ -194,6 +194,10 @@ def test_a_tramway_by_real_figures():
     assert found["FR85-57"].value == pytest.approx(80.0)
     assert found["FR85-04"].reason == "the run has no figure mean_deceleration, which needs a stop in the run"
     assert found["FR85-19"].state == "does not apply"
+    uplift = load_scenario("jig_back", {"limits.profile": ["france_1985"], "limits.load_cases": ["france_1985.uplift"]})
+    found = {one.check: one for one in judge(uplift, figures.figures())}
+    assert (found["FR85-09"].state, found["FR85-09"].comparison) == ("kept", "above")
+    assert found["FR85-16"].reason == "this run is france_1985.uplift alone, a load case of certain rules"
 
 
 def test_a_running_twin_warns_once_of_a_rule(tmp_path):

@@ -166,7 +166,9 @@ class Judge:
                 return base.outside(f"it is for {words(check.when)}")
         except MissingError as missing:
             return base.open(_not_stated(str(missing)))
-        case = check.load_case
+        case, stated = check.load_case, self._scenario.limits.load_cases
+        if case is None and stated:
+            return base.open(f"this run is {' and '.join(stated)} alone, a load case of certain rules")
         if case is not None and f"{profile.name}.{case}" not in self._scenario.limits.load_cases:
             return base.open(f"load case {profile.name}.{case} is not this run: {profile.document.load_cases[case]}")
         quantity, compared, found = check.quantity or "", check.compared, self._matching(check.quantity or "")
