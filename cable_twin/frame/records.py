@@ -81,6 +81,14 @@ class RefusedCommand:
         return f"at {self.time:.2f} s from {self.source}: {self.reason}"
 
 
+class TensionAhead(NamedTuple):
+    """Lowest and highest tension that an outlook foresees along each rope."""
+
+    time: float  # s, simulated, of the present state
+    lowest: FloatArray  # (ropes,) N, in all futures until the horizon
+    highest: FloatArray  # (ropes,) N
+
+
 class VehicleColumns(NamedTuple):
     """Columns of all vehicles, a row each, in the order of the scenario; see `Columns` for the units."""
 

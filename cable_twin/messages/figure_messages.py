@@ -42,7 +42,8 @@ def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
         "took_s": f"{outlook.effort:.3f}",
     }
     values |= {one.name: one.fault or one.assumed for one in outlook.futures}
-    whole = f"{len(warnings)} limits would be passed" if warnings else "no limit would be passed"
+    count = f"{len(warnings)} limit{'s' if len(warnings) > 1 else ''}"
+    whole = f"{count} would be passed" if warnings else "no limit would be passed"
     found = [Status(WARNING if warnings else OK, "outlook", whole, values)]
     for future in outlook.futures:
         for one in future.figures:

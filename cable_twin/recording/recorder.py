@@ -23,7 +23,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.records import AppliedCommand, TensionAhead
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, nanoseconds
 from cable_twin.messages.columns import COLUMNS, GROUPS, RowEncoder
@@ -48,6 +48,9 @@ class View(Protocol):
 
     def log_command(self, applied: AppliedCommand) -> None:
         """Show an applied command in the picture."""
+
+    def log_ahead(self, ahead: TensionAhead) -> None:
+        """Show an outlook in the picture."""
 
     def flush(self) -> None:
         """Send waiting data of the picture to disk."""
@@ -75,6 +78,7 @@ class _Item(NamedTuple):
     snapshot: Snapshot | None
     columns: Sequence[str]
     applied: AppliedCommand | None
+    ahead: TensionAhead | None = None
 
 
 class _LogSink:
@@ -143,6 +147,8 @@ class _ViewSink:
             self._view.log(item.snapshot)
         if item.applied is not None:
             self._view.log_command(item.applied)
+        if item.ahead is not None:
+            self._view.log_ahead(item.ahead)
 
     def begin(self, beginning: _Beginning, number: int) -> None:
         if self._log is not None and not beginning.first:
@@ -277,6 +283,11 @@ class Recorder:
             self.dropped += 1
         elif self.recording:
             self._queue.append(_Item(messages, stamp_ns, snapshot, columns, None))
+
+    def record_ahead(self, ahead: TensionAhead, stamp_ns: int) -> None:
+        """Queue an outlook for the view; returns at once."""
+        if not self._closing and self.recording and len(self._queue) < self._capacity:
+            self._queue.append(_Item((), stamp_ns, None, (), None, ahead))
 
     def record_command(self, applied: AppliedCommand, message: bytes, stamp_ns: int) -> None:
         """Queue an applied command; never dropped, as a replay needs every one.

@@ -23,7 +23,6 @@ from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
 from cable_twin.frame.records import AppliedCommand, RefusedCommand
 from cable_twin.key_figures import compile_figures
 from cable_twin.messages import (
-    OUTLOOK,
     REFUSED_COMMANDS,
     SCENARIO,
     FrameNames,
@@ -378,7 +377,7 @@ class TwinNode(Node):
         self.get_logger().warning(line)
 
     def _publish_outlook(self, answer: Answer) -> None:
-        self._output.send([(OUTLOOK, answer.message)], self._stamp_ns())
+        self._output.send_ahead(answer.message, answer.ahead, self._stamp_ns())
 
     def _log_goal(self, line: str, abandoned: bool) -> None:
         if abandoned:

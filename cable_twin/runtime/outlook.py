@@ -19,7 +19,7 @@ from concurrent.futures import Future, wait
 from contextlib import suppress
 from typing import IO, Any, NamedTuple, cast
 
-from cable_twin.frame.records import FloatArray
+from cable_twin.frame.records import TensionAhead
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.separate_process import PACKAGE_PARENT
 from cable_twin.simulation import Simulation
@@ -55,14 +55,12 @@ class Question(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Outlook as a message and as series for pictures."""
+    """Outlook as a message, and for pictures."""
 
     time: float  # s, simulated, of the state
     message: bytes  # diagnostic_msgs/DiagnosticArray
     warnings: dict[str, str]  # of the future as commanded: line by id of the figure
-    times: FloatArray  # (n,) s, simulated
-    highest: FloatArray  # (n, ropes) N, over all futures
-    lowest: FloatArray  # (n, ropes) N
+    ahead: TensionAhead
 
 
 def send(stream: IO[bytes], item: Any) -> None:

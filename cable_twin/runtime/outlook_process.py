@@ -16,7 +16,7 @@ from typing import IO, Any
 import numpy as np
 
 from cable_twin.ensemble.outlook import Forecaster, standard_gust
-from cable_twin.frame.records import Command
+from cable_twin.frame.records import Command, TensionAhead
 from cable_twin.key_figures.outlook import AS_COMMANDED, Outlook
 from cable_twin.messages import diagnostics_message
 from cable_twin.messages.figure_messages import outlook_statuses
@@ -42,10 +42,9 @@ def answer_of(outlook: Outlook, question: Question) -> Answer:
     ahead = outlook[AS_COMMANDED]
     warnings = {str(one.id): ahead.warning(one) for one in ahead.figures if one.id in ahead.passed}
     run = [one for one in outlook.futures if one.last is not None]
-    count = min(len(one.times) for one in run)
-    highest = np.max([one.highest[:count] for one in run], axis=0)
-    lowest = np.min([one.lowest[:count] for one in run], axis=0)
-    return Answer(outlook.time, message, warnings, run[0].times[:count], highest, lowest)
+    lowest = np.min([one.lowest.min(axis=0) for one in run], axis=0)
+    highest = np.max([one.highest.max(axis=0) for one in run], axis=0)
+    return Answer(outlook.time, message, warnings, TensionAhead(outlook.time, lowest, highest))
 
 
 def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.records import AppliedCommand, TensionAhead
 from cable_twin.frame.snapshot import Columns
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, FrameNames, Topic, diagnostics_message
+from cable_twin.messages import APPLIED_COMMANDS, KEY_FIGURES, OUTLOOK, FrameNames, Topic, diagnostics_message
 from cable_twin.messages.frame import Filled
 from cable_twin.recording.frame_output import FrameOutput, Messages, Prepared
 from cable_twin.recording.run import Run
@@ -121,6 +121,12 @@ class Output:
         for topic, data in messages:
             self._publishers[topic](data)
         self.record(messages, stamp_ns)
+
+    def send_ahead(self, message: bytes, ahead: TensionAhead, stamp_ns: int) -> None:
+        """Publish and record an outlook, and draw it in the recording."""
+        self.send([(OUTLOOK, message)], stamp_ns)
+        if self.run is not None and self._frames.frames > 0:
+            self.run.recorder.record_ahead(ahead, stamp_ns)
 
     def record(self, messages: Messages, stamp_ns: int) -> None:
         """Record messages without publishing; ignored before the run begins."""

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from cable_twin.basics.units import rounded
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
-from cable_twin.frame.records import AppliedCommand, FloatArray
+from cable_twin.frame.records import AppliedCommand, FloatArray, TensionAhead
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, plane, send
 from cable_twin.view.plots import LEGEND_ROW, LEGENDS, Plots, shown_unit
@@ -418,6 +418,10 @@ class Picture:
             moments = [frame_of(c, row) for row in rows]
             texts = [describe_moment(self._layout, one, self._look.title, self._scale, self._unit) for one in moments]
             send(stream, "readout", times[rows], rr.TextDocument.columns(text=texts))
+
+    def send_ahead(self, stream: rr.RecordingStream, ahead: Sequence[TensionAhead]) -> None:
+        """Draw the tensions that outlooks foresee into the plot of tensions, each at the time of its look."""
+        self._plots.send_ahead(stream, ahead, self._scale)
 
 
 def _unit(c: Columns) -> str:

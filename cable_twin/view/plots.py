@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 
 from cable_twin.frame.plotted_signals import SIGNALS, Signal
-from cable_twin.frame.records import FloatArray
+from cable_twin.frame.records import FloatArray, TensionAhead
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.view.batch import entity_path, time_column
 from cable_twin.view.labels import label_sizes
@@ -30,6 +30,7 @@ LEGENDS = "legends"  # root of the entities of legends
 LEGEND_GAP = 1.0  # pixels between two names
 LEGEND_SHARE = 0.45  # largest height of a legend over that of its plot
 INVISIBLE = 0x00000001  # colour; rerun replaces one without any opacity
+TENSION, AHEAD = "tension", "ahead"  # signal beside whose lines the outlook is drawn, and its entity
 AXIS = "(axis)"  # entity of an invisible line that sets the range of a live plot
 
 
@@ -144,7 +145,7 @@ class Plots:
     """
 
     def __init__(self, layout: Layout, carriers: Collection[str], scale: float, unit: str) -> None:
-        self._unit = unit
+        self._unit, self._ropes = unit, [*layout.ropes]
         self._live: dict[str, LiveAxis] = {}
         self.spans: dict[str, tuple[float, float]] = {}
         self._plots = [
@@ -239,6 +240,26 @@ class Plots:
                 axis = np.array([self._live[name].fitted(float(last[0]), *span)])
                 columns = rr.Scalars.columns(scalars=axis)
                 stream.send_columns(entity_path(f"plots/{name}", AXIS), [time_column(last)], columns, strict=True)
+
+    def send_ahead(self, stream: rr.RecordingStream, ahead: Sequence[TensionAhead], scale: float) -> None:
+        """Send lowest and highest tension foreseen at some times, as a band around the plotted tensions.
+
+        Args:
+            stream: stream of the recording.
+            ahead: of each outlook, in order of time.
+            scale: factor from N to the unit of forces.
+        """
+        path, values = f"plots/{TENSION}/{AHEAD}", np.array([(*one.lowest, *one.highest) for one in ahead]) * scale
+        if TENSION not in self.signals:
+            return
+        ropes = self._ropes if len(self._ropes) > 1 else [""]
+        names = [f"{rope} {side} ahead".lstrip() for side in ("lowest", "highest") for rope in ropes]
+        colors = np.array([*islice(cycle(PLOT_COLORS), len(ropes))] * 2, dtype=np.uint32) & 0xFFFFFF80 | 0x80
+        lines = rr.SeriesLines(names=names, colors=colors, widths=[0.8] * len(names))
+        stream.log(path, lines, static=True)
+        times = time_column(np.array([one.time for one in ahead]))
+        stream.send_columns(path, [times], rr.Scalars.columns(scalars=values), strict=True)
+        _widen(self.spans, TENSION, values)
 
 
 def _widen(spans: dict[str, tuple[float, float]], name: str, values: FloatArray) -> None:

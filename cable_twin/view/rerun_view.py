@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from cable_twin.basics.files import sync
 from cable_twin.frame.commands import KINDS
-from cable_twin.frame.records import AppliedCommand, Command
+from cable_twin.frame.records import AppliedCommand, Command, TensionAhead
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.view.batch import Batch, time_column
 from cable_twin.view.picture import Look, Picture, describe_command
@@ -250,6 +250,7 @@ class RerunView:
         self._picture: Picture | None = None  # until the first batch
         self._laid_out = False  # whether the present file has its blueprint
         self._last_commands: dict[tuple[str, ...], Command] = {}  # newest listed command, by topic and names
+        self._ahead: list[TensionAhead] = []  # not sent yet
         self._commands: list[tuple[float, str, str]] = []  # time (s), text and level of commands not sent yet
 
     def lay_out(self, snapshot: Snapshot) -> None:
@@ -296,6 +297,15 @@ class RerunView:
             self._last_commands.clear()  # after a stop or a reset a repeated command is listed again
         self._last_commands[key] = applied.command
         self._commands.append((applied.time, describe_command(applied), kind.level))
+
+    def log_ahead(self, ahead: TensionAhead) -> None:
+        """Log the tension that an outlook foresees, beside the plot of tensions.
+
+        Raises:
+            RuntimeError: the view is closed.
+        """
+        self._open()
+        self._ahead.append(ahead)
 
     def flush(self) -> None:
         """Send waiting data to disk; waits for a disk that stalls.
@@ -370,3 +380,6 @@ class RerunView:
             self._picture.begin(stream, c)
             self._laid_out = True
         self._picture.send(stream, c)
+        if self._ahead:
+            self._picture.send_ahead(stream, self._ahead)
+            self._ahead = []

@@ -32,6 +32,7 @@ from cable_twin.frame.records import (  # noqa: E402
     CarriageState,
     Command,
     SupportState,
+    TensionAhead,
     TowerState,
 )
 from cable_twin.geometry.bodies import outline_from_pivots  # noqa: E402
@@ -231,3 +232,15 @@ def test_renderer_explains_itself(tmp_path):
     run = subprocess.run(other, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 1
     assert "notes.rrd: not a rerun recording (.rrd)" in run.stderr
+
+
+def test_an_outlook_is_a_band_around_the_tensions(tmp_path):
+    view = RerunView("test", {"cabin": {}}, path=tmp_path / "run.rrd", live=False)
+    for number in range(3):
+        view.log(snapshot_at(number / RATE))
+        view.log_ahead(TensionAhead(number / RATE, np.array([1e5 + number]), np.array([2e5])))
+    view.close()
+    times, band = column(tmp_path / "run.rrd", "/plots/tension/ahead", "Scalars:scalars")
+    np.testing.assert_allclose(times, [0.0, 1.0 / RATE, 2.0 / RATE], atol=1e-9)
+    scale = 2e5 / np.array(band)[0, 1]
+    np.testing.assert_allclose(np.array(band) * scale, [[1e5 + number, 2e5] for number in range(3)])
