@@ -27,7 +27,7 @@ from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line import MOST, Line, calculate, plan_line
 from cable_twin.offline.load_cases import PLANS, CaseError, LoadCase, read_cases
 from cable_twin.offline.side_by_side import side_by_side
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import ScenarioError, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -103,6 +103,12 @@ def parser() -> OneLineParser:
     result.add_argument("--csv", metavar="PATH", help="write the figures of all cases, in SI units; '-': to stdout")
     result.add_argument("--json", metavar="PATH", help="write the envelope, in SI units; '-': to stdout")
     result.add_argument(
+        "--plot",
+        type=Path,
+        metavar="PATH",
+        help="plot tower loads and sags with the cases that govern, as .png, .pdf or .svg",
+    )
+    result.add_argument(
         "--parquet", type=Path, metavar="PATH", help="write the figures of all cases as Parquet; needs pyarrow"
     )
     return result
@@ -119,6 +125,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     source = arguments.given_scenario(options) or DEFAULT_SCENARIO
+    if fault := plot_fault(options.plot):
+        arguments.error(fault)
     if options.parquet is not None and find_spec("pyarrow") is None:
         arguments.error("--parquet needs pyarrow, which this Python does not have: pip install pyarrow")
     console = Console(stderr=True)
@@ -286,6 +294,12 @@ def _write(
             sys.stdout.write(text)
         else:
             Path(options.json).write_text(text, encoding="utf-8")
+    if options.plot is not None:
+        from cable_twin.offline.envelope_plot import write_envelope_plot  # noqa: PLC0415 - matplotlib takes a second
+
+        name = cases[0].scenario.name
+        if not write_envelope_plot(f"{name} at rest, {len(cases)} load cases", extremes, options.plot):
+            tell("envelope", f"--plot {options.plot}: nothing is drawn, as there is no tower and no sag")
     if options.parquet is not None:
         import pyarrow  # noqa: PLC0415 - not always installed
         from pyarrow import parquet  # noqa: PLC0415 - the same

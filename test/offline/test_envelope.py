@@ -72,6 +72,7 @@ def calculated(tmp_path_factory):
     directory = tmp_path_factory.mktemp("envelope")
     file = cases_in(directory, CASES)
     options = ["chairlift", "--cases", file, "--places", 1, "--results", directory / "kept"]
+    options += ["--plot", directory / "all.png"]
     options += [
         "--set",
         "limits.profile=[pennsylvania]",
@@ -87,6 +88,7 @@ def calculated(tmp_path_factory):
 def test_each_extreme_has_the_case_that_governs(calculated):
     directory, _ = calculated
     data = json.loads((directory / "all.json").read_text())
+    assert (directory / "all.png").stat().st_size > 10_000
     assert [(one["id"], one["name"]) for one in data["cases"]] == [
         ("heavy", "more counterweight"),
         ("empty+cold", "empty, cold"),
