@@ -261,7 +261,7 @@ class Engine:
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
-        inner["columns"] = self._ropes.scratch.wheel_columns
+        inner["wheel_columns"] = self._ropes.scratch.wheel_columns
         counts = (
             "rope",
             "node",

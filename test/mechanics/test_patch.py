@@ -11,7 +11,8 @@ from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.patch import pull_of_element
 from cable_twin.mechanics.rope.patch_assembly import add_patches, begin_patches
 from cable_twin.mechanics.rope.point import position_on_cable
-from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, close_rope, measure_gaps, solve
+from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, solve
+from cable_twin.mechanics.solution.patch_elimination import condense_patches
 
 MASS_FACTOR, RATE_FACTOR = 50.0, 7.0
 
@@ -234,10 +235,11 @@ def test_condensation_solves_all_equations(dim, loads):
     """A load, and two at neighbouring nodes, beside a dense solution with their vehicles in it."""
     system, state, work = loaded(dim, loads)
     measure_gaps(system, state, work, True)
-    assemble_unheld(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
+    assemble_open(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     matrix, right, places = equations(state, work, dim)
     x = np.linalg.solve(matrix, right)
-    close_rope(system, state, work)
+    condense_patches(state, work, system.cable.gravity)
+    hold_ends(system.cable, work)
     assert solve(system, state, work)
     for (node, row), first in places.items():
         if row == 3:

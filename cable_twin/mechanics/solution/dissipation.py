@@ -26,6 +26,7 @@ from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.elastic_models import combine
 from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
+from cable_twin.mechanics.rope.patch import at_node
 from cable_twin.mechanics.rope.point import point_on, slope, value
 from cable_twin.mechanics.rope.shape_functions import AXIAL_POINTS, AXIAL_SLOPES, AXIAL_WEIGHT, MASS
 
@@ -120,7 +121,7 @@ def joint_work(system, at, before, after, carriage):
     cable, like = system.cable, system.cable.gravity
     place, element = at.joints.position[carriage], at.joint_element[carriage]
     point = point_on(at, element, place)
-    if cable.load_nodes and at.joint_node[carriage] >= 0:
+    if at_node(cable, before, carriage) and at_node(cable, after, carriage):
         node = at.joint_node[carriage]
         above = changed(before.nodes.position[node, 0], after.nodes.position[node, 0], like)
         return chain_work(system, at, before, after, carriage, above)
@@ -206,7 +207,7 @@ def cable_loss(cable, start, end, factors):
             (gather(before.velocity, element, like), gather(after.velocity, element, like)),
         )
         if cable.load_nodes:
-            plain = gather_numbers(end.mesh.plain, element)
+            plain = gather_numbers(start.mesh.plain, element) * gather_numbers(end.mesh.plain, element)
             here, there = plain * here, plain * there
         sums = sums[0] + here, sums[1] + there
     lost, moved = sum_of_lanes(sums[0]), sum_of_lanes(sums[1])
@@ -219,7 +220,8 @@ def cable_loss(cable, start, end, factors):
             (nodal_vectors(before.acceleration, element, like), nodal_vectors(after.acceleration, element, like)),
             (nodal_vectors(before.velocity, element, like), nodal_vectors(after.velocity, element, like)),
         )
-        lost, moved = lost + end.mesh.plain[element] * here, moved + end.mesh.plain[element] * there
+        plain = start.mesh.plain[element] * end.mesh.plain[element]
+        lost, moved = lost + plain * here, moved + plain * there
     return lost, moved
 
 
@@ -243,13 +245,13 @@ def stretching_error(cable, before, after):
         length = gather_numbers(after.mesh.length, element)
         error = tension_error(length, gather(first, element, like), gather(last, element, like))
         if cable.load_nodes:
-            error = gather_numbers(after.mesh.plain, element) * error
+            error = gather_numbers(before.mesh.plain, element) * gather_numbers(after.mesh.plain, element) * error
         lanes += error
     total = sum_of_lanes(lanes)
     for element in range(grouped, cable.element_count):
         length = after.mesh.length[element]
         error = tension_error(length, nodal_vectors(first, element, like), nodal_vectors(last, element, like))
-        total += after.mesh.plain[element] * error
+        total += before.mesh.plain[element] * after.mesh.plain[element] * error
     return cable.axial_stiffness * total
 
 

@@ -135,20 +135,20 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
         work: takes the result.
     """
     assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work)
-    close_rope(system, state, work)
-
-
-@inlined_kernel
-def close_rope(system, state, work):
-    """Eliminate the loads of a rope and hold its ends, after all contributions."""
-    if system.cable.load_nodes:
-        condense_patches(state, work, system.cable.gravity)
     hold_ends(system.cable, work)
 
 
 @inlined_kernel
 def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of rows 1-4 before supports, carriages eliminated; open for further contributions."""
+    """Residual and tangent of rows 1-4 before supports, carriages and loads eliminated; open for what couples ropes."""
+    assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    if system.cable.load_nodes:
+        condense_patches(state, work, system.cable.gravity)
+
+
+@inlined_kernel
+def assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work):
+    """Residual and tangent of rows 1-4 before supports, carriages eliminated, with the patches of loads as they are."""
     cable, carriages = system.cable, system.carriages
     count = 0
     if cable.load_nodes:

@@ -10,7 +10,7 @@ from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of, declared
 from cable_twin.mechanics.on_rope.load_node import LEAST
 from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
-from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, System
+from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import rest_stretch
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
@@ -146,12 +146,11 @@ def lay_mesh(system: System, state: State) -> None:
         return
     riders = np.flatnonzero(own & state.attached)
     riders = riders[np.argsort(state.joints.position[riders], kind="stable")]
-    for rider, node in zip(riders.tolist(), nodes_for(homes, state.joints.position[riders]), strict=True):
-        s, before = float(state.joints.position[rider]), max(state.mesh.arc_length[node - 1], homes[0])
-        if 0 < node < homes.size - 1 and before + LEAST * system.cable.cell_length < s < homes[node + 1]:
-            state.mesh.arc_length[node] = s
-            state.node_load[node], state.joint_node[rider], state.joint_element[rider] = rider, node, node - 1
-            state.node_follows[rider] = True
+    places = state.joints.position[riders]
+    for rider, node, s in with_room(homes, riders, places, nodes_for(homes, places), LEAST * system.cable.cell_length):
+        state.mesh.arc_length[node] = s
+        state.node_load[node], state.joint_node[rider], state.joint_element[rider] = rider, node, node - 1
+        state.node_follows[rider] = True
     beside = (state.node_load[:-1] >= 0) | (state.node_load[1:] >= 0)
     state.mesh.length[:] = np.where(beside, np.diff(state.mesh.arc_length), state.mesh.length)
 
@@ -167,11 +166,27 @@ def nodes_for(homes: FloatArray, places: FloatArray) -> list[int]:
         trains.append([0.0, place])
         while True:
             own = trains[-1]
-            own[0] = float(np.clip(round(float(np.mean(own[1:])) - 0.5 * (len(own) - 2)), 1, max(last, 1)))
+            middle = round(float(np.mean(own[1:])) - 0.5 * (len(own) - 2))
+            own[0] = float(np.clip(middle, 1, max(last - len(own) + 2, 1)))
             if len(trains) < 2 or own[0] > trains[-2][0] + len(trains[-2]) - 2:
                 break
             trains[-2:] = [[0.0, *trains[-2][1:], *own[1:]]]
     return [int(train[0]) + number for train in trains for number in range(len(train) - 1)]
+
+
+def with_room(
+    homes: FloatArray, riders: IntArray, places: FloatArray, nodes: list[int], room: float
+) -> list[tuple[int, int, float]]:
+    """Loads (number, node, arc length in m) whose node has at least `room` (m) to its neighbours on either side."""
+    kept = [load for load in zip(riders.tolist(), nodes, places.tolist(), strict=True) if load[1] < homes.size - 1]
+    while True:
+        mesh = homes.copy()
+        for _, node, s in kept:
+            mesh[node] = s
+        tight = [k for k, (_, node, s) in enumerate(kept) if not mesh[node - 1] + room < s < mesh[node + 1] - room]
+        if not tight:
+            return kept
+        del kept[tight[0]]
 
 
 def lay_cable(system: System, state: State) -> None:

@@ -13,7 +13,7 @@ from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
 from cable_twin.mechanics.solution.bundle.wheel_tangent import recover_wheels
-from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, close_rope, measure_gaps, recover
+from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, hold_ends, measure_gaps, recover
 from cable_twin.mechanics.solution.patch_elimination import recover_patches
 
 
@@ -49,8 +49,8 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor
         )
     for rope in range(ropes):
-        own, here, room = rope_of(bundle, rope, system, state, work)
-        close_rope(own, here, room)
+        own, _, room = rope_of(bundle, rope, system, state, work)
+        hold_ends(own.cable, room)
     if not solve_nodes(bundle, scratch, system, work):
         return False, largest, changed
     if bundle.coupled and bundle.sheaves.inertia.size > 0 and rate_factor > 0.0:

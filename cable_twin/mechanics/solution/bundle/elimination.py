@@ -309,7 +309,7 @@ def apply_to_columns(block, columns, count, square):
 
 
 @inlined_kernel
-def eliminate_beside(bundle, event, member, inverse, right, columns, count, scratch, work, like):
+def eliminate_beside(bundle, event, member, inverse, right, wheel_columns, count, scratch, work, like):
     """Eliminate a member from the equations of the rest of the front; keeps the blocks for its back substitution."""
     square, width = outer(0.0, like, like), scratch.width[0]
     scratch.width_then[event] = width
@@ -324,7 +324,7 @@ def eliminate_beside(bundle, event, member, inverse, right, columns, count, scra
             diagonal, right_side, beside = at_front(bundle, other, scratch, work)
             store_pair(subtract_pair(load_pair(right_side, like), apply_node(back, right)), right_side)
             for b in range(count):
-                less_neighbour(back, columns[b], beside[b], square)
+                less_neighbour(back, wheel_columns[b], beside[b], square)
             for third in range(width):
                 if scratch.used[event, third]:
                     change = multiply_nodes(back, load_node(scratch.side[event, third], square))
@@ -338,7 +338,7 @@ def eliminate_beside(bundle, event, member, inverse, right, columns, count, scra
 
 
 @inlined_kernel
-def substitute_beside(bundle, event, right, columns, count, scratch, work, like):
+def substitute_beside(bundle, event, right, wheel_columns, count, scratch, work, like):
     """Back substitution of a member, right side and columns, from the members coupled to it at its elimination."""
     square = outer(0.0, like, like)
     for other in range(scratch.width_then[event]):
@@ -347,7 +347,7 @@ def substitute_beside(bundle, event, right, columns, count, scratch, work, like)
             side = load_node(scratch.side[event, other], square)
             less_neighbour(side, found, right, like)
             for b in range(count):
-                less_neighbour(side, beside[b], columns[b], square)
+                less_neighbour(side, beside[b], wheel_columns[b], square)
 
 
 @kernel

@@ -103,7 +103,7 @@ def clear_columns(bundle, scratch):
 
 
 @kernel
-def add_vehicles_and_towers(system, state, work, end, columns, slot):
+def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
     """Add to a column what rope over one end changes at vehicles clamped to the strand, and at tower friction."""
     cable, towers, like = system.cable, system.towers, system.cable.gravity
     for carriage in range(system.carriages.fixed.size):
@@ -112,7 +112,7 @@ def add_vehicles_and_towers(system, state, work, end, columns, slot):
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
             for i in range(4):
                 force = scale(way, load(work.sliding_column[carriage, i], like))
-                accumulate(force, columns[state.joint_element[carriage] + i // 2, slot, i % 2, :: len(like)])
+                accumulate(force, wheel_columns[state.joint_element[carriage] + i // 2, slot, i % 2, :: len(like)])
     for contact in range(towers.stiffness.size):
         element = element_at(cable, state, state.contact_arc_length[contact])
         if towers.friction[contact] != 0.0 and not beside_load(cable, state, element):
@@ -124,7 +124,7 @@ def add_vehicles_and_towers(system, state, work, end, columns, slot):
             friction = towers.friction[contact] * n * by_way * way / sqrt(dot(r_x, r_x))
             for i in range(4):
                 force = scale(point.shape[i] * friction, r_x)
-                accumulate(force, columns[point.element + i // 2, slot, i % 2, :: len(like)])
+                accumulate(force, wheel_columns[point.element + i // 2, slot, i % 2, :: len(like)])
 
 
 @inlined_kernel
@@ -333,12 +333,12 @@ def answer_wheel(bundle, moving, scratch, sheave, system, work):
 
 
 @kernel
-def carry_vehicles(system, state, work, end, moved):
-    """Add rope over one end, `moved` (m), to the increments of the joints of all vehicles clamped to the strand."""
+def carry_vehicles(system, state, work, end, travel):
+    """Add rope over one end, `travel` (m), to the increments of the joints of all vehicles clamped to the strand."""
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):
             place = state.joints.position[carriage]
-            work.sliding_right[carriage] += moved * place_by_flow(system.cable, state, end, place)
+            work.sliding_right[carriage] += travel * place_by_flow(system.cable, state, end, place)
 
 
 @kernel
