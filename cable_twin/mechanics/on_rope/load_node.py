@@ -19,6 +19,7 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     store,
     transpose,
+    unit_matrix,
 )
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
@@ -40,7 +41,7 @@ from cable_twin.mechanics.rope.following_nodes import (
     take_node,
 )
 from cable_twin.mechanics.rope.patch import mean_slope, pull_of_element
-from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, element_at
+from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, clamp_row, element_at
 
 LEAST = 0.015  # of the shortest element: room that a node keeps to its neighbours
 
@@ -86,6 +87,10 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
     force = vehicle.force
     add_matrix(vehicle.by_place, patch, place, place)
     add_column(scale(-1.0, add_scaled(1.0, force, vehicle.left)), patch, place, last)
+    if state.clamp_holds[carriage]:  # rows and columns of its force F: the rope bears λ - F, and r stays with the clamp
+        one = unit_matrix(like)
+        add_matrix(scale(-1.0, one), patch, place, clamp_row(dim))
+        add_matrix(one, patch, clamp_row(dim), place)
     if is_hinged(carriages, first):
         add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work)
     if work.driven[carriage]:
@@ -104,6 +109,8 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
     patch[along, along] -= passing * stiff
     by_place = product(transpose(vehicle.by_place), direction)
     add_row(scale(-passing * by_normal, by_place), patch, along, place)
+    if state.clamp_holds[carriage]:
+        add_row(scale(passing * by_normal, direction), patch, along, clamp_row(dim))
     turned = scale(tangential * by_normal, direction)
     for row in (BEFORE, AFTER):
         side = load(state.nodes.position[node, row], like)
@@ -168,7 +175,10 @@ def update_load_nodes(system, state):
             if not rides(system, state, number):
                 give_back(system, state, node)
             elif state.node_follows[number]:
-                if s - places[node - 1] < room or places[node + 1] - s < room:
+                near = s - places[node - 1] < room or places[node + 1] - s < room
+                if state.clamp_holds[number] and (near or beside_other(state, node)):
+                    give_back(system, state, node)
+                elif near:
                     stand_still(system, state, node)
             elif places[node - 1] + room <= s <= places[node + 1] - room:
                 if abs(s - places[node]) < room:
@@ -184,6 +194,12 @@ def update_load_nodes(system, state):
     for carriage in range(state.joint_node.size):
         if rides(system, state, carriage) and state.joint_node[carriage] < 0:
             find_node(system, state, carriage)
+
+
+@inlined_kernel
+def beside_other(state, node):
+    """Return whether a node next to an inner node follows a load."""
+    return state.node_load[node - 1] >= 0 or state.node_load[node + 1] >= 0
 
 
 @kernel
@@ -219,7 +235,8 @@ def find_node(system, state, carriage):
         if not 0 < node < last:
             return
         if state.node_load[node] < 0:
-            if state.mesh.arc_length[node - 1] + room < s < state.mesh.arc_length[node + 1] - room:
+            free = not (state.clamp_holds[carriage] and beside_other(state, node))
+            if free and state.mesh.arc_length[node - 1] + room < s < state.mesh.arc_length[node + 1] - room:
                 take_node(system, state, carriage, node)
             return
         if way * (state.joints.position[state.node_load[node]] - s) > 0.0:

@@ -165,6 +165,18 @@ def add_row(vector, array, row, column):
 
 
 @formula
+def read_matrix(array, row, column, like):
+    """Matrix of the shape of `like` from a two-dimensional `array`, from a row and a column on."""
+    return tuple(tuple(array[row + i, column + j] for j in range(len(line))) for i, line in enumerate(like))
+
+
+@formula
+def clamp_row(dim):
+    """First row, in a patch of a load, of the force of a clamp on it; no load follows in the node after such a one."""
+    return 7 * dim + 1
+
+
+@formula
 def patch_row(right, i, dim):
     """First row, in a patch of a load, of coordinate `i` of the element before (`right` 0) or after (1) the load.
 

@@ -7,21 +7,21 @@ from math import isfinite
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal, solve_columns
-from cable_twin.mechanics.solution.bundle.clamp import recover_clamps
+from cable_twin.mechanics.solution.bundle.clamp import add_clamp_gaps, recover_clamps
 from cable_twin.mechanics.solution.bundle.couplings import add_couplings
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
 from cable_twin.mechanics.solution.bundle.wheel_tangent import recover_wheels
-from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld, hold_ends, measure_gaps, recover
-from cable_twin.mechanics.solution.patch_elimination import recover_patches
+from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
+from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
 
 @kernel
 def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Residual and tangent of one rope and its vehicles, before supports."""
+    """Residual and tangent of one rope and its vehicles, before supports, and with the patches of loads as they are."""
     measure_gaps(system, state, work, True)
-    assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work)
+    assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
 
 
 @kernel
@@ -45,6 +45,12 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
         own, here, room = rope_of(bundle, rope, system, state, work)
         linearise_rope(own, here, room, mass_factor, rate_factor, stiffness_factor)
     if bundle.coupled:
+        add_clamp_gaps(bundle, moving, scratch, system, state, work)
+    for rope in range(ropes):
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        if own.cable.load_nodes:
+            condense_patches(here, room, own.cable.gravity)
+    if bundle.coupled:
         changed = add_couplings(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor
         )
@@ -57,12 +63,13 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
         solvable, turned = recover_wheels(bundle, moving, scratch, system, state, work)
         if not solvable:
             return False, largest, changed
+    if bundle.coupled:
+        recover_clamps(bundle, moving, scratch, state, work, system.cable.gravity)
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         recover_patches(here, room, own.cable.gravity)
     if bundle.coupled:
         like = system.cable.gravity
-        recover_clamps(bundle, moving, scratch, state, work, like)
         lifted = recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like)
         largest = max(turned, lifted) if isfinite(turned) else turned
     for rope in range(ropes):

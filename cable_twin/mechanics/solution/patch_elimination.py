@@ -6,13 +6,15 @@ nodes before and after, C and C'. The node that follows the load is free to carr
 
     before: .. + β x_before + β y,   y: β x_before + β y - C x_after,   after: .. - C' y + C' C x_after / β,
 
-of which elimination of y leaves C x_after and C' x_before.
+of which elimination of y leaves C x_after and C' x_before. The force of a clamp that holds the vehicle to another rope
+stays, after these in rows and columns, and is one of the unknowns of the ropes (`bundle.clamp`).
 """
 
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import load, store
+from cable_twin.mechanics.rope.point import clamp_row
 
 
 @kernel
@@ -27,6 +29,8 @@ def condense_patches(state, work, like):
             first = node
         following = state.node_load[node + 1]
         size = (3 * dim + 1 if following >= 0 else 2 * dim) + 5 * dim + 1
+        if state.clamp_holds[number]:
+            size = clamp_row(dim) + dim
         if work.along_held[number]:
             hold_row(work.patch[number], 5 * dim, work.along_increment[number])
         eliminate(work.patch[number], 2 * dim, 5 * dim + 1, size)
@@ -129,6 +133,8 @@ def substitute(state, work, node, like):
     following = state.node_load[node + 1]
     size = (3 * dim + 1 if following >= 0 else 2 * dim) + own
     last = patch.shape[1] - 1
+    if state.clamp_holds[number]:
+        size = clamp_row(dim) + dim
     for row in range(own - 1, 2 * dim - 1, -1):
         value = patch[row, last]
         for column in range(2 * dim):
@@ -137,7 +143,9 @@ def substitute(state, work, node, like):
             value -= patch[row, column] * patch[column, last]
         for column in range(own, size):
             k = column - own
-            if k < 3 * dim:
+            if k >= 2 * dim and state.clamp_holds[number]:
+                value -= patch[row, column] * patch[column, last]
+            elif k < 3 * dim:
                 value -= patch[row, column] * work.right_side[node + 1, k // dim, k % dim]
             else:
                 value -= patch[row, column] * work.sliding_increment[following]

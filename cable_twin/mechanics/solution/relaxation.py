@@ -13,6 +13,7 @@ from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.language.rotations import move_body
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
+from cable_twin.mechanics.on_rope.load_node import follow_joints, update_load_nodes
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, freeze_compliance, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
@@ -136,6 +137,9 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             for rope in range(ropes):
                 own, here, room = rope_of(bundle, rope, system, state, work)
                 turn = max(turn, move_relaxed(own, here, room))
+                if bundle.coupled and own.cable.load_nodes:  # joints that clamps hold are free to go
+                    follow_joints(here)
+                    update_load_nodes(own, here)
         else:
             turn = inf
         if turn > SHARPEST:

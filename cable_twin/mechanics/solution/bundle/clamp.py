@@ -37,8 +37,9 @@ from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_point, joint_position, joint_tangent, joint_velocity
 from cable_twin.mechanics.on_rope.tower import nearest
 from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
-from cable_twin.mechanics.rope.point import add_force, point_at, slope, value
-from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
+from cable_twin.mechanics.rope.patch import at_node
+from cable_twin.mechanics.rope.point import add_column, add_force, clamp_row, point_at, read_matrix, slope, value
+from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK, rope_of
 
 CLOSING_TIME = 2.0  # s, after which nothing is left of what was between a clamp and a rope that it has just taken
 STATION = 3.0  # m, of the track at both ends of it, which carriages do not ride
@@ -190,53 +191,98 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
             record_at(bundle.records[other, STATE], state),
         )
         force = load(here.clamp_force[carriage], like)
-        joint, held = joint_point(track.cable, here, carriage), point_at(haul, there, moving.clamp_place[clamp])
-        r_x = joint_tangent(track.cable, here, carriage)
-        gap = clamp_gap(bundle, moving, clamp, system, state, like)
-        size = sqrt(dot(gap, gap))
-        for k in range(2):
-            scratch.clamp_node[clamp, k] = bundle.order.first[rope] + joint.element + k
-            scratch.clamp_node[clamp, 2 + k] = bundle.order.first[other] + held.element + k
-
-        # rows: S Δe + r_x Δn - S_h Δe_h = gap, and that of n, which F enters as minus λ
-        diagonal = scratch.clamp_diagonal[clamp]
-        store(zero, diagonal[0, 0])
-        store(outer(1.0, r_x, e_1), diagonal[0, 1])
-        store(outer(-1.0, e_1, load(own.sliding_along[carriage], like)), diagonal[1, 0])
-        store(add_scaled(own.sliding_pivot[carriage] - 1.0, outer(1.0, e_1, e_1), one), diagonal[1, 1])
-        store(scale(min(1.0, scratch.closing[0] / size) if size > 0.0 else 1.0, gap), scratch.clamp_right[clamp, 0])
-        store(scale(own.sliding_right[carriage], e_1), scratch.clamp_right[clamp, 1])
-
-        # what the rails carry is in F too, as that of the other rope less what is not on it
-        add_force(scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force)), held, beside)
+        held = point_at(haul, there, moving.clamp_place[clamp])
+        diagonal, right = scratch.clamp_diagonal[clamp], scratch.clamp_right[clamp]
         out, back = scratch.clamp_out[clamp], scratch.clamp_in[clamp]
         clear_array(out)
         clear_array(back)
+        first = here.joint_element[carriage]
+        last = first + 1
+        if at_node(track.cable, here, carriage):
+            last = first + 2  # both sides of the node that follows the joint
+            add_clamp_at_node(own.patch[carriage], diagonal, right, out, back, like)
+        else:
+            # rows: S Δe + r_x Δn - S_h Δe_h = gap, and that of n, which F enters as minus λ
+            joint, r_x = joint_point(track.cable, here, carriage), joint_tangent(track.cable, here, carriage)
+            store(zero, diagonal[0, 0])
+            store(outer(1.0, r_x, e_1), diagonal[0, 1])
+            store(outer(-1.0, e_1, load(own.sliding_along[carriage], like)), diagonal[1, 0])
+            store(add_scaled(own.sliding_pivot[carriage] - 1.0, outer(1.0, e_1, e_1), one), diagonal[1, 1])
+            store(gap_to_close(bundle, moving, scratch, clamp, system, state, like), right[0])
+            store(scale(own.sliding_right[carriage], e_1), right[1])
+            for i in range(4):
+                node, row = i // 2, i % 2
+                store(scale(-joint.shape[i], one), out[node, row, 0])
+                store(outer(1.0, load(own.sliding_column[carriage, i], like), e_1), out[node, row, 1])
+                store(scale(joint.shape[i], one), back[node, 0, row])
+                store(outer(1.0, e_1, load(own.sliding_row[carriage, i], like)), back[node, 1, row])
+        scratch.clamp_node[clamp, 0] = bundle.order.first[rope] + first
+        scratch.clamp_node[clamp, 1] = bundle.order.first[rope] + last
+        for k in range(2):
+            scratch.clamp_node[clamp, 2 + k] = bundle.order.first[other] + held.element + k
+
+        # what the rails carry is in F too, as that of the other rope less what is not on it
+        add_force(scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force)), held, beside)
         for i in range(4):
             node, row = i // 2, i % 2
-            store(scale(-joint.shape[i], one), out[node, row, 0])
-            store(outer(1.0, load(own.sliding_column[carriage, i], like), e_1), out[node, row, 1])
-            store(scale(joint.shape[i], one), back[node, 0, row])
-            store(outer(1.0, e_1, load(own.sliding_row[carriage, i], like)), back[node, 1, row])
             store(scale(held.shape[i], one), out[2 + node, row, 0])
             store(scale(-held.shape[i], one), back[2 + node, 0, row])
-        hold_coupling(track.cable, joint.element, 0, out, back, like)
+        hold_coupling(track.cable, first, 0, out, back, like)
+        hold_coupling(track.cable, last, 1, out, back, like)
         hold_coupling(haul, held.element, 2, out, back, like)
+        hold_coupling(haul, held.element + 1, 3, out, back, like)
 
 
 @inlined_kernel
-def hold_coupling(cable, element, first, out, back, like):
-    """Project the couplings of both nodes of an element onto the free directions of a support, like `hold_ends`."""
+def gap_to_close(bundle, moving, scratch, clamp, system, state, like):
+    """Gap (dim,) in m that an iteration closes: all of it, or as much as `closing` allows."""
+    gap = clamp_gap(bundle, moving, clamp, system, state, like)
+    size = sqrt(dot(gap, gap))
+    return scale(min(1.0, scratch.closing[0] / size) if size > 0.0 else 1.0, gap)
+
+
+@kernel
+def add_clamp_gaps(bundle, moving, scratch, system, state, work):
+    """Write the gaps of all clamps to the patches of the nodes that their joints are at, before these are condensed."""
+    like = system.cable.gravity
+    for clamp in range(bundle.clamps.rope.size):
+        if moving.clamp_rope[clamp] >= 0:
+            rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
+            own, here, room = rope_of(bundle, rope, system, state, work)
+            if at_node(own.cable, here, carriage):
+                patch = room.patch[carriage]
+                gap = gap_to_close(bundle, moving, scratch, clamp, system, state, like)
+                add_column(gap, patch, clamp_row(len(like)), patch.shape[1] - 1)
+
+
+@inlined_kernel
+def add_clamp_at_node(patch, diagonal, right, out, back, like):
+    """Write block and couplings of a clamp whose joint is at a node, from what condensation left of its patch."""
+    dim, square = len(like), outer(0.0, like, like)
+    one, force, last = full(0.0, symmetric(0.0, 0.0, like), 1.0), clamp_row(dim), patch.shape[1] - 1
+    clear_array(diagonal)
+    store(one, diagonal[1, 1])
+    store(read_matrix(patch, force, force, square), diagonal[0, 0])
+    for axis in range(dim):
+        right[0, axis], right[1, axis] = patch[force + axis, last], 0.0
+    for node in range(2):
+        for row in range(2):
+            place = node * (5 * dim + 1) + row * dim
+            store(read_matrix(patch, place, force, square), out[node, row, 0])
+            store(read_matrix(patch, force, place, square), back[node, 0, row])
+
+
+@inlined_kernel
+def hold_coupling(cable, node, k, out, back, like):
+    """Project the coupling `k` with a node onto the free directions of the support it is at, like `hold_ends`."""
     square = outer(0.0, like, like)
     for end in range(2):
-        held = 0 if end == 0 else cable.element_count
-        node = held - element
-        if 0 <= node <= 1:
+        if node == (0 if end == 0 else cable.element_count):
             for i in range(2):
                 free = load(cable.end_projector[end, i], square)
                 for j in range(2):
-                    store(product(free, load(out[first + node, i, j], square)), out[first + node, i, j])
-                    store(product(load(back[first + node, j, i], square), free), back[first + node, j, i])
+                    store(product(free, load(out[k, i, j], square)), out[k, i, j])
+                    store(product(load(back[k, j, i], square), free), back[k, j, i])
 
 
 @kernel
@@ -247,7 +293,11 @@ def recover_clamps(bundle, moving, scratch, state, work, like):
             continue
         rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
         here, own = record_at(bundle.records[rope, STATE], state), record_at(bundle.records[rope, WORK], work)
-        accumulate(load(scratch.clamp_right[clamp, 0], like), here.clamp_force[carriage])
+        change = load(scratch.clamp_right[clamp, 0], like)
+        accumulate(change, here.clamp_force[carriage])
+        if own.patch.size > 0:
+            for axis in range(len(like)):
+                own.patch[carriage, clamp_row(len(like)) + axis, own.patch.shape[2] - 1] = change[axis]
         own.sliding_pivot[carriage], own.sliding_right[carriage] = 1.0, scratch.clamp_right[clamp, 1, 0]
         clear_array(own.sliding_row[carriage])
 
