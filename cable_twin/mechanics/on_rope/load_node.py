@@ -163,15 +163,20 @@ HOLD = 0.55  # of an element, that a load goes from the place of its node before
 FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is found to follow it
 
 
+@inlined_kernel
+def room_of(system, state, carriage):
+    """Room (m) that the node of a load keeps to its neighbours: more than the way of a step."""
+    return LEAST * system.cable.cell_length + 2.0 * system.solver.step * abs(state.joints.velocity[carriage])
+
+
 @kernel
 def update_load_nodes(system, state):
     """Assign a node to each load on the rope: take, hand on, and give back, where loads have come, moved, or gone."""
     last, places = state.node_load.size - 1, state.mesh.arc_length
-    room = LEAST * system.cable.cell_length
     for node in range(1, last):
         number = state.node_load[node]
         if number >= 0:
-            s = state.joints.position[number]
+            s, room = state.joints.position[number], room_of(system, state, number)
             if not rides(system, state, number):
                 give_back(system, state, node)
             elif state.node_follows[number]:
@@ -180,16 +185,18 @@ def update_load_nodes(system, state):
                     give_back(system, state, node)
                 elif near:
                     stand_still(system, state, node)
+            elif s < places[node - 1] or s > places[node + 1]:
+                give_back(system, state, node)
             elif places[node - 1] + room <= s <= places[node + 1] - room:
                 if abs(s - places[node]) < room:
                     go_along(system, state, node)
                 else:
                     give_back(system, state, node)
-    for node in range(last - 1, 0, -1):
-        if state.node_load[node] >= 0 and node + 1 < last and state.node_load[node + 1] < 0:
+    for node in range(last - 2, 0, -1):
+        if state.node_load[node] >= 0 and state.node_load[node + 1] < 0:
             pass_on(system, state, node, 1)
-    for node in range(1, last):
-        if state.node_load[node] >= 0 and node > 1 and state.node_load[node - 1] < 0:
+    for node in range(2, last):
+        if state.node_load[node] >= 0 and state.node_load[node - 1] < 0:
             pass_on(system, state, node, -1)
     for carriage in range(state.joint_node.size):
         if rides(system, state, carriage) and state.joint_node[carriage] < 0:
@@ -206,7 +213,7 @@ def beside_other(state, node):
 def pass_on(system, state, front, way):
     """Hand the loads behind and at a node on by one node, where they have gone far enough towards it."""
     homes, places, total, count, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, 0, front
-    room = LEAST * system.cable.cell_length
+    room = room_of(system, state, state.node_load[front])
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:
         gone = way * (places[node] - homes[node])
         total += gone / (way * (homes[node + way] - homes[node]))
@@ -224,7 +231,7 @@ def find_node(system, state, carriage):
     s, last, homes = state.joints.position[carriage], state.node_load.size - 1, system.cable.node_arc_length
     element = element_at(system.cable, state, s)
     state.joint_element[carriage] = element
-    room = LEAST * system.cable.cell_length
+    room = room_of(system, state, carriage)
     nearest = element if s - homes[element] < homes[element + 1] - s else element + 1
     nearest = min(max(nearest, 1), last - 1)
     way = 1

@@ -178,7 +178,7 @@ def with_room(
     homes: FloatArray, riders: IntArray, places: FloatArray, nodes: list[int], room: float
 ) -> list[tuple[int, int, float]]:
     """Loads (number, node, arc length in m) whose node has at least `room` (m) to its neighbours on either side."""
-    kept = [load for load in zip(riders.tolist(), nodes, places.tolist(), strict=True) if load[1] < homes.size - 1]
+    kept = [load for load in zip(riders.tolist(), nodes, places.tolist(), strict=True) if 0 < load[1] < homes.size - 1]
     while True:
         mesh = homes.copy()
         for _, node, s in kept:
