@@ -238,7 +238,7 @@ def test_condensation_solves_all_equations(dim, loads):
     assemble_open(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     matrix, right, places = equations(state, work, dim)
     x = np.linalg.solve(matrix, right)
-    condense_patches(state, work, system.cable.gravity)
+    condense_patches(state, work, work.patch, 0, system.cable.gravity)
     hold_ends(system.cable, work)
     assert solve(system, state, work)
     for (node, row), first in places.items():

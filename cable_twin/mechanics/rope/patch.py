@@ -260,6 +260,21 @@ def pull_of_element(system, state, element, end):
 
 
 @kernel
+def patch_forces(system, state, element):
+    """Forces on r_A, slope A, r_B and slope B (dim,) of an element beside a load, with the momentum that rope takes."""
+    elastic, others = forces_beside_load(system, state, element)
+    like, stretch = system.cable.gravity, rest_stretch(system.cable, state)
+    e, mass = nodal_vectors(state.nodes.position, element, like), system.cable.mass_per_length * stretch
+    k_a, k_b = rope_past(system, state, element)[0], rope_past(system, state, element + 1)[0]
+    return (
+        add_scaled(-mass * k_a * k_a, e[1], add_scaled(1.0, elastic[0], others[0])),
+        add_scaled(1.0, elastic[1], others[1]),
+        add_scaled(mass * k_b * k_b, e[3], add_scaled(1.0, elastic[2], others[2])),
+        add_scaled(1.0, elastic[3], others[3]),
+    )
+
+
+@kernel
 def force_beside_load(system, state, element, row):
     """Nodal force (dim,) in N of an element beside a load with all distributed loads, on r_A (row 0) or r_B (2)."""
     cable, like, node = system.cable, system.cable.gravity, element + row // 2

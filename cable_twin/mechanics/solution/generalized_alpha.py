@@ -77,8 +77,6 @@ def integrate(bundle, moving, scratch, system, state, work, h):
             curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
         )
         before = increment
-        if bundle.coupled and system.cable.load_nodes and iteration == 1:
-            continue  # nodes at loads take up in the second one what bullwheels have turned
         if (left < solver.tolerance and changed == 0) or increment == 0.0:
             memory[0] = curvature
             return True, iteration, increment

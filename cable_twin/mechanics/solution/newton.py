@@ -12,7 +12,7 @@ from cable_twin.mechanics.solution.bundle.couplings import add_couplings
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
-from cable_twin.mechanics.solution.bundle.wheel_tangent import recover_wheels
+from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, recover_wheels
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
@@ -45,11 +45,13 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
         own, here, room = rope_of(bundle, rope, system, state, work)
         linearise_rope(own, here, room, mass_factor, rate_factor, stiffness_factor)
     if bundle.coupled:
+        begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor)
         add_clamp_gaps(bundle, moving, scratch, system, state, work)
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         if own.cable.load_nodes:
-            condense_patches(here, room, own.cable.gravity)
+            count = scratch.slots[rope] if bundle.coupled else 0
+            condense_patches(here, room, scratch.patch_columns, count, own.cable.gravity)
     if bundle.coupled:
         changed = add_couplings(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor

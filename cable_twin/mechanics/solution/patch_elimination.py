@@ -18,8 +18,16 @@ from cable_twin.mechanics.rope.point import clamp_row
 
 
 @kernel
-def condense_patches(state, work, like):
-    """Eliminate the unknowns of all loads, and put what is left of their patches on the nodes beside them."""
+def condense_patches(state, work, columns, count, like):
+    """Eliminate the unknowns of all loads, and put what is left of their patches on the nodes beside them.
+
+    Args:
+        state: of the rope.
+        work: with the patches.
+        columns: (vehicles, rows, columns) further right sides of the patches, of bullwheels; they stay there.
+        count: how many of them are in use.
+        like: any vector of the space.
+    """
     dim, first = len(like), 0
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
@@ -33,9 +41,9 @@ def condense_patches(state, work, like):
             size = clamp_row(dim) + dim
         if work.along_held[number]:
             hold_row(work.patch[number], 5 * dim, work.along_increment[number])
-        eliminate(work.patch[number], 2 * dim, 5 * dim + 1, size)
+        eliminate(work.patch[number], columns[number], count, 2 * dim, 5 * dim + 1, size)
         if following >= 0:
-            hand_on(work.patch[number], work.patch[following], dim)
+            hand_on(work.patch[number], work.patch[following], columns[number], columns[following], count, dim)
         else:
             carry_over(work, number, first, node, dim)
 
@@ -49,7 +57,7 @@ def hold_row(patch, row, increment):
 
 
 @kernel
-def eliminate(patch, first, end, size):
+def eliminate(patch, columns, count, first, end, size):
     """Eliminate the unknowns `first` to `end` of a patch of `size` ones from the equations of all that are left."""
     last = patch.shape[1] - 1
     for pivot in range(first, end):
@@ -65,10 +73,12 @@ def eliminate(patch, first, end, size):
             for column in range(pivot + 1, size):
                 patch[row, column] -= factor * patch[pivot, column]
             patch[row, last] -= factor * patch[pivot, last]
+            for column in range(count):
+                columns[row, column] -= factor * columns[pivot, column]
 
 
 @kernel
-def hand_on(patch, following, dim):
+def hand_on(patch, following, columns, following_columns, count, dim):
     """Add what is left of a patch to that of the next load, whose node is beside."""
     before, own, count, last = 2 * dim, 5 * dim + 1, 3 * dim + 1, patch.shape[1] - 1
     for i in range(before + count):
@@ -77,6 +87,8 @@ def hand_on(patch, following, dim):
             column = j if j < before else j - before + own
             following[i, j] += patch[row, column]
         following[i, last] += patch[row, last]
+        for column in range(count):
+            following_columns[i, column] += columns[row, column]
 
 
 @kernel

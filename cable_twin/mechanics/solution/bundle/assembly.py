@@ -138,7 +138,8 @@ class Assembly:
             write(first_motion, like.moving)
         self.moving: BundleState = like.moving if like else first_motion
         self.spare: tuple[BundleState, BundleState] = like.spare if like else (clone(first_motion), clone(first_motion))
-        self.scratch: BundleWork = like.scratch if like else allocate_bundle_work(self.bundle)
+        vehicles, patch = first.work.patch.shape[0], max(rope.work.patch.shape[1] for rope in ropes)
+        self.scratch: BundleWork = like.scratch if like else allocate_bundle_work(self.bundle, vehicles, patch)
         # packed once: of several assemblies that take turns, each would otherwise be packed anew in its turn
         self._couplings = tuple(map(pack, (self.bundle, self.moving, *self.spare, self.scratch)))
         self._rope: tuple[Any, ...] = tuple(map(pack, first[:3]))

@@ -29,7 +29,7 @@ from cable_twin.mechanics.solution.bundle.clamp import (
 from cable_twin.mechanics.solution.bundle.connector import add_connectors, connector_force, damp_rope
 from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs, push_direction
 from cable_twin.mechanics.solution.bundle.records import SECTIONS, STATE, SYSTEM, rope_of
-from cable_twin.mechanics.solution.bundle.wheel_tangent import add_travel, begin_wheels
+from cable_twin.mechanics.solution.bundle.wheel_tangent import add_travel, add_wheels
 from cable_twin.mechanics.solution.newmark import correct, predict
 
 
@@ -57,10 +57,9 @@ def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rat
     Bullwheels take part where ropes move in time, with a rate factor.
     """
     like, wires = system.cable.gravity, bundle.wires
-    scratch.slots[:] = 0
     wheels = bundle.sheaves.inertia.size > 0 and rate_factor > 0.0
     if wheels:
-        begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor)
+        add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor)
     if wires.present and rate_factor > 0.0:
         for rope in range(bundle.records.shape[0]):
             own, here, room = rope_of(bundle, rope, system, state, work)

@@ -211,6 +211,7 @@ class BundleWork(NamedTuple):
         FloatArray, Of("node", "wheel", 2, "dim²")
     ]  # tangent of each node of all ropes by rope over a wheel, column 0, and by its carriage, column 1; then solutions
     clamp_columns: Annotated[FloatArray, Of("clamp", "wheel", 2, "dim²")]  # the same of the clamps
+    patch_columns: Annotated[FloatArray, Of("vehicle", "patch", "wheel")]  # by rope over a wheel, of loads at nodes
     wheel_row: Annotated[
         FloatArray, Of("wheel", 2, 2, 3, "dim")
     ]  # of both strands: forces on rope over it and on its carriage, by slope of the end and both vectors beside that
@@ -268,6 +269,6 @@ def bullwheels_at_rest(count: int) -> BullwheelMotion:
     return allocate(BullwheelMotion, {"wheel": count})
 
 
-def allocate_bundle_work(bundle: Bundle) -> BundleWork:
-    """Allocate the solver's workspace for the couplings of ropes."""
-    return allocate(BundleWork, sizes_of_bundle(bundle))
+def allocate_bundle_work(bundle: Bundle, vehicles: int = 0, patch: int = 0) -> BundleWork:
+    """Allocate the solver's workspace for the couplings of ropes with `vehicles`, of `patch` rows where at a node."""
+    return allocate(BundleWork, sizes_of_bundle(bundle) | {"vehicle": vehicles, "patch": patch})

@@ -32,8 +32,9 @@ from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
-from cable_twin.mechanics.rope.patch import beside_load
-from cable_twin.mechanics.rope.point import element_at, point_at, slope
+from cable_twin.mechanics.rope.patch import at_node, beside_load, follows, patch_forces, pull_of_element
+from cable_twin.mechanics.rope.patch_assembly import shift_row
+from cable_twin.mechanics.rope.point import element_at, patch_row, point_at, slope
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
     missing_rope,
@@ -43,6 +44,7 @@ from cable_twin.mechanics.solution.bundle.bullwheels import (
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, SYSTEM, WORK, rope_of
 
 ROPE, CARRIAGE = range(2)  # coordinates of a wheel, and columns of its block
+PART = 1e-5  # m, of rope over a wheel, for the difference that stands for a derivative beside loads
 
 
 @kernel
@@ -55,18 +57,42 @@ def is_active(sheaves, motion, sheave, kind):
 
 @kernel
 def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
+    """Find the columns of all wheels whose coordinates are unknown, and those of loads at nodes, not condensed yet.
+
+    Bullwheels take part where ropes move in time, with a rate factor.
+    """
+    sheaves, motion = bundle.sheaves, moving.sheaves
+    scratch.slots[:] = 0
+    if sheaves.inertia.size == 0 or rate_factor == 0.0:
+        return
+    scratch.wheel_matrix[:] = 0.0
+    scratch.slot[:] = -1
+    for sheave in range(sheaves.inertia.size):
+        if is_active(sheaves, motion, sheave, ROPE) or is_active(sheaves, motion, sheave, CARRIAGE):
+            take_slots(bundle, scratch, sheave)
+    clear_columns(bundle, scratch)
+    for sheave in range(sheaves.inertia.size):
+        if is_active(sheaves, motion, sheave, ROPE):
+            for side in range(2):
+                rope = sheaves.rope[sheave, side]
+                own, here, room = rope_of(bundle, rope, system, state, work)
+                if own.cable.load_nodes:
+                    columns, slot = scratch.patch_columns, scratch.slot[sheave, rope]
+                    add_patch_columns(own, here, room, 1 - side, mass_factor, rate_factor, columns, slot)
+
+
+@kernel
+def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
     """Linearise all wheels whose coordinates are unknown; needs the ropes assembled, without what couples them.
 
     Their columns get the part of rope that runs over the wheel, their equations what the end of each strand has.
     """
     sheaves, motion = bundle.sheaves, moving.sheaves
-    scratch.wheel_matrix[:] = 0.0
-    scratch.slot[:] = -1
-    scratch.slots[:] = 0
-    for sheave in range(sheaves.inertia.size):
-        if is_active(sheaves, motion, sheave, ROPE) or is_active(sheaves, motion, sheave, CARRIAGE):
-            take_slots(bundle, scratch, sheave)
-    clear_columns(bundle, scratch)
+    for rope in range(scratch.slots.size):
+        own, here, _ = rope_of(bundle, rope, system, state, work)
+        if own.cable.load_nodes and scratch.slots[rope] > 0:
+            wheel_columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
+            carry_columns(here, scratch.patch_columns, scratch.slots[rope], wheel_columns, own.cable.gravity)
     for sheave in range(sheaves.inertia.size):
         if is_active(sheaves, motion, sheave, ROPE):
             for side in range(2):
@@ -80,6 +106,71 @@ def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate
         read_ends(bundle, motion, sheave, system, state, work)
     for sheave in range(sheaves.inertia.size):
         write_equations(bundle, motion, scratch, sheave, system, state, work, mass_factor, rate_factor)
+
+
+@kernel
+def add_patch_columns(system, state, work, end, mass_factor, rate_factor, columns, slot):
+    """Add to the columns of loads at nodes what rope over one end changes on the elements beside them.
+
+    That of their elements is a central difference, with `PART` of a metre of rope; a load that is clamped to the rope
+    goes along with it.
+    """
+    cable, dim = system.cable, len(system.cable.gravity)
+    for element in range(work.patch_of.size):
+        number = work.patch_of[element]
+        if number >= 0:
+            right, kept = work.patch_right[element], shift_rope(state, end, PART, mass_factor, rate_factor)
+            for way in range(2):
+                if way == 1:
+                    set_rope(state, end, kept)
+                    kept = shift_rope(state, end, -PART, mass_factor, rate_factor)
+                share = (0.5 if way == 1 else -0.5) / PART
+                forces = patch_forces(system, state, element)
+                for i in range(4):
+                    row = patch_row(right, i, dim)
+                    for axis in range(dim):
+                        columns[number, row + axis, slot] += share * forces[i][axis]
+                for k in range(2):
+                    if follows(state, element + k):
+                        columns[number, shift_row(right, k, dim), slot] -= share * pull_of_element(
+                            system, state, element, k
+                        )
+            set_rope(state, end, kept)
+    for carriage in range(system.carriages.fixed.size):
+        if at_node(cable, state, carriage) and work.along_held[carriage] and rides(system, state, carriage):
+            way = place_by_flow(cable, state, end, state.joints.position[carriage])
+            columns[carriage, 5 * dim, slot] = -way if system.carriages.clamped[carriage] else 0.0
+
+
+@inlined_kernel
+def shift_rope(state, end, way, mass_factor, rate_factor):
+    """Let a `way` (m) of rope run over one end; returns way, speed and acceleration there before it."""
+    kept = state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end]
+    set_rope(state, end, (kept[0] + way, kept[1] + rate_factor * way, kept[2] + mass_factor * way))
+    return kept
+
+
+@inlined_kernel
+def set_rope(state, end, motion):
+    """Set way (m), speed (m/s) and acceleration (m/s²) of the rope over one end."""
+    state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end] = motion
+
+
+@kernel
+def carry_columns(state, columns, count, wheel_columns, like):
+    """Add what condensation has left of the columns of loads to those of the nodes beside them."""
+    dim, first = len(like), 0
+    for node in range(1, state.node_load.size - 1):
+        number = state.node_load[node]
+        if number >= 0:
+            if state.node_load[node - 1] < 0:
+                first = node
+            if state.node_load[node + 1] < 0:
+                for slot in range(count):
+                    for i in range(2 * dim):
+                        entry = (i % dim) * dim
+                        wheel_columns[first - 1, slot, i // dim, entry] += columns[number, i, slot]
+                        wheel_columns[node + 1, slot, i // dim, entry] += columns[number, 5 * dim + 1 + i, slot]
 
 
 @kernel
@@ -100,6 +191,7 @@ def clear_columns(bundle, scratch):
         if scratch.slots[rope] > 0:
             scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1], : scratch.slots[rope]] = 0.0
     scratch.clamp_columns[:] = 0.0
+    scratch.patch_columns[:] = 0.0
 
 
 @kernel
@@ -107,8 +199,11 @@ def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
     """Add to a column what rope over one end changes at vehicles clamped to the strand, and at tower friction."""
     cable, towers, like = system.cable, system.towers, system.cable.gravity
     for carriage in range(system.carriages.fixed.size):
-        at_load = cable.load_nodes and state.joint_node[carriage] >= 0
-        if system.carriages.clamped[carriage] and rides(system, state, carriage) and not at_load:
+        if (
+            system.carriages.clamped[carriage]
+            and rides(system, state, carriage)
+            and not at_node(cable, state, carriage)
+        ):
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
             for i in range(4):
                 force = scale(way, load(work.sliding_column[carriage, i], like))
@@ -280,7 +375,7 @@ def recover_wheels(bundle, moving, scratch, system, state, work):
     for sheave in range(sheaves.inertia.size):
         moved, travelled = scratch.wheel_increment[2 * sheave], scratch.wheel_increment[2 * sheave + 1]
         largest = max(largest, abs(moved), abs(travelled))
-        answer_wheel(bundle, moving, scratch, sheave, system, work)
+        answer_wheel(bundle, moving, scratch, sheave, system, state, work)
         if is_active(sheaves, motion, sheave, ROPE):
             for side in range(2):
                 own, here, room = rope_of(bundle, sheaves.rope[sheave, side], system, state, work)
@@ -310,7 +405,7 @@ def subtract_ropes(bundle, scratch, sheave, system, state, work):
 
 
 @kernel
-def answer_wheel(bundle, moving, scratch, sheave, system, work):
+def answer_wheel(bundle, moving, scratch, sheave, system, state, work):
     """Subtract the answer to the increments of a wheel from the solutions of all ropes and clamps that feel it."""
     like = system.cable.gravity
     axes, square = unit_matrix(like), outer(0.0, like, like)
@@ -324,6 +419,13 @@ def answer_wheel(bundle, moving, scratch, sheave, system, work):
                 for i in range(2):
                     answer = product(load(scratch.wheel_columns[at + node, slot, i], square), increments)
                     accumulate(answer, right_side[node, i])
+            own, here, room = rope_of(bundle, rope, system, state, work)
+            for node in range(here.node_load.size if own.cable.load_nodes else 0):
+                number = here.node_load[node]
+                if number >= 0:
+                    for row in range(2 * len(like), 5 * len(like) + 1):
+                        by_rope = scratch.patch_columns[number, row, slot]
+                        room.patch[number, row, room.patch.shape[2] - 1] -= moved * by_rope
     for clamp in range(bundle.clamps.rope.size):
         slot = scratch.slot[sheave, bundle.clamps.rope[clamp]]
         if slot >= 0 and moving.clamp_rope[clamp] >= 0:
