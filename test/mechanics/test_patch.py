@@ -47,8 +47,8 @@ def follow(state):
 
 def patch_of(system, state, work, load=0):
     """Patch of a load with the elements beside it alone: matrix and right side."""
-    count = begin_patches(state, work)
-    add_patches(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, count, work)
+    begin_patches(state, work)
+    add_patches(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     return work.patch[load, :, :-1].copy(), work.patch[load, :, -1].copy()
 
 

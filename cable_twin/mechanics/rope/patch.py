@@ -206,17 +206,22 @@ def shift_vectors(end, e, length):
     return first * e[1] + end * e[3], first * bend_a + end * bend_b
 
 
-@kernel
-def forces_beside_load(system, state, element):
-    """Nodal forces of an element beside a load, on r_A, slope A, r_B and slope B: elastic ones, and all others.
+@inlined_kernel
+def forces_by_motion(system, state, length, motion, wind):
+    """Nodal forces (dim,) on r_A, slope A, r_B and slope B of one element, or of lanes: elastic ones, and all others.
 
-    Those on positions (dim,) are in N, those on slopes in N m. The others are inertia, weight, damping and drag.
+    Those on positions are in N, those on slopes in N m. The others are inertia, weight, damping and drag.
+
+    Args:
+        system: parameters.
+        state: for rest stretch and dilution.
+        length: of the element, m.
+        motion: nodal vectors, and velocities and accelerations of the rope, as of `motion_of_rope`.
+        wind: (dim,) m/s.
     """
-    cable, like, length = system.cable, system.cable.gravity, state.mesh.length[element]
-    stretch = rest_stretch(cable, state)
-    e, v, a = motion_of_rope(system, state, element, state.nodes.acceleration)
-    shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
-    still, at_rest = scale(0.0, like), stretch * length
+    cable, (e, v, a) = system.cable, motion
+    stretch, shape = rest_stretch(cable, state), (subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3]))
+    still, at_rest = scale(0.0, shape[0]), stretch * length
     on_d, on_a, on_b = elastic_force(cable, at_rest, *shape, still, still, still, 0.0, 0.0)[:3]
     elastic = on_d, scale(-length, on_a), scale(-1.0, on_d), scale(-length, on_b)
     inert = inertia(cable, length, stretch, *a)
@@ -234,7 +239,7 @@ def forces_beside_load(system, state, element):
         r_a, t_a = add_scaled(1.0, d, r_a), add_scaled(-length, a, t_a)
         r_b, t_b = add_scaled(-1.0, d, r_b), add_scaled(-length, b, t_b)
     if system.air.present:
-        wind, drag = load(state.wind_field.along_rope[:, element], like), system.air.rope_drag
+        drag = system.air.rope_drag
         r_a = add_scaled(1.0, drag_on(drag, wind, length, shape, v, 0), r_a)
         t_a = add_scaled(length, drag_on(drag, wind, length, shape, v, 1), t_a)
         r_b = add_scaled(1.0, drag_on(drag, wind, length, shape, v, 2), r_b)
@@ -242,43 +247,55 @@ def forces_beside_load(system, state, element):
     return elastic, (r_a, t_a, r_b, t_b)
 
 
+@inlined_kernel
+def forces_on_patch(system, state, length, motion, wind, passing):
+    """Forces on all coordinates that elements beside a load share: r_A, slope A, r_B, slope B, and both arc lengths.
+
+    Takes the arguments of `forces_by_motion`, and the speeds κ (m/s) of rope past both nodes. Forces on positions have
+    the momentum of rope that passes; those on arc lengths Q_X in N.
+    """
+    (e, _, _), (k_a, k_b), cable = motion, passing, system.cable
+    stretch, shape = rest_stretch(cable, state), (subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3]))
+    elastic, others = forces_by_motion(system, state, length, motion, wind)
+    first = stretch * by_length(cable, stretch * length, *shape)[0]
+    first = first - (dot(elastic[1], e[1]) + dot(elastic[3], e[3])) / length
+    mass, (_, bend_a), (_, bend_b) = (
+        cable.mass_per_length * stretch,
+        shift_vectors(0, e, length),
+        shift_vectors(1, e, length),
+    )
+    along_a = dot(e[1], others[0]) + dot(bend_a, others[1]) - first - 0.5 * mass * k_a * k_a * dot(e[1], e[1])
+    along_b = dot(e[3], others[2]) + dot(bend_b, others[3]) + first + 0.5 * mass * k_b * k_b * dot(e[3], e[3])
+    r_a = add_scaled(-mass * k_a * k_a, e[1], add_scaled(1.0, elastic[0], others[0]))
+    r_b = add_scaled(mass * k_b * k_b, e[3], add_scaled(1.0, elastic[2], others[2]))
+    t_a, t_b = add_scaled(1.0, elastic[1], others[1]), add_scaled(1.0, elastic[3], others[3])
+    return (r_a, t_a, r_b, t_b), (along_a, along_b)
+
+
+@inlined_kernel
+def on_element(system, state, element):
+    """Length (m), motion, wind and passing speeds of an element beside a load: arguments of `forces_on_patch`."""
+    return (
+        state.mesh.length[element],
+        motion_of_rope(system, state, element, state.nodes.acceleration),
+        load(state.wind_field.along_rope[:, element], system.cable.gravity),
+        (rope_past(system, state, element)[0], rope_past(system, state, element + 1)[0]),
+    )
+
+
 @kernel
 def pull_of_element(system, state, element, end):
     """Share Q_X (N) of an element in the force along the rope on its first (0) or second (1) node, at a load."""
-    cable, like, length = system.cable, system.cable.gravity, state.mesh.length[element]
-    stretch = rest_stretch(cable, state)
-    e = nodal_vectors(state.nodes.position, element, like)
-    shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
-    elastic, others = forces_beside_load(system, state, element)
-    first = stretch * by_length(cable, stretch * length, *shape)[0]
-    first -= (dot(elastic[1], e[1]) + dot(elastic[3], e[3])) / length
-    slope, bend = shift_vectors(end, e, length)
-    speed = rope_past(system, state, element + end)[0]
-    flux = 0.5 * cable.mass_per_length * stretch * speed * speed * dot(slope, slope)
-    sign = 1.0 if end == 1 else -1.0
-    return sign * (first + flux) + dot(slope, others[2 * end]) + dot(bend, others[2 * end + 1])
-
-
-@kernel
-def patch_forces(system, state, element):
-    """Forces on r_A, slope A, r_B and slope B (dim,) of an element beside a load, with the momentum that rope takes."""
-    elastic, others = forces_beside_load(system, state, element)
-    like, stretch = system.cable.gravity, rest_stretch(system.cable, state)
-    e, mass = nodal_vectors(state.nodes.position, element, like), system.cable.mass_per_length * stretch
-    k_a, k_b = rope_past(system, state, element)[0], rope_past(system, state, element + 1)[0]
-    return (
-        add_scaled(-mass * k_a * k_a, e[1], add_scaled(1.0, elastic[0], others[0])),
-        add_scaled(1.0, elastic[1], others[1]),
-        add_scaled(mass * k_b * k_b, e[3], add_scaled(1.0, elastic[2], others[2])),
-        add_scaled(1.0, elastic[3], others[3]),
-    )
+    _, along = forces_on_patch(system, state, *on_element(system, state, element))
+    return along[1] if end == 1 else along[0]
 
 
 @kernel
 def force_beside_load(system, state, element, row):
     """Nodal force (dim,) in N of an element beside a load with all distributed loads, on r_A (row 0) or r_B (2)."""
     cable, like, node = system.cable, system.cable.gravity, element + row // 2
-    elastic, others = forces_beside_load(system, state, element)
+    length, motion, wind, _ = on_element(system, state, element)
+    elastic, others = forces_by_motion(system, state, length, motion, wind)
     force = add_scaled(1.0, elastic[row], others[row])
     if not system.moving_cable.moving:
         return force

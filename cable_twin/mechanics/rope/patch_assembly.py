@@ -20,7 +20,15 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_force
 from cable_twin.mechanics.rope.element import inertia, rates_of_strain, write_group
-from cable_twin.mechanics.rope.patch import bend_rates, by_length, follows, motion_of_rope, rope_past, shift_vectors
+from cable_twin.mechanics.rope.patch import (
+    bend_rates,
+    by_length,
+    follows,
+    forces_on_patch,
+    motion_of_rope,
+    rope_past,
+    shift_vectors,
+)
 from cable_twin.mechanics.rope.point import add_column, add_matrix, add_row, patch_row
 from cable_twin.mechanics.rope.rope_drag import add_drag
 from cable_twin.mechanics.rope.shape_functions import MASS, block_row, vector_row
@@ -28,7 +36,7 @@ from cable_twin.mechanics.rope.shape_functions import MASS, block_row, vector_ro
 
 @kernel
 def begin_patches(state, work):
-    """Find the elements beside loads, and clear their patches; returns how many elements there are."""
+    """Find the elements beside loads, and clear their patches."""
     count = 0
     for element in range(work.patch_of.size):
         work.patch_of[element], state.mesh.plain[element] = -1, 1.0
@@ -46,26 +54,78 @@ def begin_patches(state, work):
             state.mesh.plain[node] = 0.0
             work.patch_elements[count] = node
             count += 1
-    return count
+    work.patch_count[0] = count
 
 
 @kernel
-def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, count, work):
+def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Add the residual and tangent of all elements beside loads to their patches, `WIDTH` elements at a time."""
+    count = work.patch_count[0]
     for first in range(0, count, WIDTH):
-        for lane in range(WIDTH):
-            element = work.patch_elements[min(first + lane, count - 1)]
-            e, v, a = motion_of_rope(system, state, element, state.nodes.acceleration)
-            write_motion(e, v, a, lane, work.patch_motion)
-            rows = 12 * len(system.cable.gravity)
-            work.patch_motion[rows, lane] = state.mesh.length[element]
-            store(
-                load(state.wind_field.along_rope[:, element], system.cable.gravity), work.patch_motion[rows + 1 :, lane]
-            )
+        gather_motion(system, state, first, count, work)
         linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work)
+
+
+@inlined_kernel
+def gather_motion(system, state, first, count, work):
+    """Write motion, length, wind and passing rope of `WIDTH` elements beside loads to the lanes of `patch_motion`."""
+    like = system.cable.gravity
+    rows = 12 * len(like)
+    for lane in range(WIDTH):
+        element = work.patch_elements[min(first + lane, count - 1)]
+        e, v, a = motion_of_rope(system, state, element, state.nodes.acceleration)
+        write_motion(e, v, a, lane, work.patch_motion)
+        work.patch_motion[rows, lane] = state.mesh.length[element]
+        store(load(state.wind_field.along_rope[:, element], like), work.patch_motion[rows + 1 :, lane])
+        for end in range(2):
+            work.patch_motion[rows + len(like) + 1 + end, lane] = rope_past(system, state, element + end)[0]
+
+
+@inlined_kernel
+def force_patches(system, state, work):
+    """Write the forces of a gathered group of elements beside loads to the vectors of `group`, Q_X to its blocks."""
+    like, rows = system.cable.gravity, work.patch_motion
+    motion = read_motion(rows, 0, like), read_motion(rows, 1, like), read_motion(rows, 2, like)
+    length, wind = read_vector(rows, 12 * len(like), (0.0,))[0], read_vector(rows, 12 * len(like) + 1, like)
+    passing = read_vector(rows, 13 * len(like) + 1, (0.0, 0.0))
+    forces, along = forces_on_patch(system, state, length, motion, wind, passing)
+    for i in range(4):
+        spread(forces[i], work.group, vector_row(i, like))
+    spread(along, work.group, block_row(0, 0, like))
+
+
+@kernel
+def add_patch_differences(system, state, count, share, columns, slot, work):
+    """Add `share` times the forces of all elements beside loads, less those of arc lengths, to a column of patches.
+
+    Args:
+        system: parameters.
+        state: of the rope.
+        count: of elements beside loads.
+        share: factor.
+        columns: (vehicles, rows, columns), is added to.
+        slot: number of the column.
+        work: with the patches.
+    """
+    like = system.cable.gravity
+    dim = len(like)
+    for first in range(0, count, WIDTH):
+        gather_motion(system, state, first, count, work)
+        force_patches(system, state, work)
+        for lane in range(min(WIDTH, count - first)):
+            element = work.patch_elements[first + lane]
+            number, right = work.patch_of[element], work.patch_right[element]
+            for i in range(4):
+                row, entry = patch_row(right, i, dim), vector_row(i, like)
+                for axis in range(dim):
+                    columns[number, row + axis, slot] += share * work.group[entry + axis, lane]
+            for end in range(2):
+                if follows(state, element + end):
+                    along = work.group[block_row(0, 0, like) + end, lane]
+                    columns[number, shift_row(right, end, dim), slot] -= share * along
 
 
 @formula

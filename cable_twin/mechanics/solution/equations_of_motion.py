@@ -150,12 +150,11 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
 def assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Residual and tangent of rows 1-4 before supports, carriages eliminated, with the patches of loads as they are."""
     cable, carriages = system.cable, system.carriages
-    count = 0
     if cable.load_nodes:
-        count = begin_patches(state, work)
+        begin_patches(state, work)
     add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if cable.load_nodes:
-        add_patches(system, state, mass_factor, rate_factor, stiffness_factor, count, work)
+        add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
     add_loads(cable, state, stiffness_factor, work)
     if system.air.present:
         drag_bodies(system, state, rate_factor, stiffness_factor, work)

@@ -68,11 +68,8 @@ def eliminate(patch, columns, count, first, end, size):
             factor = patch[row, pivot] * inverse
             if factor == 0.0:
                 continue
-            for column in range(first):
+            for column in range(last + 1):  # with what is eliminated already: one loop of whole vectors is cheaper
                 patch[row, column] -= factor * patch[pivot, column]
-            for column in range(pivot + 1, size):
-                patch[row, column] -= factor * patch[pivot, column]
-            patch[row, last] -= factor * patch[pivot, last]
             for column in range(count):
                 columns[row, column] -= factor * columns[pivot, column]
 
@@ -80,10 +77,11 @@ def eliminate(patch, columns, count, first, end, size):
 @kernel
 def hand_on(patch, following, columns, following_columns, count, dim):
     """Add what is left of a patch to that of the next load, whose node is beside."""
-    before, own, count, last = 2 * dim, 5 * dim + 1, 3 * dim + 1, patch.shape[1] - 1
-    for i in range(before + count):
+    before, own, last = 2 * dim, 5 * dim + 1, patch.shape[1] - 1
+    size = before + 3 * dim + 1
+    for i in range(size):
         row = i if i < before else i - before + own
-        for j in range(before + count):
+        for j in range(size):
             column = j if j < before else j - before + own
             following[i, j] += patch[row, column]
         following[i, last] += patch[row, last]

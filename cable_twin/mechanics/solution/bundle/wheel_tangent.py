@@ -32,9 +32,9 @@ from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
-from cable_twin.mechanics.rope.patch import at_node, beside_load, follows, patch_forces, pull_of_element
-from cable_twin.mechanics.rope.patch_assembly import shift_row
-from cable_twin.mechanics.rope.point import element_at, patch_row, point_at, slope
+from cable_twin.mechanics.rope.patch import at_node, beside_load
+from cable_twin.mechanics.rope.patch_assembly import add_patch_differences
+from cable_twin.mechanics.rope.point import element_at, point_at, slope
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
     missing_rope,
@@ -115,27 +115,11 @@ def add_patch_columns(system, state, work, end, mass_factor, rate_factor, column
     That of their elements is a central difference, with `PART` of a metre of rope; a load that is clamped to the rope
     goes along with it.
     """
-    cable, dim = system.cable, len(system.cable.gravity)
-    for element in range(work.patch_of.size):
-        number = work.patch_of[element]
-        if number >= 0:
-            right, kept = work.patch_right[element], shift_rope(state, end, PART, mass_factor, rate_factor)
-            for way in range(2):
-                if way == 1:
-                    set_rope(state, end, kept)
-                    kept = shift_rope(state, end, -PART, mass_factor, rate_factor)
-                share = (0.5 if way == 1 else -0.5) / PART
-                forces = patch_forces(system, state, element)
-                for i in range(4):
-                    row = patch_row(right, i, dim)
-                    for axis in range(dim):
-                        columns[number, row + axis, slot] += share * forces[i][axis]
-                for k in range(2):
-                    if follows(state, element + k):
-                        columns[number, shift_row(right, k, dim), slot] -= share * pull_of_element(
-                            system, state, element, k
-                        )
-            set_rope(state, end, kept)
+    cable, dim, count = system.cable, len(system.cable.gravity), work.patch_count[0]
+    for way in (PART, -PART):
+        kept = shift_rope(state, end, way, mass_factor, rate_factor)
+        add_patch_differences(system, state, count, -0.5 / way, columns, slot, work)
+        set_rope(state, end, kept)
     for carriage in range(system.carriages.fixed.size):
         if at_node(cable, state, carriage) and work.along_held[carriage] and rides(system, state, carriage):
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
