@@ -6,6 +6,8 @@ are in `checks/`; use `load_scenario`, which applies both.
 
 from __future__ import annotations
 
+from itertools import pairwise
+from math import inf
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, PrivateAttr, model_validator
@@ -39,6 +41,7 @@ from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind, Carrier
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # those of the mechanics
 
 CABLE = "cable"  # name of the rope of a scenario that has one cable and no `ropes`
+CLAMPS_APART = 4  # elements, from where on nodes of vehicles that are clamped to another rope do not meet
 ACROSS = 1e-9  # of its length: a track that goes less than that along x goes along y
 
 
@@ -93,6 +96,7 @@ class Whole(NamedTuple):
     riding: Riding | None = None
     hauls: bool = False
     track: tuple[float, float] | None = None  # m, direction in plan
+    joined: bool = False  # connectors hold its nodes, or pantographs slide on it
 
 
 class Scenario(Section):
@@ -205,8 +209,34 @@ class Scenario(Section):
             update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
         alone = self.model_copy(update=update)
         hauls = strand is not None and any(rope not in self.strands for rope in self.ropes)
-        alone._whole = Whole(strand, riding, hauls, self.track)
+        joined = any(name in dict(rod.ends) for rod in self.connectors.values())
+        joined |= any(one.rope == name for one in self.pantographs.values())
+        alone._whole = Whole(strand, riding, hauls, self.track, joined)
         return alone
+
+    @property
+    def paper_reason(self) -> str | None:
+        """Reason why vehicles on the one rope of this scenario cannot be at nodes, None if they can."""
+        model, integrator, kinks = self.cable.elastic_model, self.solver.integrator, self.cable.kinks
+        reasons = {
+            f"beside elastic_model {model}": model != "continuum",
+            f"beside integrator {integrator}": integrator != "generalized_alpha",
+            f"beside kinks {kinks}, which mend the joint of the paper": kinks != "rounded",
+            "beside connectors or pantographs on the same rope": self._whole.joined,
+            "beside mass_damping or tension_damping": self.cable.mass_damping > 0.0 or self.cable.tension_damping > 0.0,
+            f"beside clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
+        }
+        return next((reason for reason, holds in reasons.items() if holds), None)
+
+    def _clamps_are_close(self) -> bool:
+        """Return whether vehicles on the rope of this scenario are clamped to another one too near to each other."""
+        elements = self.cable.elements
+        longest = self.cable.unstrained_length / elements if isinstance(elements, int) else elements.target
+        apart, riding = inf, self._whole.riding
+        if riding and self.carriers and self.carriers.count > 1:
+            apart = riding.loop_length / self.carriers.count
+        held = sorted(place for one in self.carriages.values() for place in list(one.clamped_to.values())[:1])
+        return min([apart, *(after - before for before, after in pairwise(held))]) < CLAMPS_APART * longest
 
     def _riding(self, rope: str) -> Riding | None:
         """Hauling strand and its loop for the carriers on a track rope; None for other ropes."""

@@ -262,6 +262,7 @@ class Engine:
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
         inner["wheel_columns"] = self._ropes.scratch.wheel_columns
+        inner["patch_columns"] = self._ropes.scratch.patch_columns
         counts = (
             "rope",
             "node",

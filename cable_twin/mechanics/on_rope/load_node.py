@@ -163,31 +163,26 @@ HOLD = 0.55  # of an element, that a load goes from the place of its node before
 FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is found to follow it
 
 
-@inlined_kernel
-def room_of(system, state, carriage):
-    """Room (m) that the node of a load keeps to its neighbours: more than the way of a step."""
-    return LEAST * system.cable.cell_length + 2.0 * system.solver.step * abs(state.joints.velocity[carriage])
-
-
 @kernel
 def update_load_nodes(system, state):
     """Assign a node to each load on the rope: take, hand on, and give back, where loads have come, moved, or gone."""
-    last, places = state.node_load.size - 1, state.mesh.arc_length
+    last, places, room = state.node_load.size - 1, state.mesh.arc_length, LEAST * system.cable.cell_length
     for node in range(1, last):
         number = state.node_load[node]
         if number >= 0:
-            s, room = state.joints.position[number], room_of(system, state, number)
+            s = state.joints.position[number]
             if not rides(system, state, number):
                 give_back(system, state, node)
             elif state.node_follows[number]:
-                near = s - places[node - 1] < room or places[node + 1] - s < room
+                ahead = room + system.solver.step * abs(state.joints.velocity[number])  # so that no step takes it there
+                near = s - places[node - 1] < ahead or places[node + 1] - s < ahead
                 if state.clamp_holds[number] and (near or beside_other(state, node)):
                     give_back(system, state, node)
                 elif near:
                     stand_still(system, state, node)
             elif s < places[node - 1] or s > places[node + 1]:
                 give_back(system, state, node)
-            elif places[node - 1] + room <= s <= places[node + 1] - room:
+            elif places[node - 1] + 2.0 * room <= s <= places[node + 1] - 2.0 * room:
                 if abs(s - places[node]) < room:
                     go_along(system, state, node)
                 else:
@@ -213,7 +208,7 @@ def beside_other(state, node):
 def pass_on(system, state, front, way):
     """Hand the loads behind and at a node on by one node, where they have gone far enough towards it."""
     homes, places, total, count, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, 0, front
-    room = room_of(system, state, state.node_load[front])
+    room = LEAST * system.cable.cell_length
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:
         gone = way * (places[node] - homes[node])
         total += gone / (way * (homes[node + way] - homes[node]))
@@ -231,7 +226,7 @@ def find_node(system, state, carriage):
     s, last, homes = state.joints.position[carriage], state.node_load.size - 1, system.cable.node_arc_length
     element = element_at(system.cable, state, s)
     state.joint_element[carriage] = element
-    room = room_of(system, state, carriage)
+    room = LEAST * system.cable.cell_length
     nearest = element if s - homes[element] < homes[element + 1] - s else element + 1
     nearest = min(max(nearest, 1), last - 1)
     way = 1

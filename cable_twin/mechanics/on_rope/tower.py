@@ -39,6 +39,8 @@ from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.ale import rope_before
+from cable_twin.mechanics.rope.following_nodes import at_place
+from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
@@ -111,6 +113,9 @@ def contact_frame(cable, towers, state, contact):
     r_x = slope(state.nodes.position, point, like)
     apart = subtract(value(state.nodes.position, point, like), load(towers.position[contact], like))
     moving = value(state.nodes.velocity, point, like)
+    if beside_load(cable, state, point.element):
+        _, rates, _ = motion_at_rest(cable, state, point.element, state.nodes.acceleration, state.joints.acceleration)
+        moving = at_place(rates, point.shape, point.shape)[0]
     side = load(towers.normal[contact], like)
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
     normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)

@@ -109,7 +109,7 @@ def element_tensions(cable, state, tensions):
         spread((group_tension(cable, state, group * WIDTH),), tensions, group)
         for lane in range(min(WIDTH, cable.element_count - group * WIDTH)):
             element = group * WIDTH + lane
-            if state.node_load[element] >= 0:  # of which the lanes have the slope before the load
+            if state.node_load[element] >= 0 or state.node_load[element + 1] >= 0:  # whose nodes pass over the rope
                 tensions[group, lane] = tension_of(cable, state, element)
 
 

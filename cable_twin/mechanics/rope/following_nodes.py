@@ -198,24 +198,28 @@ def shift_train(system, state, first, last, way):
 
 
 @inlined_kernel
-def write_both(row, nodes, before, after):
-    """Write a node (rows, dim) from the nodal vectors of both elements beside it, their mean for its position."""
-    store(scale(0.5, add_scaled(1.0, before[2], after[0])), nodes[row, R])
+def write_both(row, nodes, before, after, side):
+    """Write a node (rows, dim) from the nodal vectors of both elements, r from the one after (1) or before (0) it."""
+    store(add_scaled(side, after[0], scale(1.0 - side, before[2])), nodes[row, R])
     store(before[3], nodes[row, BEFORE])
     store(after[1], nodes[row, AFTER])
 
 
 @kernel
 def stand_still(system, state, node):
-    """Let a node that has followed its load stand where it is."""
+    """Let a node that has followed its load stand where it is.
+
+    Rope on both sides has two velocities there; that of the side to which the load goes on leaves the load its own.
+    """
     nodes, joints = state.nodes, state.joints
     _, v_before, a_before = motion_at_rest(system.cable, state, node - 1, nodes.acceleration, joints.acceleration)
     _, v_after, a_after = motion_at_rest(system.cable, state, node, nodes.acceleration, joints.acceleration)
     _, _, mean_before = motion_at_rest(system.cable, state, node - 1, nodes.algorithmic, joints.algorithmic)
     _, _, mean_after = motion_at_rest(system.cable, state, node, nodes.algorithmic, joints.algorithmic)
-    write_both(node, nodes.velocity, v_before, v_after)
-    write_both(node, nodes.acceleration, a_before, a_after)
-    write_both(node, nodes.algorithmic, mean_before, mean_after)
+    side = 1.0 if joints.velocity[state.node_load[node]] > 0.0 else 0.0
+    write_both(node, nodes.velocity, v_before, v_after, side)
+    write_both(node, nodes.acceleration, a_before, a_after, side)
+    write_both(node, nodes.algorithmic, mean_before, mean_after, side)
     state.node_follows[state.node_load[node]] = False
 
 

@@ -98,7 +98,7 @@ def force_patches(system, state, work):
 
 
 @kernel
-def add_patch_differences(system, state, count, share, columns, slot, work):
+def add_patch_differences(system, state, count, share, patch_columns, slot, work):
     """Add `share` times the forces of all elements beside loads, less those of arc lengths, to a column of patches.
 
     Args:
@@ -106,7 +106,7 @@ def add_patch_differences(system, state, count, share, columns, slot, work):
         state: of the rope.
         count: of elements beside loads.
         share: factor.
-        columns: (vehicles, rows, columns), is added to.
+        patch_columns: (vehicles, rows, columns), is added to.
         slot: number of the column.
         work: with the patches.
     """
@@ -121,11 +121,11 @@ def add_patch_differences(system, state, count, share, columns, slot, work):
             for i in range(4):
                 row, entry = patch_row(right, i, dim), vector_row(i, like)
                 for axis in range(dim):
-                    columns[number, row + axis, slot] += share * work.group[entry + axis, lane]
+                    patch_columns[number, row + axis, slot] += share * work.group[entry + axis, lane]
             for end in range(2):
                 if follows(state, element + end):
                     along = work.group[block_row(0, 0, like) + end, lane]
-                    columns[number, shift_row(right, end, dim), slot] -= share * along
+                    patch_columns[number, shift_row(right, end, dim), slot] -= share * along
 
 
 @formula

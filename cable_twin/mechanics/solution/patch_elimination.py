@@ -18,13 +18,13 @@ from cable_twin.mechanics.rope.point import clamp_row
 
 
 @kernel
-def condense_patches(state, work, columns, count, like):
+def condense_patches(state, work, patch_columns, count, like):
     """Eliminate the unknowns of all loads, and put what is left of their patches on the nodes beside them.
 
     Args:
         state: of the rope.
         work: with the patches.
-        columns: (vehicles, rows, columns) further right sides of the patches, of bullwheels; they stay there.
+        patch_columns: (vehicles, rows, columns) further right sides of the patches, of bullwheels; they stay there.
         count: how many of them are in use.
         like: any vector of the space.
     """
@@ -41,9 +41,11 @@ def condense_patches(state, work, columns, count, like):
             size = clamp_row(dim) + dim
         if work.along_held[number]:
             hold_row(work.patch[number], 5 * dim, work.along_increment[number])
-        eliminate(work.patch[number], columns[number], count, 2 * dim, 5 * dim + 1, size)
+        eliminate(work.patch[number], patch_columns[number], count, 2 * dim, 5 * dim + 1, size)
         if following >= 0:
-            hand_on(work.patch[number], work.patch[following], columns[number], columns[following], count, dim)
+            hand_on(
+                work.patch[number], work.patch[following], patch_columns[number], patch_columns[following], count, dim
+            )
         else:
             carry_over(work, number, first, node, dim)
 

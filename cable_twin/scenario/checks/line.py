@@ -95,15 +95,8 @@ def _kinks(scenario: Scenario) -> Iterator[Fault]:
 
 def _joint(scenario: Scenario) -> Iterator[Fault]:
     """Fault of nodes that follow loads beside a key with which they do not work."""
-    cable = scenario.cable
-    if cable.joint == "paper":
-        return
-    reasons = {
-        f"beside elastic_model {cable.elastic_model}": cable.elastic_model != "continuum",
-        f"beside integrator {scenario.solver.integrator}": scenario.solver.integrator != "generalized_alpha",
-        f"beside kinks {cable.kinks}, which mend the joint of the paper": cable.kinks != "rounded",
-    }
-    yield from [refuse(("cable", "joint"), cable.joint, "paper", why) for why, holds in reasons.items() if holds][:1]
+    if scenario.cable.joint == "node" and (reason := scenario.paper_reason):
+        yield refuse(("cable", "joint"), "node", "paper", reason)
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:

@@ -109,7 +109,7 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
 
 
 @kernel
-def add_patch_columns(system, state, work, end, mass_factor, rate_factor, columns, slot):
+def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_columns, slot):
     """Add to the columns of loads at nodes what rope over one end changes on the elements beside them.
 
     That of their elements is a central difference, with `PART` of a metre of rope; a load that is clamped to the rope
@@ -118,12 +118,12 @@ def add_patch_columns(system, state, work, end, mass_factor, rate_factor, column
     cable, dim, count = system.cable, len(system.cable.gravity), work.patch_count[0]
     for way in (PART, -PART):
         kept = shift_rope(state, end, way, mass_factor, rate_factor)
-        add_patch_differences(system, state, count, -0.5 / way, columns, slot, work)
+        add_patch_differences(system, state, count, -0.5 / way, patch_columns, slot, work)
         set_rope(state, end, kept)
     for carriage in range(system.carriages.fixed.size):
         if at_node(cable, state, carriage) and work.along_held[carriage] and rides(system, state, carriage):
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
-            columns[carriage, 5 * dim, slot] = -way if system.carriages.clamped[carriage] else 0.0
+            patch_columns[carriage, 5 * dim, slot] = -way if system.carriages.clamped[carriage] else 0.0
 
 
 @inlined_kernel
