@@ -259,6 +259,7 @@ def every_message() -> dict[str, bytes]:
         "wind": serialize(
             TYPESTORE.types["geometry_msgs/msg/Vector3Stamped"](header(1_000_000_002), Vector3(3.0, 0.0, -1.0))
         ),
+        "temperature": serialize(TYPESTORE.types["sensor_msgs/msg/Temperature"](header(1_000_000_002), -5.0, 0.0)),
         "applied_commands": applied_command_message(applied, EPOCH),
         "refused_commands": refused_command_message(REFUSED, EPOCH),
         "key_figures": diagnostics_message(EPOCH, *(Status(0, name, "1 m", {"unit": "m"}) for name in ("a", "b"))),

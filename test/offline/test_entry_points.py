@@ -14,16 +14,21 @@ import pytest
 from bags import bag
 from twin_process import COMPILING, environment, wait_until, write_quick_scenario
 
-from cable_twin.offline.simulate import main
 from cable_twin.recording.log_reader import read_log
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Directory of a logged run of a minute."""
+    """Directory of a run of a minute, logged by a process of its own with the arithmetic that `replay` has."""
     directory = tmp_path_factory.mktemp("commands")
-    scenario = str(write_quick_scenario(directory))
-    assert main([scenario, "--duration", "60", "--record", "bag", "--output", str(directory / "logs")]) == 0
+    options = ("--duration", "60", "--record", "bag", "--output", str(directory / "logs"))
+    command = "import sys; from cable_twin.offline.entry_points import simulate; sys.exit(simulate())"
+    subprocess.run(
+        [sys.executable, "-c", command, str(write_quick_scenario(directory)), *options],
+        env=environment(directory),
+        stdout=subprocess.DEVNULL,
+        check=True,
+    )
     (log,) = (directory / "logs").iterdir()
     return log
 
