@@ -91,7 +91,7 @@ def run(file: Path) -> str:
     done = REFUSED
     for simulation, start in simulations():
         simulation.restore(start)
-        ahead = commands_ahead(simulation, script)
+        ahead = commands_ahead(script, simulation.time, simulation.step)
         if check_script(simulation.scenario, ahead):
             continue
         simulate(simulation, script, duration=DURATION, frame_steps=FRAME_STEPS, epoch_ns=0)

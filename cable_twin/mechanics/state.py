@@ -200,6 +200,7 @@ class Workspace(NamedTuple):
     patch: Annotated[
         FloatArray, Of("vehicle", "patch", "patch column")
     ]  # tangent of both elements beside a load, with its right side as the last column; rows as in `point.patch_row`
+    no_columns: Annotated[FloatArray, Of("vehicle", "patch", 0)]  # further right sides of patches, where none are
     along_held: Annotated[BoolArray, Of("vehicle")]  # whether the arc length of a load's node has a given increment
     along_increment: Annotated[FloatArray, Of("vehicle", unit="m")]  # that increment
     patch_elements: Annotated[IntArray, Of("beside load")]  # elements beside loads

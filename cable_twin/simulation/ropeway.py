@@ -236,9 +236,9 @@ class Ropeway:
         whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
         inner = {"wind": system.air.wind, "field": state.wind_field, "coordinates": state.nodes.position}
         inner |= {name: getattr(work, name) for name in ("diagonal", "upper", "lower", "right_side")}
-        inner["patch_columns"] = work.patch
+        inner["patch_columns"] = work.no_columns
         counts = ("carriage", "contact", "tower", "end", "body", "element", "station")
-        counts_beside_loads = ("number", "count", "first", "node", "dim", "slot")
+        counts_beside_loads = ("number", "count", "first", "node", "slot")
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys((*counts, *counts_beside_loads), 0)
         numbers |= dict.fromkeys((*sizes, "rope_drag", "share", "increment", "previous", "s", "s_dot", "travel"), 1.0)

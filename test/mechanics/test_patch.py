@@ -8,7 +8,7 @@ from numpy.polynomial.legendre import leggauss
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.load_node import update_load_nodes
 from cable_twin.mechanics.readout.energies import energies
-from cable_twin.mechanics.rope.patch import pull_of_element
+from cable_twin.mechanics.rope.patch import pull_at_node
 from cable_twin.mechanics.rope.patch_assembly import add_patches, begin_patches
 from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, solve
@@ -153,7 +153,7 @@ def test_residual_is_that_of_lagrange(dim):
     expected = change - difference(lagrangian, np.zeros(z.size), 1e-4)
     residual = -patch_of(system, state, work)[1][: z.size]
     np.testing.assert_allclose(residual, expected, atol=1e-8 * np.abs(expected).max())
-    pull = pull_of_element(system, state, 1, 1) + pull_of_element(system, state, 2, 0)
+    pull = pull_at_node(system, state, 2)
     assert pull == pytest.approx(expected[5 * dim], rel=1e-9)
 
 
@@ -238,7 +238,7 @@ def test_condensation_solves_all_equations(dim, loads):
     assemble_open(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
     matrix, right, places = equations(state, work, dim)
     x = np.linalg.solve(matrix, right)
-    condense_patches(state, work, work.patch, 0, system.cable.gravity)
+    condense_patches(state, work, work.no_columns, system.cable.gravity)
     hold_ends(system.cable, work)
     assert solve(system, state, work)
     for (node, row), first in places.items():

@@ -40,7 +40,7 @@ from cable_twin.mechanics.rope.following_nodes import (
     stand_still,
     take_node,
 )
-from cable_twin.mechanics.rope.patch import mean_slope, pull_of_element
+from cable_twin.mechanics.rope.patch import mean_slope, pull_at_node
 from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, clamp_row, element_at
 
 LEAST = 0.015  # of the shortest element: room that a node keeps to its neighbours
@@ -155,8 +155,7 @@ def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness
 def pull_along(system, state, carriage):
     """Force (N) along the rope on a joint at a node, by the elements beside it: Q_X over the mean |r_x|."""
     node = state.joint_node[carriage]
-    pull = pull_of_element(system, state, node - 1, 1) + pull_of_element(system, state, node, 0)
-    return pull / rope_passing(state.nodes.position, node, system.cable.gravity)
+    return pull_at_node(system, state, node) / rope_passing(state.nodes.position, node, system.cable.gravity)
 
 
 HOLD = 0.55  # of an element, that a load goes from the place of its node before the next one takes it over

@@ -284,10 +284,11 @@ def on_element(system, state, element):
 
 
 @kernel
-def pull_of_element(system, state, element, end):
-    """Share Q_X (N) of an element in the force along the rope on its first (0) or second (1) node, at a load."""
-    _, along = forces_on_patch(system, state, *on_element(system, state, element))
-    return along[1] if end == 1 else along[0]
+def pull_at_node(system, state, node):
+    """Force Q_X (N) along the rope of both elements beside a node that follows a load."""
+    _, before = forces_on_patch(system, state, *on_element(system, state, node - 1))
+    _, after = forces_on_patch(system, state, *on_element(system, state, node))
+    return before[1] + after[0]
 
 
 @kernel

@@ -143,7 +143,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
     """Residual and tangent of rows 1-4 before supports, carriages and loads eliminated; open for what couples ropes."""
     assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.cable.load_nodes:
-        condense_patches(state, work, work.patch, 0, system.cable.gravity)
+        condense_patches(state, work, work.no_columns, system.cable.gravity)
 
 
 @inlined_kernel

@@ -50,8 +50,7 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         if own.cable.load_nodes:
-            count = scratch.slots[rope] if bundle.coupled else 0
-            condense_patches(here, room, scratch.patch_columns, count, own.cable.gravity)
+            condense_patches(here, room, scratch.patch_columns, own.cable.gravity)
     if bundle.coupled:
         changed = add_couplings(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor
@@ -105,9 +104,9 @@ def solve_nodes(bundle, scratch, system, work):
 
 
 @kernel
-def solve_beside(work, columns, count, like):
+def solve_beside(work, wheel_columns, count, like):
     """Solve one rope together with the columns of bullwheels, as `solve_columns`."""
-    return solve_columns(work.diagonal, work.upper, work.lower, work.right_side, columns, count, like)
+    return solve_columns(work.diagonal, work.upper, work.lower, work.right_side, wheel_columns, count, like)
 
 
 @kernel

@@ -18,17 +18,16 @@ from cable_twin.mechanics.rope.point import clamp_row
 
 
 @kernel
-def condense_patches(state, work, patch_columns, count, like):
+def condense_patches(state, work, patch_columns, like):
     """Eliminate the unknowns of all loads, and put what is left of their patches on the nodes beside them.
 
     Args:
         state: of the rope.
         work: with the patches.
         patch_columns: (vehicles, rows, columns) further right sides of the patches, of bullwheels; they stay there.
-        count: how many of them are in use.
         like: any vector of the space.
     """
-    dim, first = len(like), 0
+    dim, first, count = len(like), 0, patch_columns.shape[2]
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
         if number < 0:
@@ -47,7 +46,7 @@ def condense_patches(state, work, patch_columns, count, like):
                 work.patch[number], work.patch[following], patch_columns[number], patch_columns[following], count, dim
             )
         else:
-            carry_over(work, number, first, node, dim)
+            carry_over(work, number, first, node, like)
 
 
 @kernel
@@ -92,9 +91,9 @@ def hand_on(patch, following, columns, following_columns, count, dim):
 
 
 @kernel
-def carry_over(work, number, first, node, dim):
+def carry_over(work, number, first, node, like):
     """Add what is left of a patch to the nodes beside a train of loads, which follow from `first` to `node`."""
-    patch, before, after = work.patch[number], first - 1, node + 1
+    patch, before, after, dim = work.patch[number], first - 1, node + 1, len(like)
     own, last, count = 5 * dim + 1, patch.shape[1] - 1, node - first + 1
     size = abs(work.diagonal[before, 0, 0, 0]) + abs(patch[0, 0])
     scale = size if size > 0.0 else 1.0

@@ -63,6 +63,7 @@ def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate
     """
     sheaves, motion = bundle.sheaves, moving.sheaves
     scratch.slots[:] = 0
+    scratch.patch_columns[:] = 0.0
     if sheaves.inertia.size == 0 or rate_factor == 0.0:
         return
     scratch.wheel_matrix[:] = 0.0
@@ -175,7 +176,6 @@ def clear_columns(bundle, scratch):
         if scratch.slots[rope] > 0:
             scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1], : scratch.slots[rope]] = 0.0
     scratch.clamp_columns[:] = 0.0
-    scratch.patch_columns[:] = 0.0
 
 
 @kernel
