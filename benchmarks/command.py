@@ -29,6 +29,7 @@ from benchmarks import (
     scaling,
     space,
     startup,
+    study,
     uniform,
 )
 from benchmarks.measure import BenchmarkError, Effort
@@ -58,6 +59,7 @@ PARTS = {
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
     "ensemble": (ensemble.run, "32 twins side by side beside a plain loop: real time, threads, forks, memory"),
     "outlook": (outlook.run, "processor time of three futures of a minute, ahead of a running twin"),
+    "study": (study.run, "overhead of a case of a study, two workers beside one, and tables of many cases"),
     "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
     "emergency_stop": (
         emergency_stop.run,

@@ -22,6 +22,7 @@ from typing import Any
 from cable_twin.basics.arithmetic import arithmetic
 from cable_twin.basics.files import sync
 from cable_twin.frame.snapshot import Layout
+from cable_twin.mechanics.language.fingerprint import sources
 from cable_twin.mechanics.language.target import target
 from cable_twin.messages import SECOND, FrameNames, Topic, TopicNames
 from cable_twin.messages.columns import columns_metadata
@@ -30,6 +31,8 @@ from cable_twin.recording.mcap_file import SNAPSHOT_NAME, McapFile, package_vers
 from cable_twin.recording.splitting import ClosedSize, Splitting, size_of_states
 
 FORMAT_VERSION = "5"
+PACKAGE = Path(__file__).resolve().parents[1]
+OF_RESULTS = ("basics", "mechanics", "scenario", "frame", "geometry", "key_figures", "simulation", "ensemble")
 AFTER_LOSS = "after_loss"  # key of the metadata of a file before which something is missing
 LOST_FROM = "commands_lost_from"  # stamp (ns since 1970) after which commands are missing, of a file that was repaired
 SCENARIO_TEXT, SCENARIO_CHECKSUM = "scenario_text", "scenario_crc32"
@@ -46,6 +49,11 @@ def program_metadata() -> dict[str, str]:
         "cpu": target().name,  # which the kernels are compiled for: a class of CPUs, or this one
         "arithmetic": arithmetic(),
     }
+
+
+def program_sources() -> str:
+    """Fingerprint of the sources that results depend on: from scenarios to key figures."""
+    return sources(*(PACKAGE / room for room in OF_RESULTS)).fingerprint
 
 
 def run_metadata(

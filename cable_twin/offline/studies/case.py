@@ -1,0 +1,181 @@
+"""Cases of a study, as any process runs them: from text and values to key figures, the same bits everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
+
+from cable_twin.key_figures import KeyFigure, KeyFigures
+from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.offline.studies.design import SCRIPT, Value
+from cable_twin.recording.log_writer import program_metadata, program_sources
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation
+
+ALONE = threading.Lock()  # cases of one process run one after the other
+
+
+class Inputs(NamedTuple):
+    """Inputs that all cases of a study have in common.
+
+    Attributes:
+        scenario: resolved scenario, as JSON.
+        scripts: commands by name of the script; "" for that of cases without one.
+        duration: s; None for `after` the last command of the script.
+        after: s.
+        frame_rate: Hz.
+    """
+
+    scenario: str
+    scripts: Mapping[str, Sequence[ScriptedCommand]]
+    duration: float | None
+    after: float
+    frame_rate: float
+
+
+class Case(NamedTuple):
+    """Case of a study: id, values by key, and hash of all its inputs."""
+
+    id: str
+    values: Mapping[str, Value]
+    inputs: str
+
+
+class Finished(NamedTuple):
+    """Finished case.
+
+    Attributes:
+        case: its id.
+        inputs: hash of its inputs.
+        host: name of the machine.
+        seconds: wall time of the case.
+        processor: s, time of the processor in it.
+        fault: why it has no figures, or why it ended early; empty without a fault.
+        refused: refused commands, a line each.
+        figures: value, time (s) and place of each key figure, by id.
+        exceeded: ids of figures whose limit is exceeded.
+    """
+
+    case: str
+    inputs: str
+    host: str
+    seconds: float
+    processor: float
+    fault: str
+    refused: Sequence[str]
+    figures: Mapping[str, tuple[float, float, str]]
+    exceeded: Sequence[str]
+
+
+Names = Mapping[str, tuple[str, str]]  # name and unit of key figures, by id
+
+
+@cache
+def program() -> str:
+    """Program and arithmetic of this process, on which the bits of results depend, as JSON."""
+    return json.dumps({**program_metadata(), "sources": program_sources()}, sort_keys=True)
+
+
+def digest(content: Any) -> str:
+    """Hash of what JSON can say."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def hash_of_case(common: Inputs) -> Callable[[Mapping[str, Value]], str]:
+    """Function from the values of a case to the hash of its inputs, with those of all cases and the program."""
+    kept = [json.loads(common.scenario), common.duration, common.after, common.frame_rate, program()]
+    of_study = digest(kept)
+    scripts = {name: digest([[one.time, repr(one.command), one.at] for one in script])
+               for name, script in common.scripts.items()}  # fmt: skip
+
+    def of(values: Mapping[str, Value]) -> str:
+        script = scripts.get(str(values.get(SCRIPT, "")), "")
+        return digest([of_study, {key: value for key, value in values.items() if key != SCRIPT}, script])
+
+    return of
+
+
+@lru_cache(maxsize=4)
+def _scenario(text: str) -> Mapping[str, Any]:
+    found: Mapping[str, Any] = json.loads(text)
+    return found
+
+
+def scenario_of(common: Inputs, values: Mapping[str, Value]) -> Scenario:
+    """Scenario of a case.
+
+    Raises:
+        ScenarioError: its values are refused.
+    """
+    return load_scenario(_scenario(common.scenario), {key: one for key, one in values.items() if key != SCRIPT})
+
+
+def run_case(common: Inputs, case: Case, wanted: str) -> tuple[Finished, Names]:
+    """Run a case on one thread; returns it with the names of its figures.
+
+    Args:
+        common: inputs of all cases of the study.
+        case: the case.
+        wanted: program as of `program`, which this process has to have.
+
+    Raises:
+        OtherProgramError: it has another one.
+    """
+    if program() != wanted:
+        raise OtherProgramError(difference(wanted, program()))
+    with ALONE:
+        began, processor = time.perf_counter(), time.thread_time()
+        figures, fault, refused = _run(common, case)
+        seconds, processor = time.perf_counter() - began, time.thread_time() - processor
+    by_id = {str(one.id): one for one in figures}
+    finished = Finished(
+        case.id,
+        case.inputs,
+        platform.node(),
+        seconds,
+        processor,
+        " ".join(fault.split()),
+        refused,
+        {name: (float(one.value), float(one.time), one.place) for name, one in by_id.items()},
+        [name for name, one in by_id.items() if one.kept is False],
+    )
+    return finished, {name: (one.name, one.unit) for name, one in by_id.items()}
+
+
+def _run(common: Inputs, case: Case) -> tuple[Sequence[KeyFigure], str, Sequence[str]]:
+    """Key figures of a case, the reason of an early end, and refused commands."""
+    try:
+        scenario = scenario_of(common, case.values)
+        simulation = Simulation(scenario, on_demand=True)
+    except ScenarioError as error:
+        return (), str(error.faults[0]).partition(": ")[2], ()
+    except EquilibriumError as error:
+        return (), str(error), ()
+    script = common.scripts.get(str(case.values.get(SCRIPT, "")), ())
+    duration = common.duration
+    if duration is None:
+        duration = (script[-1].time if script else 0.0) + common.after
+    figures = KeyFigures(scenario)
+    frame_steps = max(round(1.0 / (common.frame_rate * simulation.step)), 1)
+    outcome = simulate(simulation, script, duration=duration, frame_steps=frame_steps, epoch_ns=0, figures=figures)
+    return figures.figures(), outcome.fault, outcome.refused
+
+
+class OtherProgramError(RuntimeError):
+    """Worker with another version of the program, or another arithmetic; the text is one line."""
+
+
+def difference(wanted: str, found: str) -> str:
+    """First difference between two programs as of `program`, in a line; empty for equal ones."""
+    here, there = json.loads(wanted), json.loads(found)
+    for key in here | there:
+        if here.get(key) != there.get(key):
+            return f"a worker has {key.replace('_', ' ')} {there.get(key)}; allowed: {here.get(key)}, as here"
+    return ""

@@ -1,0 +1,109 @@
+"""Plots of a study: key figures over varied keys, and Sobol indices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cable_twin.basics.units import shown_unit
+from cable_twin.offline.studies.design import Design
+from cable_twin.offline.studies.indices import Indices
+from cable_twin.offline.studies.record import Results
+
+WIDTH, HEIGHT = 2.7, 2.1  # inches of a panel
+BAR, GAP = 0.38, 0.02
+SHARES = -0.1, 1.1  # of the axis: intervals of few cases go beyond what a share can be
+BLUE, ORANGE = "#2a6fbb", "#d98324"
+
+
+def write_scatter(title: str, design: Design, results: Results, shown: Sequence[str], file: Path) -> None:
+    """Draw key figures over each varied key, a point a case.
+
+    Args:
+        title: title of the plot.
+        design: design of the cases.
+        results: their results.
+        shown: ids of the figures.
+        file: .png, .pdf or .svg.
+    """
+    keys, columns = [one.key for one in design.factors], results.columns()
+    size = (WIDTH * len(keys) + 1.2, HEIGHT * len(shown) + 0.8)
+    figure = Figure(figsize=size, layout="constrained", dpi=120)
+    figure.suptitle(title, fontsize=10)
+    panels = figure.subplots(len(shown), len(keys), squeeze=False, sharey="row")
+    for row, name in zip(panels, shown, strict=True):
+        values = results.figures[name]
+        unit, scale = shown_unit(results.names[name][1], float(np.nanmax(np.abs(values))))
+        for place, (panel, key) in enumerate(zip(row, keys, strict=True)):
+            points = columns[key]
+            named = not all(isinstance(one, int | float) for one in points)
+            texts = [Path(str(one)).name if named else one for one in points]
+            panel.plot(texts, values * scale, ".", color=BLUE, markersize=4, alpha=0.7)
+            panel.grid(alpha=0.3)
+            panel.tick_params(labelsize=7)
+            if place == 0:
+                panel.set_ylabel(f"{_folded(results.names[name][0])}\n{_of(unit)}".rstrip(), fontsize=7)
+    for panel, key in zip(panels[-1], keys, strict=True):
+        panel.set_xlabel(key, fontsize=8)
+    figure.savefig(file)
+
+
+def write_indices_plot(title: str, found: Mapping[str, Indices], names: Mapping[str, str], file: Path) -> None:
+    """Draw first-order and total indices of key figures, bars by key with their confidence intervals.
+
+    Args:
+        title: title of the plot.
+        found: indices by figure.
+        names: printed names of figures.
+        file: .png, .pdf or .svg.
+    """
+    columns = min(len(found), 3)
+    rows = -(-len(found) // columns)
+    keys = list(next(iter(found.values())).first)
+    size = (3.1 * columns + 1.0, (0.42 * len(keys) + 0.9) * rows + 1.0)
+    figure = Figure(figsize=size, layout="constrained", dpi=120)
+    figure.suptitle(title, fontsize=10)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    for panel, (name, one) in zip(panels, found.items(), strict=False):
+        _bars(panel, one, keys)
+        panel.set_title(_folded(names[name]), fontsize=8)
+    for panel in panels[len(found) :]:
+        panel.set_axis_off()
+    panels[0].set_xlim(*SHARES)
+    panels[0].legend(fontsize=7, loc="lower right")
+    figure.supxlabel("share of the variance, with 95 % confidence", fontsize=8)
+    figure.savefig(file)
+
+
+def _bars(panel: Axes, one: Indices, keys: Sequence[str]) -> None:
+    """Pairs of bars of one key figure, the first key on top."""
+    places = np.arange(len(keys), dtype=float)
+    for offset, by_key, label, colour, hatch in (
+        (-0.5 * BAR - GAP, one.first, "first order", BLUE, ""),
+        (0.5 * BAR + GAP, one.total, "total", ORANGE, "///"),
+    ):
+        values = np.array([by_key[key].value for key in keys])
+        off = np.array(
+            [[values[row] - by_key[key].low, by_key[key].high - values[row]] for row, key in enumerate(keys)]
+        )
+        panel.barh(places + offset, values, BAR, color=colour, hatch=hatch, edgecolor="white", label=label,
+                   xerr=np.maximum(off.T, 0.0), error_kw={"lw": 0.8, "capsize": 2})  # fmt: skip
+    panel.set_yticks(places, keys, fontsize=8)
+    panel.set_ylim(len(keys) - 0.5, -0.5)
+    panel.tick_params(axis="x", labelsize=7)
+    panel.axvline(0.0, color="black", lw=0.6)
+    panel.grid(axis="x", alpha=0.3)
+
+
+def _folded(name: str) -> str:
+    """Name on two lines where it is long."""
+    head, colon, rest = name.partition(": ")
+    return f"{head}:\n{rest}" if colon and len(name) > 24 else name
+
+
+def _of(unit: str) -> str:
+    return "" if unit in ("", "-") else f"[{unit}]"
