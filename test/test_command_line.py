@@ -12,7 +12,7 @@ import numba
 import pytest
 from numba.extending import overload
 
-from cable_twin.offline import envelope, line, replay, review, rules, simulate_options, study, what_if
+from cable_twin.offline import envelope, line, replay, report, review, rules, simulate_options, study, what_if
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
 from cable_twin.terminal.command_line import OneLineParser, ending_signals, interrupts_kept, listed
@@ -49,6 +49,7 @@ HELPS = {
     "replay": replay.parser,
     "rules": rules.parser,
     "envelope": envelope.parser,
+    "report": report.parser,
     "what_if": what_if.parser,
     "study": study.parser,
 }

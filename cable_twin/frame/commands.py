@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from cable_twin.frame.records import AppliedCommand
+
 JOINT_COMMANDS = "joint_commands"
 JOINT_STATE, VECTOR = "sensor_msgs/msg/JointState", "geometry_msgs/msg/Vector3Stamped"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
@@ -188,6 +190,15 @@ def kinds_by_service() -> dict[str, dict[bool | None, Kind]]:
     return services
 
 
+def describe_command(applied: AppliedCommand) -> str:
+    """Return a command in one line: kind, names and values with unit, source."""
+    command = applied.command
+    unit_of = KINDS[command.kind].unit_of
+    values = ", ".join(f"{name} {value:g} {unit_of(name)}" for name, value in command.values.items())
+    kind = command.kind.replace("_", " ")
+    return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"
+
+
 __all__ = [
     "INPUTS",
     "JOINT_COMMANDS",
@@ -196,6 +207,7 @@ __all__ = [
     "TEMPERATURE",
     "VECTOR",
     "Kind",
+    "describe_command",
     "kinds_by_service",
     "kinds_on",
 ]

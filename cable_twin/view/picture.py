@@ -14,9 +14,8 @@ import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 
 from cable_twin.basics.units import rounded
-from cable_twin.frame.commands import KINDS
 from cable_twin.frame.plotted_signals import SIGNALS, driven, driven_names
-from cable_twin.frame.records import AppliedCommand, FloatArray, TensionAhead
+from cable_twin.frame.records import FloatArray, TensionAhead
 from cable_twin.frame.snapshot import Columns, Layout
 from cable_twin.view.batch import TIMELINE, Thinning, first_known, frame_of, planar, plane, send
 from cable_twin.view.plots import LEGEND_ROW, LEGENDS, Plots, shown_unit
@@ -131,15 +130,6 @@ def table_columns(text: str) -> tuple[int, int]:
     rows = [[cell.strip(" *") for cell in line.split("|")[1:3]] for line in text.splitlines()[1:]]
     names, values = (max(len(row[column]) for row in rows) for column in (0, 1))
     return names, max(values, LONGEST_VALUE)
-
-
-def describe_command(applied: AppliedCommand) -> str:
-    """Return a command in one line: kind, names and values with unit, source."""
-    command = applied.command
-    unit_of = KINDS[command.kind].unit_of
-    values = ", ".join(f"{name} {value:g} {unit_of(name)}" for name, value in command.values.items())
-    kind = command.kind.replace("_", " ")
-    return f"{kind} {values} ({applied.source})" if values else f"{kind} ({applied.source})"
 
 
 def lay_out(

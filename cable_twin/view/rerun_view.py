@@ -24,11 +24,11 @@ import rerun_bindings as bindings
 from numpy.typing import ArrayLike
 
 from cable_twin.basics.files import sync
-from cable_twin.frame.commands import KINDS
+from cable_twin.frame.commands import KINDS, describe_command
 from cable_twin.frame.records import AppliedCommand, Command, TensionAhead
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.view.batch import Batch, time_column
-from cable_twin.view.picture import Look, Picture, describe_command
+from cable_twin.view.picture import Look, Picture
 from cable_twin.view.web_view import LIVE_ADDRESS, LIVE_PORT, live_url
 
 APPLICATION = "cable_twin"

@@ -26,6 +26,7 @@ from drawn_run import (  # noqa: E402
 from hand_made_snapshot import body_in_plane, snapshot_of  # noqa: E402
 from rerun.chunk import RrdReader  # noqa: E402
 
+from cable_twin.frame.commands import describe_command  # noqa: E402
 from cable_twin.frame.records import (  # noqa: E402
     AppliedCommand,
     CableSamples,
@@ -36,7 +37,6 @@ from cable_twin.frame.records import (  # noqa: E402
     TowerState,
 )
 from cable_twin.geometry.bodies import outline_from_pivots  # noqa: E402
-from cable_twin.view.picture import describe_command  # noqa: E402
 from cable_twin.view.rerun_view import RerunView  # noqa: E402
 
 RENDERER = Path(__file__).parents[2] / "examples" / "render_recording.py"

@@ -1,0 +1,143 @@
+"""Command `report`: one HTML page, and a PDF where wanted, of a recorded run."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+from rich.console import Console
+
+from cable_twin.key_figures.rules import RuleError, load_profile
+from cable_twin.offline.reporting.from_log import read_results
+from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.texts import LANGUAGES, Texts
+from cable_twin.offline.review import RUNS, newest_run
+from cable_twin.offline.simulate_options import fact
+from cable_twin.recording.log_file import LogError
+from cable_twin.recording.log_reader import read_log
+from cable_twin.scenario import ScenarioError
+from cable_twin.terminal.bars import share_shown
+from cable_twin.terminal.command_line import OneLineParser, print_line, tell, typed
+
+DONE, NOT_WRITTEN, CANNOT = 0, 1, 2
+EXTRA = "cable_twin[report]"
+EPILOG = """\
+The page has everything in it and opens without a network: line profile, rope tension, tower loads, key figures and
+rules with clause and verdict, load cases, plots over time, assumptions, inputs with their remarks, versions and the
+command that made it. Its numbers are those of `review`.
+
+exit codes: 0 written, 1 a file cannot be written or a rule profile of the log is not there, 2 a log cannot be read or
+an option is wrong, 130 ended by Ctrl-C
+
+examples:
+  simulate chairlift --duration 20 --output runs --record bag
+  report runs/*
+  report runs/* --profile france_2009 --profile italy_1999 --output two.html
+"""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `report`."""
+    result = OneLineParser("report", "Write a report of a run as one HTML page.", EPILOG, failure=CANNOT)
+    result.add_argument(
+        "source",
+        type=Path,
+        nargs="?",
+        metavar="LOG",
+        help=f"directory of a run, or its .mcap; default: the newest run in {RUNS}",
+    )
+    result.add_argument(
+        "--output", type=_page, metavar="PAGE.html", help="the page; default: SCENARIO_report.html in this directory"
+    )
+    result.add_argument("--language", choices=tuple(LANGUAGES), default="en", help="language of the page; default: en")
+    result.add_argument(
+        "--profile",
+        action="append",
+        metavar="NAME",
+        help="judge the key figures by this rule profile, a name that `rules` lists or a YAML file, in place of those "
+        "of the scenario; can be repeated, and the page then shows where profiles differ",
+    )
+    result.add_argument(
+        "--fact",
+        action="append",
+        default=[],
+        type=fact,
+        metavar="KEY=VALUE",
+        help="state a fact that rules ask for, a key of limits.installation, as in persons=4; can be repeated",
+    )
+    result.add_argument(
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="YAML file of the scenario, whose remarks name sources and assumptions; default: the shipped one of its "
+        "name",
+    )
+    return result
+
+
+def _page(text: str) -> Path:
+    if Path(text).suffix.lower() not in (".html", ".htm"):
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a name that ends in .html")
+    return Path(text)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write a report; the help has the exit codes."""
+    given = sys.argv[1:] if argv is None else list(argv)
+    arguments = parser()
+    options = arguments.parse_args(given)
+    if find_spec("jinja2") is None:
+        arguments.error(f"this needs jinja2, which this Python does not have: {typed('pip')} install '{EXTRA}'")
+    try:
+        for name in options.profile or ():
+            load_profile(name)
+    except RuleError as error:
+        arguments.error(f"--profile: {error}")
+    if options.source is None:
+        options.source = next(iter(newest_run(RUNS)), None)
+        if options.source is None:
+            arguments.error(f"no run in {RUNS}: give the directory of one")
+    try:
+        results = _read(options, Console(stderr=True))
+    except (LogError, ScenarioError) as error:
+        for line in str(error).splitlines():
+            tell("report", line)
+        return CANNOT
+    return _write(options, results, shlex.join(["report", *given]))
+
+
+def _read(options: argparse.Namespace, console: Console) -> Results:
+    """Results of the source that is given; a further kind of source is a further reader here."""
+    log = read_log(options.source)
+    with share_shown(console, f"reading {log.path.name}") as show:
+
+        def on_position(position: int) -> None:
+            show(min(position / max(log.size, 1), 1.0))
+
+        return read_results(log, on_position, options.profile, dict(options.fact), options.scenario)
+
+
+def _write(options: argparse.Namespace, results: Results, command: str) -> int:
+    """Write the page."""
+    from cable_twin.offline.reporting.page import write_page  # noqa: PLC0415 - jinja2 is an extra
+
+    page = options.output or Path(f"{results.scenario.name}_report.html")
+    text = write_page(results, Texts(options.language), command, metadata.version("cable_twin"))
+    try:
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        tell("report", f"--output {page}: {error.strerror or error}")
+        return NOT_WRITTEN
+    print_line(f"report: {page}")
+    for fault in results.notes:
+        tell("report", f"{options.source}: {fault}; --profile gives another one")
+    return NOT_WRITTEN if results.notes else DONE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

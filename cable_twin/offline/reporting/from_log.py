@@ -1,0 +1,181 @@
+"""Results of a recorded run: one pass over its log, with the key figures and verdicts of `review`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_twin.frame.commands import describe_command
+from cable_twin.frame.records import AppliedCommand, FloatArray
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.geometry.ground import heights_over_ground
+from cable_twin.key_figures import supports_of
+from cable_twin.offline.reading import Reading
+from cable_twin.offline.reporting.remarks import inputs_of
+from cable_twin.offline.reporting.results import Results, RopeCourse, TowerLoad
+from cable_twin.recording.log_reader import Log
+from cable_twin.scenario import Scenario
+
+PLACES = 600  # of x, at which the lowest height of a rope is kept
+PROGRAM = (
+    "package_version",
+    "python_version",
+    "numpy_version",
+    "numba_version",
+    "machine",
+    "cpu",
+)  # in metadata of a log
+PERIOD = 0.1  # s between shapes that are looked at, as for clearances
+
+
+class Course:
+    """Course of ropes and forces on towers, gathered from snapshot to snapshot as a view of a `Reading`.
+
+    Args:
+        scenario: of the run.
+        first: its first snapshot.
+    """
+
+    def __init__(self, scenario: Scenario, first: Snapshot) -> None:
+        self._scenario, self._layout = scenario, first.layout
+        self.commands: list[tuple[float, str]] = []
+        self._next_look = -np.inf
+        self._shape: FloatArray | None = None
+        self._tension = np.full((2, first.layout.arc_lengths.size), np.nan)
+        self._grids: dict[str, tuple[FloatArray, FloatArray, FloatArray]] = {}
+        self._load = np.full(len(first.layout.supports), -np.inf)
+        self._force = np.zeros((len(first.layout.supports), 3))
+
+    def log(self, snapshot: Snapshot) -> None:
+        """Add a snapshot."""
+        c = snapshot.columns
+        load = np.linalg.norm(c.support_force, axis=1)
+        higher = load > self._load  # False for NaN
+        self._load[higher], self._force[higher] = load[higher], -c.support_force[higher]
+        if np.isnan(c.rope_position[0, 0]):
+            return  # the log does not hold the rope at this time
+        self._tension[0] = np.fmin(self._tension[0], c.rope_tension)
+        self._tension[1] = np.fmax(self._tension[1], c.rope_tension)
+        if snapshot.time >= self._next_look:
+            self._next_look = snapshot.time + PERIOD * (1.0 - 1e-9)
+            self._look(c.rope_position)
+
+    def log_command(self, applied: AppliedCommand) -> None:
+        """Add a command."""
+        self.commands.append((applied.time, describe_command(applied)))
+
+    def _look(self, position: FloatArray) -> None:
+        """Take in the heights of all ropes, above zero and above the terrain."""
+        if self._shape is None:
+            self._shape = position.copy()
+        for name, part in self._layout.ropes.items():
+            points = position[part]
+            if name not in self._grids:
+                x = np.linspace(points[:, 0].min(), points[:, 0].max(), PLACES)
+                self._grids[name] = x, np.full(PLACES, np.nan), np.full(PLACES, np.nan)
+            take_heights(self._scenario, points, *self._grids[name])
+
+    def ropes(self) -> list[RopeCourse]:
+        """Courses of all ropes so far; empty where the log holds none."""
+        if self._shape is None:
+            return []
+        return [
+            RopeCourse(
+                name, self._layout.arc_lengths[part], self._shape[part], *self._grids[name], self._tension[:, part]
+            )
+            for name, part in self._layout.ropes.items()
+        ]
+
+    def towers(self) -> list[TowerLoad]:
+        """Forces on all towers when they were highest."""
+        return tower_loads(self._scenario, self._layout, self._force)
+
+
+def take_heights(scenario: Scenario, points: FloatArray, x: FloatArray, lowest: FloatArray, above: FloatArray) -> None:
+    """Take in the heights of a rope at places x, in the lowest ones so far.
+
+    Args:
+        scenario: with the terrain, if any.
+        points: (n, 3) m, of the rope.
+        x: (m,) m.
+        lowest: (m,) m, lowest heights, which are changed.
+        above: (m,) m, least heights over the terrain, which are changed.
+    """
+    order = np.argsort(points[:, 0], kind="stable")
+    there = points[order, 0]
+    np.fmin(lowest, np.interp(x, there, points[order, 2], left=np.nan, right=np.nan), out=lowest)
+    if scenario.terrain:
+        heights = heights_over_ground(scenario, points)[order]
+        np.fmin(above, np.interp(x, there, heights, left=np.nan, right=np.nan), out=above)
+
+
+def tower_loads(scenario: Scenario, layout: Layout, forces: FloatArray) -> list[TowerLoad]:
+    """Forces on towers with their places.
+
+    Args:
+        scenario: of the towers.
+        layout: of the forces.
+        forces: (supports, 3) N, of the ropes on all supports.
+    """
+    places = scenario.tower_places
+    subjects = supports_of(scenario)
+    return [
+        TowerLoad(subject.key, subject.name, np.array(places[subject.name]), forces[row])
+        for row, subject in enumerate(subjects)
+        if row in layout.tower_rows
+    ]
+
+
+def read_results(
+    log: Log,
+    on_position: Callable[[int], None],
+    profiles: Sequence[str] | None = None,
+    facts: Mapping[str, Any] | None = None,
+    file: Path | None = None,
+) -> Results:
+    """Results of a log, read once from its begin to its end.
+
+    Args:
+        log: of the run.
+        on_position: called with the bytes read so far.
+        profiles: rule profiles in place of those of the scenario.
+        facts: keys of `limits.installation` in place of those of the scenario.
+        file: of the scenario with its remarks; None for the shipped one of its name.
+
+    Raises:
+        LogError: the log holds no frame, or cannot be understood.
+        ScenarioError: the file of the scenario cannot be read.
+    """
+    reading = Reading(log, on_position, profiles, facts)
+    inputs = inputs_of(reading.scenario, file)  # before the log is read, which may take long
+    course = Course(reading.scenario, reading.first)
+    reading.view = course
+    for _ in reading.values():
+        pass
+    made = datetime.fromtimestamp(1e-9 * log.epoch_ns, timezone.utc)
+    said = {key: log.metadata.get(key, "?") for key in PROGRAM}
+    package, python, numpy, numba, machine, cpu = said.values()
+    sources = [
+        ("log", reading.summary()),
+        ("begin of the run", f"{made:%Y-%m-%d %H:%M:%S} UTC"),
+        ("run made by", f"cable_twin {package}, Python {python}, numpy {numpy}, numba {numba}"),
+        ("run made on", f"{machine}, kernels for {cpu}"),
+    ]
+    return Results(
+        reading.scenario.name,
+        reading.scenario,
+        reading.figures,
+        inputs,
+        profiles=reading.profiles,
+        verdicts=reading.verdicts,
+        ropes=course.ropes(),
+        towers=course.towers(),
+        signals=reading.signals,
+        commands=course.commands,
+        sources=sources,
+        notes=reading.rule_faults,
+    )

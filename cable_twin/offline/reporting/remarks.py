@@ -1,0 +1,226 @@
+"""Inputs of a scenario with the remarks of its file, which name sources and assumptions; what has none is assumed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from cable_twin.basics.limited_yaml import limited_text, read_yaml
+from cable_twin.basics.units import rounded
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario.files import config_directory
+from cable_twin.scenario.reference import explained
+
+DIGITS = 6  # of an input
+REMARK = re.compile(r"^[\s}\],]*#\s*(.*)$")  # behind a value
+NONE, CHANGED, DEFAULT = "no source stated", "set for this run", "default"
+
+
+class Input(NamedTuple):
+    """Input of a scenario: dotted key, value, unit, remark, and whether it is an assumption."""
+
+    key: str
+    value: str
+    unit: str
+    remark: str
+    assumed: bool
+
+
+class Inputs(NamedTuple):
+    """All inputs of a run.
+
+    Attributes:
+        file: of the scenario, None where it is not at hand.
+        head: remark at the top of that file.
+        rows: what the file gives or the run has set.
+        defaults: assumed defaults of keys that are not given.
+    """
+
+    file: Path | None
+    head: str
+    rows: list[Input]
+    defaults: list[Input]
+
+
+def inputs_of(scenario: Scenario, file: Path | None) -> Inputs:
+    """Inputs of a scenario, as its file states them, with the values that the run had.
+
+    Args:
+        scenario: of the run.
+        file: of the scenario; None for the shipped one of its name, if there is one.
+
+    Raises:
+        ScenarioError: a given file cannot be read; a line each.
+    """
+    file = _shipped(scenario.name) if file is None else file
+    used = _flat(scenario.resolved())
+    defaults = list(_assumed_defaults(used))
+    if file is None:
+        rows = [_input(key, value, NONE) for key, value in used.items() if not _is_default(key, value)]
+        return Inputs(None, "", [one for one in rows if _is_number(one.value)], defaults)
+    before = _flat(load_scenario(file).resolved())
+    text = limited_text(file)
+    remarks = dict(_remarks(text))
+    rows = []
+    for key, (value, remark, assumed) in remarks.items():
+        own = used.get(key, value)
+        changed = key in used and before.get(key) != own
+        rows.append(_input(key, own, CHANGED if changed else remark, assumed=assumed and not changed))
+    rows += [
+        _input(key, value, CHANGED)
+        for key, value in used.items()
+        if before.get(key) != value and key not in remarks and key != "name"
+    ]
+    head = " ".join(line.lstrip("# ") for line in _head(text.splitlines()))
+    return Inputs(file, head, [one for one in rows if _is_number(one.value)], defaults)
+
+
+def _shipped(name: str) -> Path | None:
+    """Shipped scenario file of a name; None without one."""
+    try:
+        file = config_directory() / f"{name}.yaml"
+    except ScenarioError:
+        return None
+    return file if "/" not in name and file.is_file() else None
+
+
+def _input(key: str, value: Any, remark: str, *, assumed: bool = False) -> Input:
+    """Input with its remark; one that is a unit alone is none."""
+    unit = _unit(key)
+    remark = NONE if remark.strip(",:; ") in (unit, "") else remark
+    return Input(key, _shown(value), unit, remark, assumed or "assumed" in remark or remark == NONE)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_shown, value)) + "]"
+    if isinstance(value, float):
+        return rounded(value, DIGITS)
+    return str(value)
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r"[-\[\]\d., e+]*\d[-\[\]\d., e+]*", text) is not None
+
+
+def _unit(key: str) -> str:
+    try:
+        return explained(key)[0].unit
+    except KeyError:
+        return ""
+
+
+def _is_default(key: str, value: Any) -> bool:
+    try:
+        return explained(key)[0].default == _shown(value)
+    except KeyError:
+        return False
+
+
+def _assumed_defaults(used: Mapping[str, Any]) -> Iterator[Input]:
+    """Defaults in use that the reference of scenarios calls assumed, one for each kind of section."""
+    seen = set()
+    for key, value in used.items():
+        try:
+            entry = explained(key)[0]
+        except KeyError:
+            continue
+        if "assumed" in entry.meaning and entry.key not in seen and entry.default == _shown(value):
+            seen.add(entry.key)
+            yield Input(entry.key, entry.default, entry.unit, entry.meaning, True)
+
+
+def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Values by dotted key; a list of numbers is one value, and null none."""
+    found: dict[str, Any] = {}
+    for key, value in content.items():
+        path = f"{above}{key}"
+        if isinstance(value, Mapping):
+            found |= _flat(value, f"{path}.")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping | list):
+            found |= _flat({str(number): one for number, one in enumerate(value)}, f"{path}.")
+        elif value is not None and value not in ([], {}):
+            found[path] = value
+    return found
+
+
+def _remarks(text: str) -> Iterator[tuple[str, tuple[Any, str, bool]]]:
+    """Key with value and remark of each value in a YAML text, and whether the head of a block calls all assumed."""
+    document, lines = read_yaml(text), text.splitlines()
+    for path, node in _leaves(document.node, ()):
+        value: Any = document.content
+        try:
+            for part in path:
+                value = value[part]
+        except KeyError:  # of a merged mapping, in place of which there is another one
+            continue
+        all_assumed = any("all assumed" in head for head in _heads(lines, node.start_mark.line))
+        yield ".".join(map(str, path)), (value, _remark(lines, node), all_assumed)
+
+
+def _leaves(node: Node | None, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Node]]:
+    """Values of a YAML text by path; a list of scalars is one value."""
+    if isinstance(node, MappingNode):
+        for key, value in node.value:
+            if isinstance(key, ScalarNode) and key.value != "<<":
+                yield from _leaves(value, (*path, key.value))
+    elif isinstance(node, SequenceNode) and not all(isinstance(one, ScalarNode) for one in node.value):
+        for number, value in enumerate(node.value):
+            yield from _leaves(value, (*path, number))
+    elif node is not None:
+        yield path, node
+
+
+def _remark(lines: Sequence[str], node: Node) -> str:
+    """Remark behind a value, above its line, or at the begin of a block that it is in; empty without one."""
+    end = node.end_mark
+    if found := REMARK.match(lines[end.line][end.column :] if end.line < len(lines) else ""):
+        return found[1]
+    row = node.start_mark.line
+    if found := re.search(r"[}\]]\s*#\s*(.*)$", lines[row]):
+        return found[1]
+    return _group(lines, row, -1) or next(_heads(lines, row), "")
+
+
+def _heads(lines: Sequence[str], row: int) -> Iterator[str]:
+    """Remarks at the begins of the blocks that a line is in, from the innermost on."""
+    while row > 0:
+        indent = _indent(lines[row])
+        while row > 0 and (not lines[row - 1].strip() or _indent(lines[row - 1]) >= indent):
+            row -= 1
+        if row == 0:
+            return  # the head of the file is for itself
+        if above := _group(lines, row, 1):
+            yield above
+        row -= 1  # the line that opens the block
+        if found := re.search(r":\s*(?:&\w+\s*)?#\s*(.*)$", lines[row]):
+            yield found[1]
+        elif above := _group(lines, row, -1):
+            yield above
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip())
+
+
+def _group(lines: Sequence[str], row: int, step: int) -> str:
+    """Remark in lines of their own: directly above a line, or from it on; empty at the top of a file."""
+    rows = []
+    row += min(step, 0)
+    while 0 <= row < len(lines) and lines[row].lstrip().startswith("#"):
+        rows.append(row)
+        row += step
+    return " ".join(lines[one].strip().lstrip("# ") for one in sorted(rows)) if 0 not in rows else ""
+
+
+def _head(lines: Sequence[str]) -> Iterator[str]:
+    """Lines of remarks at the top of a file, without the one for editors."""
+    for line in lines:
+        if not line.startswith("#"):
+            return
+        if "yaml-language-server" not in line:
+            yield line

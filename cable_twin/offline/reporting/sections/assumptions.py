@@ -1,0 +1,40 @@
+"""Assumptions: every number that is marked assumed, or has no source, in the inputs, limits and ways of sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+from cable_twin.offline.reporting.remarks import NONE, Input
+from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.sections.section import row_of
+from cable_twin.offline.reporting.texts import Texts
+
+
+class Assumptions:
+    """Section with all assumptions."""
+
+    title = "Assumptions"
+    template = "assumptions.html"
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Assumed inputs, defaults, limits, and ways of sampling."""
+        inputs = results.inputs
+        limits = [row_of(one, results, texts) for one in results.figures if one.source.startswith("assumed")]
+        bands = list(dict.fromkeys(one.band for one in results.figures if "assumed" in one.band))
+        return {
+            "head": inputs.head,
+            "groups": grouped([one for one in inputs.rows if one.assumed]),
+            "defaults": inputs.defaults,
+            "limits": limits,
+            "bands": bands,
+            "none": NONE,
+            "count": sum(one.assumed for one in inputs.rows),
+            "all": len(inputs.rows),
+        }
+
+
+def grouped(rows: list[Input]) -> list[list[Input]]:
+    """Inputs, those of one section with one remark together."""
+    return [list(group) for _, group in groupby(rows, key=lambda one: (one.key.rpartition(".")[0], one.remark))]

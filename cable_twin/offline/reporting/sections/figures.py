@@ -1,0 +1,33 @@
+"""Table of key figures with limit, its source with clause, and verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.sections.section import row_of
+from cable_twin.offline.reporting.texts import Texts
+
+
+class KeyFigureTable:
+    """Section with all key figures."""
+
+    title = "Key figures"
+    template = "figures.html"
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Rows of the table, notes, and the summary of the limits."""
+        rows = [row_of(one, results, texts) for one in results.figures]
+        notes = list(dict.fromkeys(row.note for row in rows if row.note))
+        return {"rows": rows, "notes": notes, "several": bool(results.governing)} if rows else None
+
+
+def limits_summary(results: Results, texts: Texts) -> tuple[str, list[str]]:
+    """Number of limits that are not kept, and names of the figures that pass them."""
+    limited = [one for one in results.figures if one.limit is not None]
+    passed = [one for one in limited if one.verdict != "kept"]
+    if not limited:
+        return texts("no limit is given"), []
+    told = f"{len(limited) - len(passed)} {texts('of')} {len(limited)} {texts('limits are kept')}"
+    return told, [f"{texts.figure(one)}: {texts(one.verdict)}" for one in passed]

@@ -1,0 +1,33 @@
+"""Load cases with the figures that each governs, or the commands of the one that a run is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.sections.section import row_of
+from cable_twin.offline.reporting.texts import Texts
+
+MOST = 200  # commands or cases in the table
+
+
+class LoadCases:
+    """Section with the load cases of an envelope, or with the load case of a run."""
+
+    title = "Load cases"
+    template = "load_cases.html"
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Table of cases or commands."""
+        governed = Counter(results.governing.values())
+        return {
+            "cases": [(one, governed[one.id]) for one in results.cases[:MOST]],
+            "more_cases": max(len(results.cases) - MOST, 0),
+            "governing": [row_of(one, results, texts) for one in results.figures] if results.governing else [],
+            "commands": results.commands[:MOST],
+            "more_commands": max(len(results.commands) - MOST, 0),
+            "stated": results.scenario.limits.load_cases,
+            "is_run": not results.cases,
+        }

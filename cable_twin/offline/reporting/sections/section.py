@@ -1,0 +1,88 @@
+"""Section of a report: title, template, and what the template shows of the results."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.key_figures import FigureId, KeyFigure
+from cable_twin.offline.figure_table import shown
+from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.texts import Texts
+
+
+class Section(Protocol):
+    """Section of a report."""
+
+    title: str  # in English
+    template: str  # name of its file in `templates`
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Names and values for the template; None where the results have nothing for it."""
+
+
+class Cell(NamedTuple):
+    """Number in a table: text in a readable unit, and the value in SI units."""
+
+    text: str
+    unit: str
+    value: float
+    id: str = ""  # of the figure
+
+
+class Row(NamedTuple):
+    """Row of a table of key figures."""
+
+    name: str
+    value: Cell
+    limit: str
+    source: str  # of the limit: document and clause
+    verdict: str
+    state: str  # the verdict in English
+    when: str
+    place: str
+    case: str  # that governs
+    note: str  # how it is sampled
+
+
+def cell_of(figure: KeyFigure) -> Cell:
+    """Value of a key figure with the digits and the unit in which `review` prints it."""
+    sizes = [abs(number) for number in (figure.value, figure.limit) if number is not None]
+    unit, scale = shown_unit(figure.unit, max(sizes))
+    return Cell(shown(figure.value, scale), "" if unit == "-" else unit, figure.value, str(figure.id))
+
+
+def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
+    """Row of a key figure, with limit, source and verdict."""
+    sizes = [abs(number) for number in (figure.value, figure.limit) if number is not None]
+    unit, scale = shown_unit(figure.unit, max(sizes))
+    limit = ""
+    if figure.limit is not None:
+        limit = f"{texts(figure.bound)} {rounded(figure.limit * scale)}{'' if unit == '-' else f' {unit}'}"
+    word, unit_at = results.at
+    when = f"{figure.time:.2f} {unit_at}" if word == "at" else f"{texts(word)} {figure.time:.2f} {unit_at}"
+    return Row(
+        texts.figure(figure),
+        cell_of(figure),
+        limit,
+        texts.source(figure.source),
+        texts(figure.verdict),
+        figure.verdict,
+        when,
+        figure.place,
+        results.governing.get(figure.id, ""),
+        figure.band,
+    )
+
+
+def by_id(results: Results) -> dict[FigureId, KeyFigure]:
+    """Key figures by id."""
+    return {one.id: one for one in results.figures}
+
+
+def place_along(figure: KeyFigure, coordinate: str) -> float | None:
+    """Place (m) of a figure along a coordinate, as `x` or `arc length`, from its text; None without one."""
+    found = re.search(rf"\b{coordinate} (-?\d+(?:\.\d+)?) m", figure.place)
+    return float(found[1]) if found else None

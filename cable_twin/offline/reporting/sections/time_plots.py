@@ -1,0 +1,109 @@
+"""Plots of signals over time; of many objects the range of all, with the lines of its extremes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cable_twin.basics.units import shown_unit
+from cable_twin.frame.plotted_signals import PLOTS, SIGNALS, Signal
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.reporting.chart import LOOKS, Chart, span
+from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.texts import Texts
+from cable_twin.offline.thinned_series import Signals
+
+MANY = 6  # lines, above which they are drawn as a range
+POINTS = 300  # intervals of a line, each with its lowest and highest value
+
+
+class TimePlots:
+    """Section with plots over time of a run."""
+
+    title = "Over time"
+    template = "time_plots.html"
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Drawings by plot; None without signals."""
+        if results.signals is None or not results.signals.series:
+            return None
+        groups = []
+        for plot, title in PLOTS.items():
+            panels = [
+                _panel(one, results.signals, texts) for one in SIGNALS.values() if one.plot == plot and not one.beside
+            ]
+            charts = [one.svg() for one in panels if one is not None]
+            if charts:
+                groups.append((texts(title), charts))
+        return {"groups": groups}
+
+
+def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
+    """Drawing of one quantity, with those beside it; None without a line."""
+    beside = [one for one in SIGNALS.values() if one.beside == signal.name]
+    lines = {}
+    for one in (signal, *beside):
+        for name, series in signals.series.items():
+            if name.startswith(f"{one.name}/"):
+                whose = name.partition("/")[2].replace("/", " ")
+                lines[f"{whose} {texts(one.label)}" if one.beside else whose] = thinned(*series.line())
+    if not lines:
+        return None
+    size = max(
+        (float(np.nanmax(np.abs(values))) for _, values in lines.values() if np.isfinite(values).any()), default=0.0
+    )
+    unit, scale = shown_unit(signal.unit, size) if signal.unit != "rad" else (signal.unit, 1.0)
+    lines = {name: (times, scale * values) for name, (times, values) in lines.items()}
+    label = texts(signal.label)
+    y = span([values for _, values in lines.values()])
+    x = span([times for times, _ in lines.values()], margin=0.0)
+    chart = Chart(label, x, y, (texts("time [s]"), f"{label} [{unit}]"), height=190.0)
+    if len(lines) > MANY:
+        _draw_range(chart, lines, texts)
+    else:
+        for number, (name, line) in enumerate(lines.items()):
+            chart.line(*line, LOOKS[number % len(LOOKS)], name)
+    return chart
+
+
+def _draw_range(chart: Chart, lines: Mapping[str, tuple[FloatArray, FloatArray]], texts: Texts) -> None:
+    """Range of many lines, and the lines with the highest and the lowest value."""
+    begin = min(float(times[0]) for times, _ in lines.values())
+    end = max(float(times[-1]) for times, _ in lines.values())
+    times = np.linspace(begin, end, 2 * POINTS)
+    values = np.array([np.interp(times, *line, left=np.nan, right=np.nan) for line in lines.values()])
+    low, high = np.fmin.reduce(values), np.fmax.reduce(values)
+    chart.area(times, low, high)
+    names = list(lines)
+    tops, bottoms = (np.array([pick(one) for one in values]) for pick in (_highest, _lowest))
+    for look, word, index in (
+        (LOOKS[0], "highest", int(np.argmax(tops))),
+        (LOOKS[1], "lowest", int(np.argmin(bottoms))),
+    ):
+        chart.line(*lines[names[index]], look, f"{names[index]} ({texts(word)} {texts('of')} {len(names)})")
+
+
+def _highest(values: FloatArray) -> float:
+    return float(np.nanmax(values)) if np.isfinite(values).any() else -np.inf
+
+
+def _lowest(values: FloatArray) -> float:
+    return float(np.nanmin(values)) if np.isfinite(values).any() else np.inf
+
+
+def thinned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Line with at most `POINTS` intervals, of each of which the lowest and the highest value stay."""
+    if times.size <= 2 * POINTS:
+        return times, values
+    found: list[tuple[float, float]] = []
+    for part in np.array_split(np.arange(times.size), POINTS):
+        seen = part[np.isfinite(values[part])]
+        if not seen.size:
+            found.append((float(times[part[0]]), float("nan")))
+            continue
+        both: Sequence[int] = sorted({int(seen[np.argmin(values[seen])]), int(seen[np.argmax(values[seen])])})
+        found += [(float(times[one]), float(values[one])) for one in both]
+    line = np.array(found)
+    return line[:, 0], line[:, 1]

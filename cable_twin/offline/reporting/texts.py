@@ -1,0 +1,76 @@
+"""Texts of a report in a language, from a table by their English form."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+from cable_twin.key_figures import QUANTITIES, KeyFigure
+from cable_twin.offline.reporting import german
+
+LANGUAGES: Mapping[str, Mapping[str, str]] = {"en": {}, "de": german.TEXTS}
+
+
+class Texts:
+    """Texts of a report in a language.
+
+    Args:
+        language: one of `LANGUAGES`.
+    """
+
+    def __init__(self, language: str) -> None:
+        self.language, self._table = language, LANGUAGES[language]
+        self._names = german.QUANTITIES if language == "de" else {}
+        self.missing: set[str] = set()  # texts that are shown in English for want of a translation
+
+    def __call__(self, text: str) -> str:
+        """Text in the language; the English one where the table does not have it."""
+        if self.language == "en" or not text:
+            return text
+        if text not in self._table:
+            self.missing.add(text)
+        return self._table.get(text, text)
+
+    def figure(self, figure: KeyFigure) -> str:
+        """Printed name of a key figure."""
+        if self.language == "en":
+            return figure.name
+        row = QUANTITIES[figure.id.quantity]
+        pattern = re.escape(row.name).replace(re.escape("{}"), "(.*)")
+        before, name = ("", figure.name) if ": " not in figure.name else figure.name.split(": ", 1)
+        found = re.search(pattern, name)
+        if row.quantity not in self._names or found is None:
+            self.missing.add(figure.name)
+            return figure.name
+        detail = self._detail(found[1] if found.groups() else "")
+        said = self._names[row.quantity].format(detail)
+        said += f", {self(figure.id.statistic)}" if len(row.statistics) > 1 else ""
+        return f"{before}: {said}" if before else said
+
+    def _detail(self, text: str) -> str:
+        """Detail within a name, as the span of a sag."""
+        return re.sub(r"\bto\b", self("to"), re.sub(r"\bstart\b", self("start"), re.sub(r"\bend\b", self("end"), text)))
+
+    def quantity(self, quantity: str) -> str:
+        """Name of a quantity without detail."""
+        name = (
+            QUANTITIES[quantity].name if self.language == "en" else self._names.get(quantity, QUANTITIES[quantity].name)
+        )
+        return name.format("").strip(" ,")
+
+    def source(self, source: str) -> str:
+        """Source of a limit; the scenario's own keys stay as they are."""
+        head, colon, rest = source.partition(": ")
+        return f"{self(head)}{colon}{rest}" if head == "scenario" else self(source)
+
+    def limit(self, text: str) -> str:
+        """Limit with its comparison, as `at most 2.5 m/s`."""
+        for comparison in ("at most", "at least", "below", "above", "within"):
+            if text.startswith(comparison):
+                return f"{self(comparison)}{text.removeprefix(comparison)}".replace(" to ", f" {self('to')} ")
+        return text
+
+
+def untranslated(language: str, texts: Sequence[str]) -> list[str]:
+    """Texts that the table of a language does not have."""
+    return [one for one in texts if language != "en" and one not in LANGUAGES[language]]

@@ -1,0 +1,162 @@
+"""`report`: numbers of the page are those of `review`, the page is whole in itself, and it prints without colours."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from cable_twin.offline import report, review, simulate
+from cable_twin.offline.figure_table import shown
+from cable_twin.offline.reporting.chart import LOOKS, Chart, span, ticks
+from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
+from cable_twin.scenario import load_scenario
+
+pytest.importorskip("jinja2")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+PROFILES = ["--profile", "france_2009", "--profile", "pennsylvania"]
+FACTS = ["--fact", "persons=4", "--fact", "grip=fixed", "--fact", "vehicle=chair"]
+DATA = re.compile(r'<data class="(\w+)" data-(?:id|check)="([^"]*)" value="([^"]*)">([^<]*)</data>')
+WIDER = "<script>document.title = document.documentElement.scrollWidth - document.documentElement.clientWidth</script>"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Short run of the chairlift with an emergency stop, with a payload of its own."""
+    directory = tmp_path_factory.mktemp("run")
+    (directory / "stop.yaml").write_text(
+        "- {time: 0, name: haul_rope, speed: 1.0}\n- {time: 2, event: emergency_stop}\n"
+    )
+    arguments = ["chairlift", "--script", directory / "stop.yaml", "--duration", 4, "--output", directory / "runs"]
+    arguments += ["--set", "sheaves.return.counterweight.mass=34000.0", "--record", "bag"]
+    assert simulate.main([*map(str, arguments)]) == 0
+    (made,) = (directory / "runs").iterdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def page(run):
+    file = run.parent / "page.html"
+    assert report.main([str(run), "--output", str(file), *PROFILES, *FACTS]) == 0
+    return file
+
+
+def test_every_number_is_that_of_review(run, page, tmp_path):
+    table = tmp_path / "review.json"
+    assert review.main([str(run), "--no-viewer", "--json", str(table), *PROFILES, *FACTS]) == 0
+    (reviewed,) = json.loads(table.read_text())["runs"]
+    figures = {one["id"]: one for one in reviewed["key_figures"]}
+    rules = {f"{one['profile']}/{one['check']}": one for one in reviewed["rules"]}
+    found = DATA.findall(page.read_text(encoding="utf-8"))
+    assert {id_ for kind, id_, _, _ in found if kind == "figure"} == set(figures)
+    judged = {check for check, one in rules.items() if one["limits"] and one["verdict"] != "does not apply"}
+    assert {id_ for kind, id_, _, _ in found if kind == "rule"} == judged
+    for kind, id_, value, text in found:
+        one = (figures if kind == "figure" else rules)[id_]
+        assert float(value) == one["value"], id_
+        if kind == "figure":
+            scales = [1.0, 1e-3, 1e-6, np.degrees(1.0)]
+            assert text in {shown(one["value"], scale) for scale in scales}, id_
+        else:
+            assert float(text.split()[0]) == pytest.approx(one["value"], rel=5e-4, abs=1e-9), id_
+
+
+def test_the_page_shows_where_profiles_differ(page):
+    text = page.read_text(encoding="utf-8")
+    section = text[text.index('id="rules"') : text.index('id="load_cases"')]
+    assert "Only france_2009 has a rule on: speed (FR09-07, FR09-12" in section
+    assert "Only pennsylvania has a rule on: rope safety factor (USPA-01)" in section
+    assert "§ 7.429(a)(2)" in section
+
+
+def test_the_page_is_whole_in_itself_and_says_its_origin(page):
+    text = page.read_text(encoding="utf-8")
+    assert not re.findall(r'\bsrc=|<link|<script|url\(|@import|href="(?!#)', text)
+    assert text.count("<svg") > 10
+    assert "<pre>report " in text
+    assert "--profile france_2009" in text
+    assert "set for this run" in text
+    for title in ("Line profile", "Rope tension", "Tower loads", "Load cases", "Over time", "Assumptions"):
+        assert f" {title}</h2>" in text
+    ids = re.findall(r' id="(\w+)"', text)
+    assert len(ids) == len(set(ids))
+
+
+def test_inputs_have_the_remarks_of_their_file():
+    inputs = inputs_of(load_scenario("chairlift", {"air.density": 1.2, "ropes.up.ice": 2.0}), None)
+    rows = {one.key: one for one in inputs.rows}
+    assert rows["ropes.up.mass_per_length"][1:] == ("6.1", "kg/m", "kg/m, assumed (6 to 11 are common)", True)
+    assert rows["ropes.down.mass_per_length"].assumed  # by its merge key
+    assert rows["towers.tower_3.contacts"].assumed  # by the head of the block
+    assert rows["gravity"].remark == NONE  # its remark is the unit alone
+    assert rows["air.density"][1:] == ("1.2", "kg/m^3", CHANGED, False)
+    assert rows["ropes.up.ice"].value == "2"
+    assert not rows["carriers.count"].assumed
+    assert {"limits.acceleration", "limits.roller_load"} <= {one.key for one in inputs.defaults}
+
+
+def test_lines_differ_without_colours_and_gaps_stay():
+    assert len({one.dashes for one in LOOKS}) == len(LOOKS)
+    chart = Chart("a <b>", (0.0, 10.0), (0.0, 1.0), ("x", "y"))
+    chart.line(np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 0.0]), LOOKS[1], "l")
+    svg = chart.svg()
+    assert svg.count("<polyline") == 2
+    assert 'stroke-dasharray="7 3"' in svg
+    assert "a &lt;b&gt;" in svg
+    assert ticks(-0.3, 1.1) == pytest.approx([-0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+    assert span([np.array([1.0, 1.0])])[0] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["nowhere"], "nowhere: no such file or directory"),
+        (["{run}", "--output", "page.txt"], "'page.txt' given, allowed: a name that ends in .html"),
+        (["{run}", "--profile", "nothing"], "--profile: given 'nothing': no such profile"),
+        (["{run}", "--scenario", "no.yaml"], "no.yaml: no such file"),
+        (["{empty}"], "not a log: 0 .mcap files in it"),
+    ],
+)
+def test_faults_are_a_line(run, tmp_path, capsys, arguments, told):
+    (tmp_path / "empty").mkdir()
+    given = [one.format(run=run, empty=tmp_path / "empty") for one in arguments]
+    try:
+        code = report.main(given)
+    except SystemExit as error:
+        code = error.code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert code == 2
+    assert line.startswith("report: ")
+    assert told in line
+
+
+def test_a_missing_library_is_named_with_its_extra(run, monkeypatch, capsys):
+    monkeypatch.setattr(report, "find_spec", lambda name: None)
+    with pytest.raises(SystemExit) as ended:
+        report.main([str(run)])
+    assert ended.value.code == 2
+    assert "pip install 'cable_twin[report]'" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")
+def test_a_browser_draws_it_without_network(page, tmp_path):
+    def chromium(*arguments):
+        offline = "--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND"
+        profile = f"--user-data-dir={tmp_path / 'profile'}"
+        command = [CHROMIUM, *offline, profile, "--hide-scrollbars", "--window-size=960,1200", *arguments]
+        return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+
+    probe = tmp_path / "probe.html"
+    probe.write_text(page.read_text(encoding="utf-8") + WIDER, encoding="utf-8")
+    assert "<title>0</title>" in chromium("--dump-dom", f"file://{probe}")  # nothing is wider than the window
+    picture = tmp_path / "page.png"
+    chromium(f"--screenshot={picture}", f"file://{page}")
+    grey = imread(picture)[..., :3].mean(axis=2)
+    assert grey.shape == (1200, 960)
+    assert 0.01 < (grey < 0.5).mean() < 0.2  # ink
+    assert np.ptp(grey[350:700, 120:800].mean(axis=0)) > 0.05  # the profile
