@@ -6,6 +6,7 @@ import argparse
 import csv
 import hashlib
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout, suppress
@@ -29,7 +30,7 @@ from cable_twin.offline.load_cases import PLANS, CaseError, LoadCase, read_cases
 from cable_twin.offline.side_by_side import side_by_side
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
-from cable_twin.scenario import ScenarioError, scenario_lines
+from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, count_shown
 from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, left_at_once, tell
@@ -123,8 +124,10 @@ def _places(text: str) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Calculate load cases and report; the help has the exit codes."""
     arguments = parser()
-    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
-    source = arguments.given_scenario(options) or DEFAULT_SCENARIO
+    given = sys.argv[1:] if argv is None else list(argv)
+    options = arguments.parse_args(given)
+    options.source = source = arguments.given_scenario(options) or DEFAULT_SCENARIO
+    options.command = shlex.join(["envelope", *given])
     if fault := plot_fault(options.plot):
         arguments.error(fault)
     if options.parquet is not None and find_spec("pyarrow") is None:
@@ -282,8 +285,12 @@ def _write(
     if options.json is not None:
         data = {
             "scenario": cases[0].scenario.name,
+            "resolved": load_scenario(options.source, dict(options.set)).resolved(),
+            "version": metadata.version("cable_twin"),
+            "command": options.command,
+            "places": options.places,
             "cases": [
-                {"id": one.id, "name": one.name, "fault": found.fault}
+                {"id": one.id, "name": one.name, "changes": dict(one.changes), "fault": found.fault}
                 for one, found in zip(cases, results, strict=True)
             ],
             "envelope": [{"case": case, **figure_columns(one)} for case, one in extremes],

@@ -11,14 +11,14 @@ import json
 import math
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any, TextIO
 
 from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.key_figures import KeyFigure
+from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
 from cable_twin.key_figures.rules import RuleVerdict
 from cable_twin.offline.verdict_table import COLUMNS, verdict_columns, verdict_rows
 from cable_twin.terminal.command_line import tell
@@ -185,6 +185,27 @@ def export_fault(options: argparse.Namespace) -> str | None:
         if path not in (None, STDOUT) and Path(path).suffix.lower() in OTHERS - {f".{key}"}:
             return f"--{key} {path}: {key.upper()} is written; allowed: a name that ends in .{key}, or {STDOUT}"
     return None
+
+
+def figure_of_columns(columns: Mapping[str, Any]) -> KeyFigure:
+    """Key figure from a mapping of `figure_columns`.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
+    id_, time, limit = FigureId.of_text(columns["id"]), columns["time [s]"], columns["limit"]
+    if id_.quantity not in QUANTITIES:
+        raise ValueError(f"id {columns['id']!r}: no such quantity")
+    figure = KeyFigure(
+        id_,
+        str(columns["key_figure"]),
+        math.nan if columns["value"] is None else float(columns["value"]),
+        str(columns["unit"]),
+        math.nan if time is None else float(time),
+        str(columns["place"]),
+        band=str(columns["band"]),
+    )
+    return figure.limited(None if limit is None else float(limit), str(columns["source"]))
 
 
 def figure_columns(figure: KeyFigure) -> dict[str, Any]:

@@ -23,11 +23,12 @@ MOST = 20_000  # cases of a file
 
 
 class LoadCase(NamedTuple):
-    """Load case: a scenario with an id, and a name that says what it stands for."""
+    """Load case: a scenario with an id, a name that says what it stands for, and its changes by dotted key."""
 
     id: str
     name: str
     scenario: Scenario
+    changes: Mapping[str, Any]
 
 
 class CaseError(ValueError):
@@ -69,7 +70,7 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
         except CaseError as error:
             faults.append(f"{id_}: {error}")
         else:
-            found.append(LoadCase(id_, str(one.get("name", id_)), scenario))
+            found.append(LoadCase(id_, str(one.get("name", id_)), scenario, values))
     if faults:
         raise CaseError("\n".join(f"{file}: {fault}" for fault in faults))
     return found

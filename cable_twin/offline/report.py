@@ -1,11 +1,12 @@
-"""Command `report`: one HTML page, and a PDF where wanted, of a recorded run."""
+"""Command `report`: one HTML page of a recorded run, or of load cases."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,23 +14,27 @@ from pathlib import Path
 from rich.console import Console
 
 from cable_twin.key_figures.rules import RuleError, load_profile
+from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.from_log import read_results
-from cable_twin.offline.reporting.results import Results
+from cable_twin.offline.reporting.results import Results, ResultsError
 from cable_twin.offline.reporting.texts import LANGUAGES, Texts
 from cable_twin.offline.review import RUNS, newest_run
 from cable_twin.offline.simulate_options import fact
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import ScenarioError
-from cable_twin.terminal.bars import share_shown
-from cable_twin.terminal.command_line import OneLineParser, print_line, tell, typed
+from cable_twin.simulation import EquilibriumError
+from cable_twin.terminal.bars import count_shown, share_shown
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell, typed
 
 DONE, NOT_WRITTEN, CANNOT = 0, 1, 2
 EXTRA = "cable_twin[report]"
 EPILOG = """\
 The page has everything in it and opens without a network: line profile, rope tension, tower loads, key figures and
 rules with clause and verdict, load cases, plots over time, assumptions, inputs with their remarks, versions and the
-command that made it. Its numbers are those of `review`.
+command that made it. Its numbers are those of `review`, and of
+`envelope` for the file of load cases that it writes with --json, of which the states at rest that govern tensions,
+sags and tower loads are calculated once more for the drawings.
 
 exit codes: 0 written, 1 a file cannot be written or a rule profile of the log is not there, 2 a log cannot be read or
 an option is wrong, 130 ended by Ctrl-C
@@ -38,18 +43,22 @@ examples:
   simulate chairlift --duration 20 --output runs --record bag
   report runs/*
   report runs/* --profile france_2009 --profile italy_1999 --output two.html
+  envelope chairlift --cases examples/load_cases.yaml --places 1 --json all.json
+  report all.json
 """
 
 
 def parser() -> OneLineParser:
     """Parser of the options of `report`."""
-    result = OneLineParser("report", "Write a report of a run as one HTML page.", EPILOG, failure=CANNOT)
+    result = OneLineParser(
+        "report", "Write a report of a run or of load cases as one HTML page.", EPILOG, failure=CANNOT
+    )
     result.add_argument(
         "source",
         type=Path,
         nargs="?",
-        metavar="LOG",
-        help=f"directory of a run, or its .mcap; default: the newest run in {RUNS}",
+        metavar="SOURCE",
+        help=f"directory of a run, or its .mcap, or a .json of `envelope --json`; default: the newest run in {RUNS}",
     )
     result.add_argument(
         "--output", type=_page, metavar="PAGE.html", help="the page; default: SCENARIO_report.html in this directory"
@@ -104,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.error(f"no run in {RUNS}: give the directory of one")
     try:
         results = _read(options, Console(stderr=True))
-    except (LogError, ScenarioError) as error:
+    except (LogError, ResultsError, ScenarioError, EquilibriumError) as error:
         for line in str(error).splitlines():
             tell("report", line)
         return CANNOT
@@ -113,6 +122,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _read(options: argparse.Namespace, console: Console) -> Results:
     """Results of the source that is given; a further kind of source is a further reader here."""
+    if options.source.suffix == ".json":
+        if options.profile or options.fact:
+            raise ResultsError(f"{options.source}: --profile and --fact are for a log; give them to `envelope --set`")
+        with left_at_once("report"), ExitStack() as bars:
+
+            def on_state(count: int) -> Callable[[], object]:
+                return bars.enter_context(count_shown(console, "states at rest", count))
+
+            return read_envelope(options.source, on_state, options.scenario)
     log = read_log(options.source)
     with share_shown(console, f"reading {log.path.name}") as show:
 
@@ -135,7 +153,7 @@ def _write(options: argparse.Namespace, results: Results, command: str) -> int:
         return NOT_WRITTEN
     print_line(f"report: {page}")
     for fault in results.notes:
-        tell("report", f"{options.source}: {fault}; --profile gives another one")
+        tell("report", f"{options.source}: {fault}")
     return NOT_WRITTEN if results.notes else DONE
 
 

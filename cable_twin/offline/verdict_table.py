@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from textwrap import fill
 from typing import Any
 
@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cable_twin.key_figures import QUANTITIES
+from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
 from cable_twin.key_figures.rules import STATES, Profile, RuleVerdict, differences
-from cable_twin.key_figures.rules.document import counts_of
+from cable_twin.key_figures.rules.document import UNITS, counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import (
     EXCEEDED,
@@ -133,6 +133,28 @@ def verdict_columns(one: RuleVerdict) -> dict[str, Any]:
             strict=True,
         )
     )
+
+
+def verdict_of_columns(columns: Mapping[str, Any], names: Mapping[str, str]) -> RuleVerdict:
+    """Verdict from a mapping of `verdict_columns`; its figure has the printed name of its id in `names`.
+
+    Args:
+        columns: by the names of `COLUMNS`.
+        names: printed name by id of a figure.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
+    scale, figure = UNITS.get(columns["unit"], ("", 1.0))[1], None
+    if columns["figure"] is not None:
+        id_, value = FigureId.of_text(columns["figure"]), scale * float(columns["value"])
+        row = QUANTITIES[id_.quantity]
+        name, place = names.get(columns["figure"], row.name.format("")), str(columns["place"] or "")
+        figure = KeyFigure(id_, name, value, row.unit, float(columns["time [s]"] or 0.0), place)
+    limits = tuple(map(float, columns["limits"]))
+    same = ("profile", "check", "document", "edition", "clause", "text", "reason", "quantity", "comparison", "unit")
+    said: dict[str, Any] = {key: str(columns[key]) for key in same}
+    return RuleVerdict(**said, state=str(columns["verdict"]), figure=figure, limits=limits, scale=scale)
 
 
 def verdict_rows(verdicts: Iterable[RuleVerdict]) -> list[list[Any]]:

@@ -11,14 +11,21 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from cable_twin.offline import report, review, simulate
+from cable_twin.key_figures import FigureId
+from cable_twin.offline import envelope, report, review, simulate
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting.chart import LOOKS, Chart, span, ticks
+from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("jinja2")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+CASES = """\
+cases:
+  - {id: heavy, name: more counterweight, loading: empty, set: {sheaves.return.counterweight.mass: 36000.0}}
+  - {id: full, loading: full}
+"""
 PROFILES = ["--profile", "france_2009", "--profile", "pennsylvania"]
 FACTS = ["--fact", "persons=4", "--fact", "grip=fixed", "--fact", "vehicle=chair"]
 DATA = re.compile(r'<data class="(\w+)" data-(?:id|check)="([^"]*)" value="([^"]*)">([^<]*)</data>')
@@ -64,6 +71,65 @@ def test_every_number_is_that_of_review(run, page, tmp_path):
             assert text in {shown(one["value"], scale) for scale in scales}, id_
         else:
             assert float(text.split()[0]) == pytest.approx(one["value"], rel=5e-4, abs=1e-9), id_
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory):
+    """Envelope of two load cases of the chairlift, and the report of it."""
+    directory = tmp_path_factory.mktemp("cases")
+    (directory / "cases.yaml").write_text(CASES)
+    options = ["chairlift", "--cases", "cases.yaml", "--places", "1", "--json", "all.json"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(directory)
+        assert envelope.main([*options, "--set", "limits.profile=[pennsylvania]"]) == 0
+        assert report.main(["all.json", "--output", "all.html"]) == 0
+    return directory
+
+
+def test_every_number_is_that_of_the_envelope(cases):
+    data = json.loads((cases / "all.json").read_text())
+    text = (cases / "all.html").read_text(encoding="utf-8")
+    figures = {one["id"]: one["value"] for one in data["envelope"]}
+    found = [one for one in DATA.findall(text) if one[0] == "figure"]
+    assert {id_ for _, id_, _, _ in found} == set(figures)
+    assert all(float(value) == figures[id_] for _, id_, value, _ in found)
+    (rule,) = [value for kind, id_, value, _ in DATA.findall(text) if id_ == "pennsylvania/USPA-01"]
+    (judged,) = [one["value"] for one in data["rules"] if one["check"] == "USPA-01"]
+    assert float(rule) == pytest.approx(judged, rel=1e-12)
+
+
+def test_states_that_govern_are_found_again(cases):
+    """Force on each tower, calculated anew, has the size of the figure of the envelope."""
+    found = read_envelope(cases / "all.json", lambda count: lambda: None)
+    assert not found.notes
+    loads = {one.id.subject: one.value for one in found.figures if one.id[::2] == ("support_load", "highest")}
+    assert len(found.towers) == 12
+    for one in found.towers:
+        assert np.linalg.norm(one.force) == pytest.approx(loads[one.subject], rel=1e-9)
+    tension = {one.id: one.value for one in found.figures}
+    for rope in found.ropes:
+        highest = tension[FigureId("rope_tension", f"ropes.{rope.name}", "highest")]
+        assert rope.tension.max() == pytest.approx(highest, rel=1e-9)
+    text = (cases / "all.html").read_text(encoding="utf-8")
+    assert "sheaves.return.counterweight.mass: 36000.0" in text
+    assert "envelope chairlift --cases cases.yaml" in text
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda data: [], "no envelope: given a list or a number; allowed: a file that `envelope --json` has written"),
+        (lambda data: {**data, "envelope": [{}]}, "no envelope: 'id' is missing; allowed: a file that"),
+        (lambda data: {**data, "resolved": {**data["resolved"], "gravity": -1}}, "gravity: given -1 m/s^2"),
+    ],
+)
+def test_faults_of_an_envelope_are_a_line(cases, tmp_path, capsys, change, told):
+    file = tmp_path / "changed.json"
+    file.write_text(json.dumps(change(json.loads((cases / "all.json").read_text()))))
+    assert report.main([str(file)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"report: {file}: ")
+    assert told in line
 
 
 def test_the_page_shows_where_profiles_differ(page):

@@ -177,5 +177,5 @@ def read_results(
         signals=reading.signals,
         commands=course.commands,
         sources=sources,
-        notes=reading.rule_faults,
+        notes=[f"{fault}; --profile gives another one" for fault in reading.rule_faults],
     )

@@ -13,6 +13,10 @@ from cable_twin.offline.thinned_series import Signals
 from cable_twin.scenario import Scenario
 
 
+class ResultsError(ValueError):
+    """Error of a file that is no results; one line."""
+
+
 @dataclass(frozen=True, slots=True)
 class RopeCourse:
     """Course of one rope over a run or over load cases.

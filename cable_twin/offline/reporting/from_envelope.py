@@ -1,0 +1,159 @@
+"""Results of an envelope of load cases, with the states that govern tensions, sags and tower loads found again."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cable_twin.frame.snapshot import Snapshot
+from cable_twin.key_figures import FigureId, KeyFigure, supports_of
+from cable_twin.key_figures.rules import profiles_of
+from cable_twin.offline.export import figure_of_columns
+from cable_twin.offline.line import Line, at_place, plan_line
+from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
+from cable_twin.offline.reporting.remarks import inputs_of
+from cable_twin.offline.reporting.results import Case, Results, ResultsError, RopeCourse, TowerLoad
+from cable_twin.offline.verdict_table import verdict_of_columns
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+
+LARGEST = 200_000_000  # bytes of a file
+MOST = 60  # states that are found again, those that govern most figures first
+DRAWN = ("rope_tension", "highest"), ("rope_tension", "lowest"), ("sag", "highest"), ("support_load", "highest")
+SAME = 1e-6  # share of a load by which a state that is found again may differ
+EXPECTED = "allowed: a file that `envelope --json` has written"
+
+
+class Governing(NamedTuple):
+    """State at rest that governs figures: load case, and place of the vehicle (m)."""
+
+    case: str
+    place: float
+
+
+def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], file: Path | None = None) -> Results:
+    """Results of an envelope.
+
+    Args:
+        path: file that `envelope --json` has written.
+        on_state: called with the number of states that will be found; returns what is called after each.
+        file: of the scenario with its remarks; None for the shipped one of its name.
+
+    Raises:
+        ResultsError: it is no such file.
+        ScenarioError: its scenario or a rule profile of it is invalid.
+        EquilibriumError: a state is not found again.
+    """
+    data = _content(path)
+    try:
+        scenario = load_scenario(data["resolved"])
+        figures = [figure_of_columns(one) for one in data["envelope"]]
+        governing = {one.id: str(row["case"]) for one, row in zip(figures, data["envelope"], strict=True)}
+        names = {str(one.id): one.name for one in figures}
+        verdicts = [verdict_of_columns(one, names) for one in data["rules"]]
+        cases = [Case(one["id"], one["name"], one["changes"], one["fault"]) for one in data["cases"]]
+        places, version, command = int(data["places"]), str(data["version"]), str(data["command"])
+    except ScenarioError as error:
+        raise ScenarioError(*(f"{path}: {fault}" for fault in error.faults)) from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        said = f"{error} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise ResultsError(f"{path}: no envelope: {said}; {EXPECTED}") from None
+    inputs = inputs_of(scenario, file)
+    profiles = profiles_of(scenario)
+    states = _states(figures, governing)
+    done = on_state(len(states))
+    found: dict[Governing, Snapshot] = {}
+    by_id = {one.id: one for one in cases}
+    for one in states:
+        found[one] = _state(scenario, by_id[one.case], one.place, places)
+        done()
+    ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
+    notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
+    return Results(
+        scenario.name,
+        scenario,
+        figures,
+        inputs,
+        governing,
+        ("vehicle at", "m"),
+        profiles,
+        verdicts,
+        ropes,
+        towers or [],
+        cases=cases,
+        sources=[
+            ("envelope", f"{path}: {len(cases)} load cases at rest, {places} places of the vehicle"),
+            ("envelope made by", f"cable_twin {version}: {command}"),
+            ("drawn", f"{len(found)} states at rest that govern tensions, sags and tower loads"),
+        ],
+        notes=notes,
+    )
+
+
+def _content(path: Path) -> Mapping[str, Any]:
+    try:
+        if path.stat().st_size > LARGEST:
+            raise ResultsError(f"{path}: larger than {LARGEST} bytes; {EXPECTED}")
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultsError(f"{path}: {(error.strerror or str(error)).lower()}; {EXPECTED}") from None
+    except (ValueError, RecursionError) as error:
+        raise ResultsError(f"{path}: no JSON ({' '.join(str(error).split())}); {EXPECTED}") from None
+    if not isinstance(data, Mapping):
+        raise ResultsError(f"{path}: no envelope: given a list or a number; {EXPECTED}")
+    return data
+
+
+def _states(figures: list[KeyFigure], governing: Mapping[FigureId, str]) -> list[Governing]:
+    """States that govern what is drawn, those of most figures first."""
+    drawn = [one for one in figures if (one.id.quantity, one.id.statistic) in DRAWN]
+    counts = Counter(Governing(governing[one.id], one.time) for one in drawn)
+    return [state for state, _ in counts.most_common(MOST)]
+
+
+def _state(scenario: Scenario, case: Case, place: float, places: int) -> Snapshot:
+    """Line at rest in a load case, with the vehicle at a place (m)."""
+    changed = load_scenario(scenario.resolved(), dict(case.changes))
+    line = Line(changed, "", np.zeros(1)) if places == 1 else plan_line(changed, places, None)
+    return at_place(line, place).snapshot
+
+
+def _courses(scenario: Scenario, found: Mapping[Governing, Snapshot]) -> list[RopeCourse]:
+    """Courses of all ropes over the states."""
+    courses = []
+    snapshots = list(found.values())
+    for name, part in snapshots[0].layout.ropes.items() if snapshots else ():
+        shapes = [one.columns.rope_position[part] for one in snapshots]
+        tensions = np.array([one.columns.rope_tension[part] for one in snapshots])
+        x = np.linspace(min(one[:, 0].min() for one in shapes), max(one[:, 0].max() for one in shapes), PLACES)
+        lowest, above = np.full(PLACES, np.nan), np.full(PLACES, np.nan)
+        for shape in shapes:
+            take_heights(scenario, shape, x, lowest, above)
+        both = np.array([tensions.min(axis=0), tensions.max(axis=0)])
+        courses.append(RopeCourse(name, snapshots[0].layout.arc_lengths[part], shapes[0], x, lowest, above, both))
+    return courses
+
+
+def _towers(
+    scenario: Scenario,
+    figures: list[KeyFigure],
+    governing: Mapping[FigureId, str],
+    found: Mapping[Governing, Snapshot],
+) -> list[TowerLoad] | None:
+    """Forces on towers in the states that govern them; None where one is not the load of its figure."""
+    loads = {one.id.subject: one for one in figures if (one.id.quantity, one.id.statistic) == DRAWN[3]}
+    towers = []
+    for row, subject in enumerate(supports_of(scenario)):
+        load = loads.get(subject.key)
+        snapshot = found.get(Governing(governing[load.id], load.time)) if load is not None else None
+        if load is None or snapshot is None or row not in snapshot.layout.tower_rows:
+            continue
+        forces = -snapshot.columns.support_force
+        if abs(float(np.linalg.norm(forces[row])) - load.value) > SAME * load.value:
+            return None
+        towers += [one for one in tower_loads(scenario, snapshot.layout, forces) if one.subject == subject.key]
+    return towers
