@@ -42,8 +42,9 @@ an option is wrong, 130 ended by Ctrl-C
 examples:
   simulate chairlift --duration 20 --output runs --record bag
   report runs/*
-  report runs/* --profile france_2009 --profile italy_1999 --output two.html
-  envelope chairlift --cases examples/load_cases.yaml --places 1 --json all.json
+  report runs/* --profile france_2009 --profile pennsylvania
+  envelope chairlift --cases examples/load_cases.yaml --places 1 \\
+           --json all.json
   report all.json
 """
 

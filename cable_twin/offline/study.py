@@ -73,7 +73,8 @@ examples:
   study seed_example --vary cable.mass_per_length=1:3 --vary gravity=9:10 \\
         --method sobol --cases 64 --duration 0 --out study
   study chairlift --vary air.temperature=-20:40 --vary air.wind.x=-15:15 \\
-        --method grid --cases 49 --duration 0 --scheduler tcp://host:8786 --out study
+        --method grid --cases 49 --duration 0 --out study \\
+        --scheduler tcp://host:8786
 """
 
 
