@@ -12,7 +12,18 @@ import numba
 import pytest
 from numba.extending import overload
 
-from cable_twin.offline import envelope, line, replay, report, review, rules, simulate_options, study, what_if
+from cable_twin.offline import (
+    envelope,
+    import_profile,
+    line,
+    replay,
+    report,
+    review,
+    rules,
+    simulate_options,
+    study,
+    what_if,
+)
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
 from cable_twin.terminal.command_line import OneLineParser, ending_signals, interrupts_kept, listed
@@ -50,6 +61,7 @@ HELPS = {
     "rules": rules.parser,
     "envelope": envelope.parser,
     "report": report.parser,
+    "import_profile": import_profile.parser,
     "what_if": what_if.parser,
     "study": study.parser,
 }

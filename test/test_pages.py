@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cable_twin.offline import envelope, line, replay, report, review, rules, simulate, study, what_if
+from cable_twin.offline import envelope, import_profile, line, replay, report, review, rules, simulate, study, what_if
 from cable_twin.recording.log_writer import FORMAT_VERSION
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
@@ -19,7 +19,15 @@ from cable_twin.simulation.snapshot_file import FORMAT_VERSION as SNAPSHOT_VERSI
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 TOOLS = {"simulate": simulate, "review": review, "replay": replay, "line": line, "rules": rules, "what_if": what_if}
-COMMANDS = {"sim": sim, "drive": drive, "envelope": envelope, "study": study, "report": report, **TOOLS}
+COMMANDS = {
+    "sim": sim,
+    "drive": drive,
+    "envelope": envelope,
+    "study": study,
+    "import_profile": import_profile,
+    "report": report,
+    **TOOLS,
+}
 CALL = re.compile(rf"^(?: {{4}}|\$ |)(?:\.venv/bin/)?({'|'.join(COMMANDS)})((?: +[^#\n]*|))", re.MULTILINE)
 
 FOLDERS = ("benchmarks", "cable_twin", "config", "docs", "examples", "launch", "test", "verification")

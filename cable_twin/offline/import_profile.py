@@ -1,0 +1,147 @@
+"""Command `import_profile`: a scenario that runs from surveyed terrain and towers, with all assumptions marked."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from cable_twin.offline.figure_table import print_figures, table_console
+from cable_twin.offline.line import Line, calculate
+from cable_twin.offline.simulate_options import add_changes
+from cable_twin.offline.survey.lift import CHAIRLIFT, GONDOLA, lift_scenario
+from cable_twin.offline.survey.marked import as_file, assumptions, plain, with_changes
+from cable_twin.offline.survey.profile import FEET, Survey, SurveyError
+from cable_twin.offline.survey.stations import Ends, ends_of
+from cable_twin.offline.survey.tables import read_survey
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation import EquilibriumError
+from cable_twin.terminal.bars import compilation_shown
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+
+DONE, FAILED, UNUSABLE = 0, 1, 2
+Build = Callable[[Survey, Ends, Mapping[str, Any]], dict[str, Any]]
+KINDS: dict[str, Build] = {
+    "fixed_grip_chairlift": lambda survey, ends, changes: lift_scenario(survey, ends, CHAIRLIFT, changes),
+    "detachable_gondola": lambda survey, ends, changes: lift_scenario(survey, ends, GONDOLA, changes),
+}
+EPILOG = """\
+TERRAIN has columns x and z, TOWERS has x and the height of the rope, z_rope or rope_above_ground; name, contacts,
+length, radius and hold_down where the survey has them. Rows named start and end are the stations. Lengths are metres,
+or in the unit of the header, as in x [ft]. Ropes, vehicles, drives and what else the survey does not say are assumed:
+each has a comment in the file, and is listed. The scenario is brought to rest once, unless --no-rest is given.
+
+exit codes: 0 done, 1 the line has no equilibrium (the file is written) or cannot be written, 2 wrong survey or option
+
+examples:
+  import_profile examples/survey/terrain.csv examples/survey/towers.csv \\
+                 --type fixed_grip_chairlift --output my_lift.yaml
+  import_profile examples/survey/terrain.csv examples/survey/towers.csv \\
+                 --start 0,0 --end 950,240 --set carriers.count=60
+"""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `import_profile`."""
+    result = OneLineParser(
+        "import_profile", "Make a scenario of surveyed terrain and towers.", EPILOG, failure=UNUSABLE
+    )
+    result.add_argument("terrain", type=Path, metavar="TERRAIN", help="file of the ground under the line")
+    result.add_argument("towers", type=Path, metavar="TOWERS", help="file of the towers")
+    result.add_argument("--type", choices=KINDS, default="fixed_grip_chairlift", help="kind of ropeway")
+    result.add_argument(
+        "--output", type=Path, default=Path("surveyed.yaml"), metavar="FILE", help="scenario; default: surveyed.yaml"
+    )
+    for name in ("start", "end"):
+        result.add_argument(
+            f"--{name}", type=_place, metavar="X,Z", help=f"m, where the rope leaves the station at the {name}"
+        )
+    result.add_argument("--units", choices=FEET, help="unit of lengths where the file names none; default: m")
+    result.add_argument(
+        "--rope-above-ground",
+        type=_height,
+        metavar="M",
+        help="m, assumed for towers whose rope has no height in the survey",
+    )
+    result.add_argument("--no-rest", action="store_true", help="do not look for the equilibrium")
+    add_changes(result)
+    return result
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        x, z = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: X,Z in m, as in 0,4.5") from None
+    if not math.isfinite(x + z):
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: two finite numbers in m")
+    return x, z
+
+
+def _height(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 200.0:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a number above 0 and below 200, in m")
+    return value
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make a scenario and report; the help has the exit codes."""
+    given = sys.argv[1:] if argv is None else list(argv)
+    options = parser().parse_args(given)
+    try:
+        survey = read_survey(options.terrain, options.towers, options.units, options.rope_above_ground)
+        changes = dict(options.set)
+        tree = KINDS[options.type](survey, ends_of(survey, options.start, options.end), changes)
+        scenario = load_scenario({"name": options.output.stem, **plain(tree)}, changes)
+    except (SurveyError, ScenarioError) as error:
+        return _fault(error, UNUSABLE)
+    for note in survey.notes:
+        tell("import_profile", note)
+    found = assumptions(tree)
+    heading = [
+        f"{options.type} from {options.terrain.name} and {options.towers.name}, made by import_profile.",
+        "Values are of the survey, or have their origin beside them; what is assumed has to be looked at.",
+    ]
+    try:
+        options.output.write_text(as_file(with_changes(tree, changes), heading), encoding="utf-8")
+    except OSError as error:
+        return _fault(f"{error.filename or options.output}: {error.strerror or error}", FAILED)
+    print(f"{options.output}: {scenario.description}")
+    print(f"{len(found)} assumptions:")
+    for line in found:
+        print(f"  {line}")
+    return DONE if options.no_rest else _rest(scenario)
+
+
+def _rest(scenario: Scenario) -> int:
+    """Find the equilibrium and print the figures that have limits."""
+    console = Console(stderr=True)
+    line = Line(scenario, "", np.zeros(1))
+    try:
+        with left_at_once("import_profile"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+            calculate(line)
+    except EquilibriumError as error:
+        return _fault(str(error).partition(" m: ")[2] or error, FAILED)
+    print_figures(table_console(), [[one for one in line.figures if one.kept is not None]], at="at", unit_at="m")
+    return DONE
+
+
+def _fault(error: object, code: int) -> int:
+    for line in str(error).splitlines():
+        tell("import_profile", line)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

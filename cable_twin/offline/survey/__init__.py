@@ -1,0 +1,1 @@
+"""From survey to scenario: reading of terrain and towers, scenarios of usual ropeways, and their design."""

@@ -1,0 +1,374 @@
+"""Scenario of a lift with a moving haul rope, fixed-grip chairs or detachable cabins, from a surveyed line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import ceil
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.profile import Survey, SurveyError
+from cable_twin.offline.survey.stations import Ends, bends, lower_first, tower_keys
+from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
+
+GRAVITY = 9.81  # m/s^2
+FACTOR, MARGIN = 4.5, 1.1  # rope safety factor, and how far above it the tension is chosen
+PER_SHEAVE = 0.0225  # rad, by which the rope bends on one
+LEAST_LOAD, LEAST_BARE = 500.0, 200.0  # N on each sheave with empty vehicles, on a tower with the bare rope; assumed
+SHARPEST = 2.5  # -, bend of the rope under a vehicle up to which it is taken as sharp
+LEAST_SHARE, TRIED = 0.4, 61  # of the tension that the rope can bear
+
+
+@dataclass(frozen=True, slots=True)
+class LiftKind:
+    """Usual figures of a kind of lift; all are assumed."""
+
+    what: str
+    vehicle: str  # as commands call it
+    grip: str
+    rope: Mapping[str, float]
+    rope_why: str
+    wheel: float  # m, radius of bullwheels
+    inertia: tuple[float, float]  # kg m^2, of the driven bullwheel and the other
+    speed: float  # m/s
+    acceleration: float  # m/s^2
+    interval: float  # s, between vehicles
+    bodies: Mapping[str, Any]
+    empty: float  # kg
+    capacity: float  # kg
+    capacity_why: str
+    sheaves: tuple[int, float, float]  # least number on a tower, m between them, m radius of their circle
+    elements: Mapping[str, float]
+    clearance: float  # m, least of vehicles over the ground
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+CHAIRLIFT = LiftKind(
+    what="Fixed-grip chairlift",
+    vehicle="chair",
+    grip="fixed",
+    rope={
+        "mass_per_length": 6.1,
+        "axial_stiffness": 62.0e6,
+        "bending_stiffness": 3.0e3,
+        "breaking_force": 0.96e6,
+        "diameter": 0.040,
+    },
+    rope_why="40 mm, six strands, 620 mm^2, E = 100 GPa, wires of 1770 N/mm^2 less 12.5 %",
+    wheel=2.1,
+    inertia=(40.0e3, 8.0e3),
+    speed=2.3,
+    acceleration=0.15,
+    interval=12.0,
+    bodies={
+        "chair": {
+            "mass": 250.0,
+            "inertia": 250.0,
+            "upper_pivot": [0.0, 2.6],
+            "size": [0.8, 1.6],
+            "drag_area": 2.1,
+            "damping": 210.0,
+        }
+    },
+    empty=250.0,
+    capacity=300.0,
+    capacity_why="four people of 75 kg",
+    sheaves=(8, 0.5625, 25.0),
+    elements={"target": 4.0, "at_towers": 1.4, "growth": 1.5},
+    clearance=2.5,
+)
+GONDOLA = LiftKind(
+    what="Detachable gondola lift",
+    vehicle="cabin",
+    grip="detachable",
+    rope={
+        "mass_per_length": 9.4,
+        "axial_stiffness": 97.0e6,
+        "bending_stiffness": 7.5e3,
+        "breaking_force": 1.58e6,
+        "diameter": 0.050,
+    },
+    rope_why="50 mm, six strands, 970 mm^2, E = 100 GPa, wires of 1860 N/mm^2 less 12.5 %",
+    wheel=2.5,
+    inertia=(90.0e3, 20.0e3),
+    speed=6.0,
+    acceleration=0.25,
+    interval=20.0,
+    bodies={
+        "hanger": {"mass": 250.0, "inertia": 213.0, "upper_pivot": [0.0, 1.6], "lower_pivot": [0.0, -1.6]},
+        "cabin": {"mass": 600.0, "inertia": 442.0, "upper_pivot": [0.0, 1.1], "size": [2.0, 2.2], "drag_area": 4.4},
+    },
+    empty=850.0,
+    capacity=750.0,
+    capacity_why="ten people of 75 kg",
+    sheaves=(16, 0.625, 40.0),
+    elements={"target": 7.0, "at_towers": 1.25, "growth": 1.25},
+    clearance=2.5,
+)
+
+
+def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Scenario of a lift as a tree of plain and marked values.
+
+    Args:
+        survey: terrain and towers.
+        ends: where the rope leaves both stations.
+        kind: usual figures.
+        changes: values by dotted key that are given: those that others are worked out from are used here.
+
+    Raises:
+        SurveyError: the rope of the kind cannot carry the lift; one line.
+    """
+    upwards = ends.end[1] >= ends.start[1]
+    corner = lower_first(survey, ends)
+    speed = float(changes.get("sheaves.drive.drive.limits.speed", kind.speed))
+    rough = 2.0 * float(np.hypot(*np.diff(corner, axis=0).T).sum() + np.pi * kind.wheel)
+    count = int(changes.get("carriers.count", max(2, round(rough / (speed * kind.interval)))))
+    rope = {**kind.rope, **{key: float(changes[full]) for key in kind.rope if (full := f"ropes.up.{key}") in changes}}
+    loads = (count / rough * (kind.empty + kind.capacity), count / rough * kind.empty, 0.0)
+    weights = [GRAVITY * (rope["mass_per_length"] + load) for load in loads]
+    holds = [tower.hold_down for tower in survey.towers][:: 1 if upwards else -1]
+    sheaves = [tower.contacts or kind.sheaves[0] for tower in survey.towers][:: 1 if upwards else -1]
+    names = [tower.name for tower in survey.towers][:: 1 if upwards else -1]
+    mass_key = "sheaves.return.counterweight.mass"
+    try:
+        tension, why = choose_tension(corner, rope, weights, Assemblies(names, holds, sheaves))
+        mass = derived(round(2.0 * tension / GRAVITY, -2), f"kg, both strands: {why}")
+        if mass_key in changes:
+            mass = derived(float(changes[mass_key]), "given")
+        strands = [
+            spans_under_tension(corner, 0.5 * mass.value * GRAVITY, weight, rope["axial_stiffness"])
+            for weight in weights[:2]
+        ]
+    except SpanError as error:
+        raise SurveyError(f"{kind.what}: {error}") from None
+    length = derived(
+        round(float(np.mean([one.length.sum() for one in strands])), 2),
+        "closed form: the counterweight is then near the middle of its travel, full up and empty down",
+    )
+    least = min(float(one.tension.min()) for one in strands)
+    bend = rope["axial_stiffness"] * (GRAVITY * (kind.empty + kind.capacity)) ** 2 / least**3
+    travel = round(max(4.0, 0.004 * length.value), 1)
+    first = (corner[1] - corner[0]) / np.hypot(*(corner[1] - corner[0])) * [1.0 if upwards else -1.0, 1.0]
+    per_hour = round(3600.0 * count * speed / rough * kind.capacity / 75.0, -1)
+    tree: dict[str, Any] = {
+        "description": f"{kind.what} from a survey: {rough / 2:.0f} m, {len(survey.towers)} towers, {count} "
+        f"{kind.vehicle}s, about {per_hour:.0f} people an hour",
+        "gravity": GRAVITY,
+        "ropes": {
+            name: _rope(kind, rope, length, bend, 1.0 if name == "up" else -1.0, ends, upwards == (name == "up"))
+            for name in ("up", "down")
+        },
+        "sheaves": _sheaves(kind, speed, mass, [round(float(one), 3) for one in -first], travel),
+        "towers": _towers(survey, kind, corner, strands, upwards),
+        "terrain": survey.terrain.tolist(),
+        "air": {"density": assumed(1.1, "kg/m^3, at 1000 m of altitude (standard atmosphere)")},
+        "carriers": {
+            "name": kind.vehicle,
+            "count": derived(count, "given")
+            if "carriers.count" in changes
+            else assumed(count, f"one every {kind.interval:g} s at {speed:g} m/s"),
+            "bodies": {
+                name: {key: assumed(value, f"usual {kind.vehicle}") for key, value in body.items()}
+                for name, body in kind.bodies.items()
+            },
+            "payload": {
+                "capacity": assumed(kind.capacity, f"kg, {kind.capacity_why}"),
+                "leaving": assumed({"return": kind.capacity, "drive": 0.0}, "kg, full up, empty down"),
+            },
+        },
+        "limits": {
+            "rope_safety_factor": assumed(FACTOR, "haul rope: 4.5 to 5"),
+            "swing": assumed(0.35, "rad"),
+            "vehicle_clearance": assumed(kind.clearance, "m, over the ground"),
+        },
+        "solver": {"step": assumed(0.01, "s")},
+    }
+    return tree
+
+
+def tension_for(corner: FloatArray, rope: Mapping[str, float], weight: float, factor: float = FACTOR * MARGIN) -> float:
+    """Tension (N) at the lower end of a rope whose largest tension has a safety factor.
+
+    Args:
+        corner: (spans + 1, 2) m, supports from the lower end on.
+        rope: `breaking_force` and `axial_stiffness` in N.
+        weight: N/m, with the vehicles on it.
+        factor: safety factor.
+
+    Raises:
+        SpanError: the rope would have to be in compression.
+    """
+    most = rope["breaking_force"] / factor
+    tension = most - weight * float(corner[:, 1].max() - corner[0, 1])
+    for _ in range(3):
+        if tension <= 0.0:
+            text = f"a rope of {rope['breaking_force'] / 1e3:.0f} kN does not carry {weight:.0f} N/m up"
+            raise SpanError(
+                f"{text} {corner[:, 1].max() - corner[0, 1]:.0f} m with a safety factor of {factor:.3g}; "
+                "allowed: a stronger rope, or fewer vehicles"
+            )
+        spans = spans_under_tension(corner, tension, weight, rope["axial_stiffness"])
+        tension += most - float(spans.tension.max())
+    return tension
+
+
+class Assemblies(NamedTuple):
+    """Sheave assemblies of the towers, from the lower station on."""
+
+    names: Sequence[str]
+    hold_down: Sequence[bool | None]  # None: not known
+    sheaves: Sequence[int]
+
+
+def choose_tension(
+    corner: FloatArray, rope: Mapping[str, float], weights: Sequence[float], towers: Assemblies
+) -> tuple[float, str]:
+    """Highest tension at the lower end with which the rope is strong enough and presses on all towers.
+
+    Args:
+        corner: (spans + 1, 2) m, supports from the lower end on.
+        rope: `breaking_force` and `axial_stiffness` in N.
+        weights: N/m, of the rope with full vehicles, with empty ones, and bare.
+        towers: their assemblies.
+
+    Returns:
+        Tension in N, and what decided it. Where no tension is enough, the one that misses least.
+
+    Raises:
+        SpanError: the rope is too weak.
+    """
+    most = tension_for(corner, rope, weights[0])
+    best: tuple[float, Margin] | None = None
+    by_strength = f"safety factor {FACTOR * MARGIN:.3g} of {rope['breaking_force'] / 1e3:.0f} kN, full up"
+    for share in np.linspace(1.0, LEAST_SHARE, TRIED):
+        try:
+            margin = tower_margin(corner, share * most, rope["axial_stiffness"], weights, towers)
+        except SpanError:
+            break
+        if best is None or margin > best[1]:
+            best = float(share * most), margin
+        if margin.touches >= 0.0 and margin.presses >= 0.0:
+            break
+    if best is None or best[0] == most:
+        return most, by_strength
+    touches, presses, name = best[1]
+    why = "with more it would not be kept"
+    if touches < 0.0:
+        why = f"no tension keeps the rope on it, this misses by {-touches:.0f} N"
+    elif presses < 0.0:
+        why = f"no tension keeps {LEAST_LOAD:g} N on each sheave, this misses by {-presses:.0f} N on the tower"
+    return best[0], f"least load of {name}: {why}"
+
+
+class Margin(NamedTuple):
+    """Least margins (N) of the loads of towers, in order of importance, and the tower with the least one."""
+
+    touches: float  # over what keeps the rope on the tower: bare on supports, with full vehicles below hold-downs; or 0
+    presses: float  # over the least load of all its sheaves
+    name: str
+
+
+def tower_margin(
+    corner: FloatArray, tension: float, stiffness: float, weights: Sequence[float], towers: Assemblies
+) -> Margin:
+    """Least margins of the loads of all towers.
+
+    Args:
+        corner: (spans + 1, 2) m, supports from the lower end on.
+        tension: N, at the lower end.
+        stiffness: N, EA.
+        weights: N/m, of the rope with full vehicles, with empty ones, and bare.
+        towers: their assemblies.
+
+    Raises:
+        SpanError: the rope does not reach.
+    """
+    if not towers.names:
+        return Margin(0.0, 0.0, "")
+    full, empty, bare = (-spans_under_tension(corner, tension, weight, stiffness).loads()[:, 1] for weight in weights)
+    holds = np.array([load < 0.0 if one is None else one for one, load in zip(towers.hold_down, full, strict=True)])
+    touches = np.where(holds, -full, bare) - LEAST_BARE
+    presses = np.where(holds, -full, empty) - LEAST_LOAD * np.array(towers.sheaves)
+    worst = int((touches if touches.min() < 0.0 else presses).argmin())
+    return Margin(min(0.0, float(touches.min())), float(presses.min()), towers.names[worst])
+
+
+def _rope(
+    kind: LiftKind, rope: Mapping[str, float], length: Marked, bend: float, side: float, ends: Ends, forward: bool
+) -> dict[str, Any]:
+    sharp = bend < SHARPEST
+    elements = dict(kind.elements) if sharp else {**kind.elements, "target": 0.5 * kind.elements["target"]}
+    first, last = (ends.start, ends.end) if forward else (ends.end, ends.start)
+    whys = (ends.start_why, ends.end_why) if forward else (ends.end_why, ends.start_why)
+    return {
+        **{
+            key: assumed(value, kind.rope_why) if value == kind.rope[key] else derived(value, "given")
+            for key, value in rope.items()
+        },
+        "unstrained_length": length,
+        "lateral": derived(side * kind.wheel, "m, radius of the bullwheels: for the pictures"),
+        "elements": assumed(elements, "lengths in m, short on trains of sheaves"),
+        "kinks": derived(
+            "sharp" if sharp else "rounded", f"EA F^2 / T^3 under a full vehicle is {bend:.2g}, sharp up to {SHARPEST}"
+        ),
+        "damping_time": assumed(0.004, "s, a damping ratio of 0.4 % at 2 rad/s"),
+        "start": {"position": Marked(list(first), *whys[0])},
+        "end": {"position": Marked(list(last), *whys[1])},
+    }
+
+
+def _sheaves(kind: LiftKind, speed: float, mass: Marked, direction: list[float], travel: float) -> dict[str, Any]:
+    wheel = assumed(kind.wheel, f"m, {2 * kind.wheel / kind.rope['diameter']:.0f} diameters of the rope across")
+    lining = assumed(0.22, "lining of rubber")
+    return {
+        "drive": {
+            "radius": wheel,
+            "joins": assumed(["up.end", "down.start"], "driven in the upper station"),
+            "friction": lining,
+            "inertia": assumed(kind.inertia[0], "kg m^2, wheel, motor and gear"),
+            "rollback": assumed(0.5, "m, so far back, and an emergency stop begins"),
+            "drive": {
+                "name": "haul_rope",
+                "limits": {
+                    "speed": assumed(speed, f"m/s, usual with {kind.grip} grips"),
+                    "acceleration": assumed(kind.acceleration, "m/s^2, 0.1 to 0.3 are common"),
+                    "jerk": assumed(0.3, "m/s^3"),
+                    "emergency_deceleration": assumed(1.2, "m/s^2, 1 to 1.5 are common"),
+                },
+            },
+        },
+        "return": {
+            "radius": wheel,
+            "joins": assumed(["down.end", "up.start"], "tensioned in the lower station"),
+            "friction": lining,
+            "inertia": assumed(kind.inertia[1], "kg m^2"),
+            "counterweight": {
+                "direction": derived(direction, "along the first span"),
+                "mass": mass,
+                "travel": assumed([-travel, travel], "m"),
+            },
+        },
+    }
+
+
+def _towers(survey: Survey, kind: LiftKind, corner: FloatArray, strands: list[Spans], upwards: bool) -> dict[str, Any]:
+    """Towers with sheaves for the bend of the loaded rope, hold-downs where the rope would lift off."""
+    loads = np.array([-one.loads()[:, 1] for one in strands])[:, :: 1 if upwards else -1]
+    turns = np.max([bends(one) for one in strands], axis=0)[:: 1 if upwards else -1]
+    found: dict[str, Any] = {}
+    least, pitch, radius = kind.sheaves
+    for tower, load, turn in zip(survey.towers, loads.T, turns, strict=True):
+        own = tower_keys(tower, max(least, 2 * ceil(0.6 * turn / PER_SHEAVE)), pitch, radius)
+        own["stiffness"] = assumed(0.3e6, "N/m, liners and rockers yield")
+        own["ropes"] = {"up": {}, "down": {}}
+        pressed = bool(load.max() < 0.0)
+        if tower.hold_down or (tower.hold_down is None and pressed):
+            why = "the rope would lift off otherwise" if tower.hold_down is None else "survey"
+            own["hold_down"] = Marked(True, why, assumed=tower.hold_down is None)
+        found[tower.name] = own
+    return found

@@ -1,0 +1,150 @@
+"""Scenario files in which each value says where it comes from: assumed, worked out, or from the survey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+from cable_twin.scenario import full_key
+
+COLUMN = 52  # of comments behind values
+OF_MANY = ("towers", "ropes", "carriages")  # sections of things by name, which are often alike
+
+
+@dataclass(frozen=True, slots=True)
+class Marked:
+    """Value of a scenario with its origin; `assumed` where nothing but custom stands behind it."""
+
+    value: Any
+    why: str
+    assumed: bool = True
+
+    @property
+    def comment(self) -> str:
+        """Comment behind the value."""
+        return f"assumed: {self.why}" if self.assumed else self.why
+
+
+def assumed(value: Any, why: str) -> Marked:
+    """Value that is assumed."""
+    return Marked(value, why)
+
+
+def derived(value: Any, why: str) -> Marked:
+    """Value that is worked out from others."""
+    return Marked(value, why, assumed=False)
+
+
+def plain(tree: Any) -> Any:
+    """Tree without marks, as `load_scenario` takes it."""
+    if isinstance(tree, Marked):
+        return plain(tree.value)
+    if isinstance(tree, Mapping):
+        return {key: plain(value) for key, value in tree.items()}
+    return [plain(one) for one in tree] if isinstance(tree, list | tuple) else tree
+
+
+def assumptions(tree: Mapping[str, Any]) -> list[str]:
+    """Line for each reason to assume something: where, values by key, reason."""
+    found: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for path, mark in _marks(tree, ()):
+        if mark.assumed:
+            section = ".".join(path[:1] if path[0] in OF_MANY else path[:-1])
+            last = ".".join(path[2:] if path[0] in OF_MANY else path[-1:])
+            owners = found.setdefault((section, mark.why), {}).setdefault(f"{last} {shown(mark.value)}", [])
+            owners += path[1:2] if path[0] in OF_MANY else []
+    lines = []
+    for (section, why), values in found.items():
+        owners = list(dict.fromkeys(name for names in values.values() for name in names))
+        place = f"{section}.{owners[0] if len(owners) == 1 else '{' + ','.join(owners) + '}'}" if owners else section
+        lines.append(f"{place or 'scenario'}: {', '.join(values)}: {why}")
+    return lines
+
+
+def _marks(tree: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Marked]]:
+    if isinstance(tree, Marked):
+        yield path, tree
+        tree = tree.value
+    if isinstance(tree, Mapping):
+        for key, value in tree.items():
+            yield from _marks(value, (*path, str(key)))
+
+
+def shown(value: Any) -> str:
+    """Value in a line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {shown(plain(one))}" for key, one in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(shown(one) for one in value)}]"
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def as_file(tree: Mapping[str, Any], heading: Sequence[str]) -> str:
+    """Text of a scenario file with a comment behind each marked value.
+
+    Args:
+        tree: of plain and marked values.
+        heading: lines of the comment at its begin.
+    """
+    content = _commented(tree)
+    content.yaml_set_start_comment("\n".join(heading))
+    return dumped(content)
+
+
+def dumped(content: CommentedMap) -> str:
+    """Text of commented data."""
+    yaml, text = YAML(), StringIO()
+    yaml.width = 4000  # type: ignore[assignment]  # a comment stands behind its line
+    yaml.dump(content, text)
+    return text.getvalue()
+
+
+def with_changes(tree: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Tree in which values by dotted key are given; the last part of a key can be an axis or an index of a list."""
+    found = dict(tree)
+    for key, value in changes.items():
+        found = _given(found, full_key(key).split("."), value)
+    return found
+
+
+def _given(tree: Any, parts: Sequence[str], value: Any) -> Any:
+    """Part of a tree with a given value below it."""
+    inner = tree.value if isinstance(tree, Marked) else tree
+    if not parts:
+        return derived(value, "given")
+    if isinstance(inner, list | tuple):
+        number = int(parts[0]) if parts[0].isdecimal() else (0 if parts[0] == "x" else len(inner) - 1)
+        whole = [*inner]
+        whole[number] = plain(_given(whole[number], parts[1:], value))
+        return derived(whole, "given in part")
+    inner = dict(inner or {})
+    inner[parts[0]] = _given(inner.get(parts[0]), parts[1:], value)
+    return inner
+
+
+def _commented(tree: Mapping[str, Any], indent: int = 0) -> CommentedMap:
+    content = CommentedMap()
+    for key, given in tree.items():
+        value = given.value if isinstance(given, Marked) else given
+        content[key] = _commented(value, indent + 2) if isinstance(value, Mapping) else _flow(value)
+        if isinstance(given, Marked) and isinstance(value, Mapping):
+            content.yaml_set_comment_before_after_key(key, before=given.comment, indent=indent)
+        elif isinstance(given, Marked):
+            content.yaml_add_eol_comment(given.comment, key, column=COLUMN)
+    if not content or (len(content) < 4 and not any(isinstance(one, Marked | Mapping) for one in tree.values())):
+        content.fa.set_flow_style()
+    return content
+
+
+def _flow(value: Any) -> Any:
+    if not isinstance(value, list | tuple):
+        return value
+    inner = CommentedSeq([_flow(one) for one in value])
+    if not (inner and isinstance(inner[0], CommentedSeq)):  # points stand in a line each
+        inner.fa.set_flow_style()
+    return inner

@@ -1,0 +1,130 @@
+"""Surveyed line: terrain and towers in x and z, with the checks of both."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from cable_twin.frame.records import FloatArray
+
+FEET = {"m": 1.0, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}  # m, international and US survey foot
+NAME = re.compile("[a-zA-Z][a-zA-Z0-9_]*")
+
+
+class SurveyError(ValueError):
+    """Error of survey data; its text has one line per fault, with the file in front."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyedTower:
+    """Tower of a survey; None for what the survey does not say.
+
+    Attributes:
+        name: of the tower.
+        x: m, along the line.
+        z: m, height of the rope on the tower.
+        where: line or feature of the file, for faults.
+        contacts: sheaves, or contact points of a saddle.
+        length: m, along the rope, from the first contact to the last.
+        radius: m, of the circle of the contacts.
+        hold_down: whether it holds the rope down.
+        rope_assumed: whether the height of the rope over the ground is assumed.
+    """
+
+    name: str
+    x: float
+    z: float
+    where: str
+    contacts: int | None = None
+    length: float | None = None
+    radius: float | None = None
+    hold_down: bool | None = None
+    rope_assumed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """Survey of a line in a vertical plane.
+
+    Attributes:
+        terrain: (points, 2) m, x and z.
+        towers: from the start of the line to its end.
+        stations: x and z (m) of the rope in the stations, `start` and `end`, where the survey has them.
+        notes: what was converted or left out, a line each.
+    """
+
+    terrain: FloatArray
+    towers: tuple[SurveyedTower, ...]
+    stations: dict[str, tuple[float, float]]
+    notes: tuple[str, ...] = ()
+
+    def ground(self, x: float) -> float:
+        """Height (m) of the ground."""
+        return float(np.interp(x, *self.terrain.T))
+
+
+def with_valid_names(towers: Sequence[SurveyedTower]) -> tuple[list[SurveyedTower], list[str]]:
+    """Towers with names that a scenario can have, and a line for those renamed."""
+    named, changed = [], []
+    for number, tower in enumerate(towers, start=1):
+        name = tower.name
+        if not NAME.fullmatch(name):
+            inner = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
+            name = f"tower_{inner or number}"
+            changed.append(f"{tower.name!r} is {name}")
+        named.append(replace(tower, name=name))
+    return named, [f"names of towers: {', '.join(changed)}"] if changed else []
+
+
+def check_terrain(file: str, points: Sequence[tuple[str, float, float]]) -> FloatArray:
+    """Terrain (points, 2) in m of points with their place in a file.
+
+    Raises:
+        SurveyError: there are fewer than two, or x does not rise.
+    """
+    faults = [] if len(points) > 1 else [f"{file}: given {len(points)} points of terrain; allowed: at least 2"]
+    for (_, before, _), (where, x, _) in pairwise(points):
+        if x <= before:
+            given = f"given x = {x:g} m after {before:g} m: the terrain folds back"
+            faults.append(f"{file}: {where}: {given}; allowed: rising x, in m")
+    if faults:
+        raise SurveyError("\n".join(faults))
+    return np.array([[x, z] for _, x, z in points])
+
+
+def check_towers(file: str, survey: Survey) -> Survey:
+    """The same survey, with towers that stand in order on the terrain.
+
+    Raises:
+        SurveyError: with a line for each fault.
+    """
+    if faults := list(_tower_faults(survey)):
+        raise SurveyError("\n".join(f"{file}: {fault}" for fault in faults))
+    return survey
+
+
+def _tower_faults(survey: Survey) -> Iterator[str]:
+    towers, (first, last) = survey.towers, survey.terrain[[0, -1], 0]
+    for before, tower in pairwise(towers):
+        if tower.x <= before.x:
+            yield (
+                f"{tower.where}: given {tower.name} at x = {tower.x:g} m after {before.name} at {before.x:g} m; "
+                "allowed: towers in rising x, in m"
+            )
+    seen: set[str] = set()
+    for tower in towers:
+        if tower.name in seen:
+            yield f"{tower.where}: given {tower.name} twice; allowed: each name once"
+        seen.add(tower.name)
+        if not first <= tower.x <= last:
+            allowed = f"the terrain, {first:g} to {last:g} m"
+            yield f"{tower.where}: given {tower.name} at x = {tower.x:g} m; allowed: {allowed}"
+        elif tower.z <= (ground := survey.ground(tower.x)):
+            yield (
+                f"{tower.where}: given {tower.name} with its rope at z = {tower.z:g} m; allowed: above the ground, "
+                f"{ground:.4g} m there (heights of towers and terrain are to have one datum)"
+            )

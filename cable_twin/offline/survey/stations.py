@@ -1,0 +1,110 @@
+"""Ends of a surveyed line, and what towers of all kinds have in common."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.profile import Survey, SurveyedTower, SurveyError
+from cable_twin.scenario.spans import Spans
+
+INSIDE, ABOVE = 20.0, 6.0  # m, assumed place of a station: inside the terrain, and the rope over the ground
+
+Place = tuple[float, float]
+Why = tuple[str, bool]  # and whether it is assumed
+
+
+class Ends(NamedTuple):
+    """Where the rope leaves the stations, x and z in m, with the origin of both."""
+
+    start: Place
+    end: Place
+    start_why: Why
+    end_why: Why
+
+
+def ends_of(survey: Survey, start: Place | None, end: Place | None) -> Ends:
+    """Ends of the rope: as given, as surveyed, or assumed a little inside the terrain.
+
+    Args:
+        survey: terrain and towers.
+        start: given x and z in m; None: as surveyed, else assumed.
+        end: the same.
+
+    Raises:
+        SurveyError: one is not on the terrain, or a tower is beyond it; one line.
+    """
+    places, whys = [], []
+    for name, given, edge, inside in (
+        ("start", start, survey.terrain[0, 0], INSIDE),
+        ("end", end, survey.terrain[-1, 0], -INSIDE),
+    ):
+        if given is not None:
+            places.append(given)
+            whys.append(("m, given", False))
+        elif name in survey.stations:
+            places.append(survey.stations[name])
+            whys.append(("m, survey", False))
+        else:
+            x = float(edge) + inside
+            places.append((x, round(survey.ground(x) + ABOVE, 3)))
+            whys.append((f"m: {INSIDE:g} m inside the terrain, {ABOVE:g} m over the ground", True))
+    (first, _), (last, _) = places
+    low, high = survey.terrain[[0, -1], 0]
+    if not low <= first < last <= high:
+        raise SurveyError(
+            f"stations: given x = {first:g} m and {last:g} m; allowed: start before end on the terrain, "
+            f"{low:g} to {high:g} m"
+        )
+    for tower in survey.towers:
+        if not first < tower.x < last:
+            raise SurveyError(
+                f"stations: given x = {first:g} m and {last:g} m, and {tower.name} at {tower.x:g} m; allowed: towers "
+                "between the stations (--start and --end set these)"
+            )
+    return Ends(places[0], places[1], whys[0], whys[1])
+
+
+def lower_first(survey: Survey, ends: Ends) -> FloatArray:
+    """Ends and towers (corners, 2) in m from the lower station on, x as distance from there."""
+    corner = np.array([ends.start, *((tower.x, tower.z) for tower in survey.towers), ends.end])
+    if ends.end[1] < ends.start[1]:
+        corner = corner[::-1].copy()
+    corner[:, 0] = np.abs(corner[:, 0] - corner[0, 0])
+    return corner
+
+
+def bends(spans: Spans) -> FloatArray:
+    """Angle (spans - 1,) in rad by which the rope bends on each support."""
+    before, after = (np.arctan2(pull[:, 1], pull[:, 0]) for pull in (spans.pull_after[:-1], spans.pull[1:]))
+    return np.asarray(np.abs(after - before))
+
+
+def tower_keys(tower: SurveyedTower, contacts: int, pitch: float, radius: float) -> dict[str, Any]:
+    """Keys of a tower, assumed where the survey does not say them.
+
+    Args:
+        tower: of a survey.
+        contacts: their number.
+        pitch: m, between contacts.
+        radius: m, of their circle.
+    """
+    number = tower.contacts or contacts
+    length = tower.length if tower.length is not None else round(number * pitch, 3)
+    height = [tower.x, round(tower.z, 3)]
+    return {
+        "position": assumed(height, "m: height of the rope over the ground") if tower.rope_assumed else height,
+        "contacts": derived(number, "survey") if tower.contacts else assumed(number, "for the bend of the loaded rope"),
+        "length": derived(length, "m, survey") if tower.length is not None else assumed(length, f"m, {pitch:g} each"),
+        "radius": derived(tower.radius, "m, survey")
+        if tower.radius is not None
+        else assumed(max(radius, round(length, 1)), "m"),
+    }
+
+
+def origin(place: Place, why: Why) -> Marked:
+    """Marked position of an end."""
+    return Marked(list(place), *why)

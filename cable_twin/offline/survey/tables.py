@@ -1,0 +1,240 @@
+"""Survey data in CSV: terrain as x and z, towers as x and the height of the rope, in metres or feet."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text
+from cable_twin.offline.survey.profile import (
+    FEET,
+    Survey,
+    SurveyedTower,
+    SurveyError,
+    check_terrain,
+    check_towers,
+    with_valid_names,
+)
+
+LARGEST = 2**25  # bytes of a file
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "x": ("x", "distance", "chainage", "station", "s"),
+    "z": ("z", "height", "elevation", "altitude"),
+    "name": ("name", "tower", "nr", "no", "id"),
+    "z_rope": ("z_rope", "rope_z", "rope_elevation"),
+    "rope_above_ground": ("rope_above_ground", "rope_height"),
+    "contacts": ("contacts", "sheaves", "rollers"),
+    "length": ("length",),
+    "radius": ("radius",),
+    "hold_down": ("hold_down", "holddown", "compression"),
+}
+LENGTHS = ("x", "z", "z_rope", "rope_above_ground", "length", "radius")  # columns in a unit of length
+UNITS = {"m": "m", "metre": "m", "meter": "m", "metres": "m", "meters": "m", "": "m"} | dict.fromkeys(
+    ("ft", "feet", "foot", "international feet"), "ft"
+)
+UNITS |= dict.fromkeys(("us-ft", "usft", "ftus", "us ft", "us survey feet"), "us-ft")
+TRUE, FALSE = ("1", "true", "yes", "y"), ("", "0", "false", "no", "n")
+HEADER = re.compile(r"([A-Za-z_ ]+?)[ _]*(?:[\[(]([^\])]*)[\])]|_(ft|feet|us-ft|m))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of a CSV file by column, lengths in metres.
+
+    Attributes:
+        file: its path.
+        columns: of the file, by the names of `NAMES`.
+        rows: number of the line, and texts and numbers by column.
+        notes: what was converted, a line each.
+    """
+
+    file: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[int, dict[str, str | float]], ...]
+    notes: tuple[str, ...]
+
+    def need(self, *alternatives: str) -> None:
+        """Refuse a table with none of some columns.
+
+        Raises:
+            SurveyError: one line.
+        """
+        if not set(alternatives) & set(self.columns):
+            wanted = " or ".join(f"{name} ({'m' if name in LENGTHS else 'text'})" for name in alternatives)
+            raise SurveyError(f"{self.file}: line 1: no column {wanted}; given: {', '.join(self.columns) or 'none'}")
+
+
+def read_table(file: Path, units: str | None = None) -> Table:
+    """Table of a CSV file with a header, with `,`, `;` or tabulators between columns.
+
+    Args:
+        file: path.
+        units: unit of its lengths, of `FEET`, where the header has none; None: metres.
+
+    Raises:
+        SurveyError: with every fault, one line each.
+    """
+    text = _text(file)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    remarks = [line for _, line in lines if line.lstrip().startswith("#")]
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
+    if not lines:
+        raise SurveyError(f"{file}: given no line; allowed: a header and a row for each point or tower")
+    if units is None and (said := _unit_in(remarks)) is not None:
+        units = said
+    delimiter = next((mark for mark in (";", "\t", ",") if mark in lines[0][1]), ",")
+    header, *rows = csv.reader((line for _, line in lines), delimiter=delimiter)
+    columns, scales, notes = _columns(str(file), header, units)
+    faults: list[str] = []
+    found = []
+    for (number, _), row in zip(lines[1:], rows, strict=False):
+        where = f"{file}: line {number}"
+        if len(row) != len(header):
+            faults.append(f"{where}: given {len(row)} columns; allowed: {len(header)}, as in the header")
+            continue
+        values: dict[str, str | float] = {}
+        for column, scale, cell in zip(columns, scales, row, strict=True):
+            if column in LENGTHS or column == "contacts":
+                value = _number(cell, delimiter)
+                if value is None and (cell.strip() or column in ("x", "z", "z_rope")):
+                    unit = ", in m" if column in LENGTHS else ""
+                    faults.append(f"{where}: {column}: given {cell.strip() or 'nothing'!r}; allowed: a number{unit}")
+                elif value is not None:
+                    values[column] = value * scale
+            elif column:
+                values[column] = cell.strip()
+        found.append((number, values))
+    if faults:
+        raise SurveyError("\n".join(faults))
+    return Table(str(file), tuple(filter(None, columns)), tuple(found), tuple(notes))
+
+
+def _text(file: Path) -> str:
+    try:
+        return limited_text(file, LARGEST)
+    except UnicodeDecodeError as error:
+        raise SurveyError(f"{file}: not a text in UTF-8 (byte {error.start}); allowed: a CSV file") from None
+    except (OSError, UnreadableYamlError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SurveyError(f"{file}: cannot be read ({reason}); allowed: a CSV file") from None
+
+
+def _unit_in(remarks: Sequence[str]) -> str | None:
+    """Unit of length that remarks name; None without one."""
+    words = " ".join(remarks).lower()
+    return next((UNITS[unit] for unit in ("us-ft", "us survey feet", "feet", "foot", "ft", "metres", "meters")
+                 if re.search(rf"\b{unit}\b", words)), None)  # fmt: skip
+
+
+def _columns(file: str, header: Sequence[str], units: str | None) -> tuple[list[str], list[float], list[str]]:
+    """Names of columns ("" for unknown ones), their scales to metres, and notes."""
+    columns: list[str] = []
+    scales: list[float] = []
+    converted: dict[str, list[str]] = {}
+    unknown: list[str] = []
+    for given in header:
+        match = HEADER.fullmatch(given.strip())
+        words = (match[1] if match else given).strip().lower().replace(" ", "_")
+        if match and words.endswith(("_ft", "_feet")):
+            words, own = words.rpartition("_")[0], "ft"
+        else:
+            own = ((match[2] or match[3] or "") if match else "").strip().lower()
+        name = next((name for name, others in NAMES.items() if words in others), "")
+        if name in columns:
+            raise SurveyError(f"{file}: line 1: given the column {name} twice; allowed: each once")
+        unit = UNITS.get(own) if own else (units or "m")
+        if name in LENGTHS and unit is None:
+            allowed = ", ".join(FEET)
+            raise SurveyError(f"{file}: line 1: {name}: given the unit {own!r}; allowed: {allowed}")
+        if not name:
+            unknown.append(given.strip())
+        columns.append(name)
+        scales.append(FEET[unit or "m"] if name in LENGTHS else 1.0)
+        if name in LENGTHS and unit is not None and unit != "m":
+            converted.setdefault(unit, []).append(name)
+    notes = [
+        f"{file}: {', '.join(names)}: in {unit}, converted to metres with {FEET[unit]:.7g} m"
+        for unit, names in converted.items()
+    ]
+    return columns, scales, notes + ([f"{file}: columns not read: {', '.join(unknown)}"] if unknown else [])
+
+
+def _number(cell: str, delimiter: str) -> float | None:
+    text = cell.strip()
+    try:
+        value = float(text.replace(",", ".") if delimiter != "," else text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def read_survey(terrain: Path, towers: Path, units: str | None = None, above_ground: float | None = None) -> Survey:
+    """Survey of two CSV files.
+
+    Args:
+        terrain: with columns x and z.
+        towers: with columns x and z_rope or rope_above_ground; name, contacts, length, radius, hold_down where known.
+        units: of lengths without a unit in the header; None: metres.
+        above_ground: m, assumed height of the rope over the ground of towers without one; None: refuse these.
+
+    Raises:
+        SurveyError: with a line for each fault.
+    """
+    ground = read_table(terrain, units)
+    ground.need("x")
+    ground.need("z")
+    points = [(f"line {number}", float(row["x"]), float(row["z"])) for number, row in ground.rows]
+    profile = check_terrain(str(terrain), points)
+    table = read_table(towers, units)
+    table.need("x")
+    if above_ground is None:
+        table.need("z_rope", "rope_above_ground")
+    bare = Survey(profile, (), {})
+    stations: dict[str, tuple[float, float]] = {}
+    found = []
+    for number, row in table.rows:
+        tower = _tower(table.file, number, row, bare, above_ground)
+        if tower.name.lower() in ("start", "end"):
+            stations[tower.name.lower()] = (tower.x, tower.z)
+        else:
+            found.append(tower)
+    named, renamed = with_valid_names(found)
+    notes = (*ground.notes, *table.notes, *(f"{towers}: {one}" for one in renamed))
+    return check_towers(str(towers), Survey(profile, tuple(named), stations, notes))
+
+
+def _tower(
+    file: str, number: int, row: Mapping[str, str | float], bare: Survey, above_ground: float | None
+) -> SurveyedTower:
+    """Tower of a row of a table."""
+    x, where = float(row["x"]), f"line {number}"
+    assumed = False
+    if "z_rope" in row:
+        z = float(row["z_rope"])
+    elif "rope_above_ground" in row:
+        z = bare.ground(x) + float(row["rope_above_ground"])
+    elif above_ground is not None:
+        z, assumed = bare.ground(x) + above_ground, True
+    else:
+        raise SurveyError(f"{file}: {where}: given no height of the rope; allowed: z_rope or rope_above_ground, in m")
+    hold = str(row.get("hold_down", "")).lower()
+    if hold not in (*TRUE, *FALSE):
+        raise SurveyError(f"{file}: {where}: hold_down: given {hold!r}; allowed: 1 or 0")
+    contacts = row.get("contacts")
+    if contacts is not None and not (float(contacts).is_integer() and 1 <= float(contacts) <= 100):
+        raise SurveyError(f"{file}: {where}: contacts: given {contacts:g}; allowed: a whole number from 1 to 100")
+    sizes = {key: float(row[key]) if key in row else None for key in ("length", "radius")}
+    return SurveyedTower(
+        name=str(row.get("name") or f"T{number - 1}"),
+        x=x,
+        z=z,
+        where=where,
+        contacts=None if contacts is None else int(contacts),
+        hold_down=hold in TRUE if "hold_down" in row and hold else None,
+        rope_assumed=assumed,
+        **sizes,
+    )

@@ -1,0 +1,113 @@
+"""Scenarios from surveys: the nine towers beside a model by hand, faults in a line each, feet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cable_twin.offline import import_profile
+from cable_twin.offline.survey.profile import SurveyError
+from cable_twin.offline.survey.tables import read_survey
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+SURVEY = Path(__file__).resolve().parents[2] / "examples" / "survey"
+BY_HAND = Path(__file__).with_name("nine_tower_lift.yaml")
+TERRAIN, TOWERS = (SURVEY / f"{name}.csv" for name in ("terrain", "towers"))
+ENDS = ["--start", "0,0", "--end", "950,240"]
+
+
+def written(directory, name, text):
+    file = directory / name
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def imported(directory, *options, terrain=TERRAIN, towers=TOWERS):
+    """Scenario file, and the exit code of the command that makes it."""
+    file = directory / "lift.yaml"
+    return file, import_profile.main([*map(str, (terrain, towers, "--output", file)), *options])
+
+
+def test_nine_towers_are_as_modelled_by_hand(tmp_path, capsys):
+    """Loads of all supports within 600 N."""
+    file, code = imported(tmp_path, *ENDS)
+    assert code == 0
+    told = capsys.readouterr().out
+    assert "towers.{T1,T2,T3,T4,T5,T6,T7,T8,T9}: stiffness 300000: N/m, liners and rockers yield\n" in told
+    assert "chair: clearance over the terrain: exceeded: -0.5" in told
+    text = file.read_text(encoding="utf-8")
+    assert "hold_down: true                                 # survey\n" in text
+    assert text.count("# assumed: ") > 40
+    given, by_hand = (Simulation(load_scenario(str(one))).snapshot for one in (file, BY_HAND))
+    for name, support in by_hand.supports.items():
+        assert given.supports[name].force == pytest.approx(support.force, abs=600.0), name
+    assert len(given.carriages) == len(by_hand.carriages) == 72
+
+
+def test_a_survey_in_feet_is_converted_with_a_line(tmp_path, capsys):
+    lengths = [line.split(",") for line in TERRAIN.read_text().splitlines()[1:]]
+    rows = "".join(f"{float(x) / 0.3048!r};{float(z) / 0.3048!r}\n" for x, z in lengths)
+    terrain = written(tmp_path, "feet.csv", f"x [ft];Elevation [ft]\n{rows}")
+    file, code = imported(tmp_path, *ENDS, "--no-rest", terrain=terrain)
+    assert code == 0
+    assert f"{terrain}: x, z: in ft, converted to metres with 0.3048 m" in capsys.readouterr().err
+    assert load_scenario(str(file)).terrain[5] == pytest.approx((190.0, 21.0))
+    remark = written(tmp_path, "remark.csv", f"# all lengths in feet\nx;z\n{rows}")
+    assert read_survey(remark, TOWERS).terrain[5] == pytest.approx((190.0, 21.0))
+
+
+def test_given_values_and_stations_are_in_the_file(tmp_path):
+    rows = "name,x,rope_above_ground\nstart,0,6\n1,200,9\nend,400,6\n"
+    terrain = written(tmp_path, "flat.csv", "x,z\n-10,0\n410,20\n")
+    towers = written(tmp_path, "one.csv", rows)
+    options = ["--set", "carriers.count=9", "--set", "ropes.up.end.position.z=30", "--type", "detachable_gondola"]
+    file, code = imported(tmp_path, *options, terrain=terrain, towers=towers)
+    assert code == 0
+    scenario = load_scenario(str(file))
+    assert scenario.carriers.count == 9
+    assert list(scenario.towers) == ["tower_1_up", "tower_1_down"]
+    assert scenario.ropes["up"].end.position == (400.0, 30.0)
+    assert scenario.ropes["up"].start.position == pytest.approx((0.0, 6.476), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("terrain", "towers", "told"),
+    [
+        ("x,z\n0,0\n20,1\n15,2\n", None, "terrain.csv: line 4: given x = 15 m after 20 m: the terrain folds back"),
+        ("x,z\n0,0\n", None, "terrain.csv: given 1 points of terrain; allowed: at least 2"),
+        ("x\n0\n1\n", None, "terrain.csv: line 1: no column z (m); given: x"),
+        ("x,z\n0,0\n1,high\n", None, "terrain.csv: line 3: z: given 'high'; allowed: a number, in m"),
+        ("x,z\n0,0\n1\n", None, "terrain.csv: line 3: given 1 columns; allowed: 2, as in the header"),
+        ("x [yd],z\n0,0\n", None, "terrain.csv: line 1: x: given the unit 'yd'; allowed: m, ft, us-ft"),
+        ("x,z,x\n", None, "terrain.csv: line 1: given the column x twice"),
+        ("", None, "terrain.csv: given no line; allowed: a header"),
+        (None, "x,z_rope\n150,27\n45,9\n", "towers.csv: line 3: given T2 at x = 45 m after T1 at 150 m; allowed: tow"),
+        (None, "name,x,z_rope\nA,45,9\nA,60,20\n", "towers.csv: line 3: given A twice; allowed: each name once"),
+        (None, "x,z_rope\n45,-3\n", "towers.csv: line 2: given T1 with its rope at z = -3 m; allowed: above the gro"),
+        (None, "x,z_rope\n2000,9\n", "towers.csv: line 2: given T1 at x = 2000 m; allowed: the terrain, -20 to 970 m"),
+        (None, "name,x\nA,45\n", "towers.csv: line 1: no column z_rope (m) or rope_above_ground (m); given: name, x"),
+        (None, "x,z_rope,hold_down\n45,9,up\n", "towers.csv: line 2: hold_down: given 'up'; allowed: 1 or 0"),
+        (None, "x,z_rope,contacts\n45,9,2.5\n", "towers.csv: line 2: contacts: given 2.5; allowed: a whole number"),
+    ],
+)
+def test_wrong_surveys_are_a_line_each(tmp_path, terrain, towers, told):
+    files = [
+        one if text is None else written(tmp_path, one.name, text)
+        for one, text in ((TERRAIN, terrain), (TOWERS, towers))
+    ]
+    with pytest.raises(SurveyError) as error:
+        read_survey(*files)
+    (line,) = str(error.value).splitlines()
+    assert told in line
+
+
+def test_wrong_options_and_files_end_with_2(tmp_path, capsys):
+    assert imported(tmp_path, terrain=tmp_path / "none.csv")[1] == 2
+    assert imported(tmp_path, "--start", "100,0")[1] == 2
+    assert imported(tmp_path, *ENDS, "--set", "ropes.up.breaking_force=9e4", "--no-rest")[1] == 2
+    missing, station, weak = capsys.readouterr().err.splitlines()
+    assert "none.csv: cannot be read (No such file or directory); allowed: a CSV file" in missing
+    assert "stations: given x = 100 m and 950 m, and T1 at 45 m; allowed: towers between the stations" in station
+    assert "a rope of 90 kN does not carry 256 N/m up 240 m with a safety factor of 4.95" in weak
