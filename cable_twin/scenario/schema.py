@@ -6,9 +6,10 @@ are in `checks/`; use `load_scenario`, which applies both.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from math import inf
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -38,6 +39,7 @@ from cable_twin.scenario.sections.quantities import (
 )
 from cable_twin.scenario.sections.vehicles import Carriage, CarrierKind, Carriers, Payload
 
+R = TypeVar("R")
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # those of the mechanics
 
 CABLE = "cable"  # name of the rope of a scenario that has one cable and no `ropes`
@@ -181,6 +183,10 @@ class Scenario(Section):
         """Scenario of one rope alone, with its towers and vehicles, as its `cable`."""
         if not self.ropes:
             return self
+        parts = *(getattr(self, key) for key in type(self).model_fields), self._whole
+        return self._made(f"of_{name}", parts, lambda: self._of_rope(name))
+
+    def _of_rope(self, name: str) -> Scenario:
         riding = self._riding(name)
         strand = self.strands.get(name)
         cable = self.ropes[name]
@@ -289,7 +295,11 @@ class Scenario(Section):
     @property
     def strands(self) -> dict[str, Strand]:
         """Strands of closed loops among the ropes, by name."""
-        return strands_of({name: rope.unstrained_length for name, rope in self.ropes.items()}, self.sheaves)
+
+        def make() -> dict[str, Strand]:
+            return strands_of({name: rope.unstrained_length for name, rope in self.ropes.items()}, self.sheaves)
+
+        return dict(self._made("strands", (self.ropes, self.sheaves), make))
 
     @property
     def strand(self) -> Strand | None:
@@ -304,6 +314,18 @@ class Scenario(Section):
     @property
     def vehicles(self) -> dict[str, Carriage]:
         """All vehicles by name: the carriages of the file, then the carriers in order."""
+        parts = self.carriages, self.carriers, self.cable, self.ropes, self.sheaves, self._whole
+        return dict(self._made("vehicles", parts, self._vehicles))
+
+    def _made(self, name: str, parts: tuple[Any, ...], make: Callable[[], R]) -> R:
+        """Something made of parts of the scenario, kept until it is a copy with other parts."""
+        kept: dict[str, tuple[tuple[Any, ...], R]] = self.__dict__  # as of `cached_property`, no field
+        made = kept.get(f"_{name}_made")
+        if made is None or any(own is not other for own, other in zip(parts, made[0], strict=True)):
+            made = kept[f"_{name}_made"] = parts, make()
+        return made[1]
+
+    def _vehicles(self) -> dict[str, Carriage]:
         carriers, carriages = self.carriers, self.carriages
         rows = {name: row for row, name in enumerate(self.cables)}
         carriages = dict(sorted(carriages.items(), key=lambda item: rows.get(item[1].rope or "", 0)))
