@@ -16,6 +16,7 @@ from cable_twin.offline import (
     envelope,
     import_profile,
     line,
+    plant,
     replay,
     report,
     review,
@@ -64,6 +65,7 @@ HELPS = {
     "import_profile": import_profile.parser,
     "what_if": what_if.parser,
     "study": study.parser,
+    "plant": plant.parser,
 }
 
 

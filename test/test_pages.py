@@ -8,7 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from cable_twin.offline import envelope, import_profile, line, replay, report, review, rules, simulate, study, what_if
+from cable_twin.offline import (
+    envelope,
+    import_profile,
+    line,
+    plant,
+    replay,
+    report,
+    review,
+    rules,
+    simulate,
+    study,
+    what_if,
+)
 from cable_twin.recording.log_writer import FORMAT_VERSION
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
@@ -25,6 +37,7 @@ COMMANDS = {
     "envelope": envelope,
     "study": study,
     "import_profile": import_profile,
+    "plant": plant,
     "report": report,
     **TOOLS,
 }

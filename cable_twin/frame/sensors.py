@@ -6,19 +6,22 @@ generator, Salmon and others 2011), so neither pacing, nor other sensors, nor wh
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import floor, isfinite
+from math import floor, isfinite, radians
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, command_limits
 from cable_twin.scenario.schema import Sensor
 
+HOUR = 3600.0  # s, of a drift
+LOAD_CELL, INCLINOMETER = 0.002, radians(0.3)  # standard deviations: share of the load at rest, and rad
+UNLIMITED = 100e3  # N, taken as the range of a drive without a limit of its force
 EARLY = 1e-6  # of a sample period, by which a frame may come before a sample is due
 
 
@@ -29,8 +32,8 @@ class Measurement:
     Attributes:
         sensor: its name.
         time: s, simulated, of the frame that was measured.
-        values: m and m/s of an encoder; (3,) N of a load cell, in space; rad of an inclinometer; (6,) rad/s and m/s^2
-            of an IMU in the axes of its body, with what gravity is to it.
+        values: m and m/s of an encoder; N of a drive force; (3,) N of a load cell, in space; rad of an inclinometer;
+            (6,) rad/s and m/s^2 of an IMU in the axes of its body, with what gravity is to it.
     """
 
     sensor: str
@@ -68,6 +71,7 @@ class _Running:
         self._key = np.array([sensor.seed, crc32(name.encode())], dtype=np.uint64)
         self._read = {
             "encoder": self._encoder,
+            "drive_force": self._drive_force,
             "load_cell": self._load_cell,
             "inclinometer": self._inclinometer,
             "imu": self._imu,
@@ -76,7 +80,9 @@ class _Running:
         self._row, self._driven = _row(sensor, layout)
         self._last_sample = -1
         self._before: tuple[float, FloatArray] | None = None  # time and velocity, or measured place, of the last look
-        self._under_way: deque[tuple[float, Measurement]] = deque()
+        self._under_way: list[tuple[float, Measurement]] = []
+        self._time = 0.0  # s, of the last sample
+        self._last: tuple[float, ...] = ()  # values of the last sample
 
     def restart(self) -> None:
         self._before = None
@@ -88,18 +94,30 @@ class _Running:
         if sample != self._last_sample:
             self._last_sample = sample
             draws = np.random.Generator(np.random.Philox(key=self._key, counter=[sample, 0, 0, 0])).standard_normal(6)
-            values = self._read(snapshot, draws)
-            if values and all(map(isfinite, values)):
-                self._under_way.append((time + sensor.delay, Measurement(self._name, time, values)))
-        arrived = []
-        while self._under_way and self._under_way[0][0] <= time + EARLY / sensor.rate:
-            arrived.append(self._under_way.popleft())
+            self._time = time
+            stuck = sensor.stuck_after is not None and time >= sensor.stuck_after and bool(self._last)
+            values = self._last = self._last if stuck else self._read(snapshot, draws)
+            wait = self._wait(sample)
+            if values and all(map(isfinite, values)) and wait is not None:
+                self._under_way.append((time + wait, Measurement(self._name, time, values)))
+        due = time + EARLY / sensor.rate
+        arrived = [one for one in self._under_way if one[0] <= due]
+        if arrived:
+            self._under_way = [one for one in self._under_way if one[0] > due]
         return arrived
+
+    def _wait(self, sample: int) -> float | None:
+        """Time (s) from a sample to its arrival; None where it never arrives."""
+        sensor = self._sensor
+        if sensor.lost == 0.0 and sensor.jitter == 0.0:
+            return sensor.delay
+        fate = np.random.Generator(np.random.Philox(key=self._key, counter=[sample, 1, 0, 0])).random(2)
+        return None if fate[0] < sensor.lost else sensor.delay + sensor.jitter * float(fate[1])
 
     def _spoiled(self, value: float, draw: float) -> float:
         """Measured value: a true one with added bias and noise, quantised."""
         sensor = self._sensor
-        value += sensor.bias + sensor.noise * draw
+        value += sensor.bias + sensor.drift * self._time / HOUR + sensor.noise * draw
         return value if sensor.quantum == 0.0 else round(value / sensor.quantum) * sensor.quantum
 
     def _encoder(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
@@ -110,6 +128,11 @@ class _Running:
         before, self._before = self._before, (snapshot.time, np.array([place]))
         speed = 0.0 if before is None else (place - float(before[1][0])) / (snapshot.time - before[0])
         return place, speed
+
+    def _drive_force(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
+        columns = snapshot.columns
+        forces = columns.moving_cable_force if self._driven else columns.drive_force
+        return (self._spoiled(float(forces[self._row]), draws[0]),)
 
     def _load_cell(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
         """Force of the support on the cable: magnitude as measured, in the true direction."""
@@ -146,11 +169,39 @@ def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:
     """Row of a sensor's object in its column, and whether the object is a drive of the cable."""
     if sensor.kind == "load_cell":
         return layout.support_rows[sensor.of], False
-    if sensor.kind == "encoder":
+    if sensor.kind in ("encoder", "drive_force"):
         driven = sensor.of in layout.drive_rows
         rows: Mapping[str, int] = layout.drive_rows if driven else layout.vehicle_rows
         return rows[sensor.of], driven
     return layout.bodies.index(body_of(sensor, layout)), False
+
+
+def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[str, dict[str, Any]]:
+    """Sensors that a ropeway usually has, as a mapping for `sensors` of a scenario.
+
+    An encoder of 1 cm and the force of each drive, a load cell at each end and tower with 0.2 % of its load at rest as
+    standard deviation, and an inclinometer of 0.3 degrees on the last body of each carriage; ten samples a second,
+    which arrive up to 50 ms late, and of which 2 % are lost.
+
+    Args:
+        scenario: of the plant.
+        rest: snapshot of it at rest.
+        seed: of all noise.
+    """
+    layout, limits = rest.layout, command_limits(scenario)
+    common = {"rate": 10.0, "jitter": 0.05, "lost": 0.02, "seed": seed}
+    found: dict[str, dict[str, Any]] = {}
+    for name in layout.commanded:
+        found[f"encoder_{name}"] = {"kind": "encoder", "of": name, "quantum": 0.01, **common}
+        most = limits[name].force if name in limits else 0.0
+        noise = LOAD_CELL * (most if isfinite(most) and most > 0.0 else UNLIMITED)
+        found[f"force_{name}"] = {"kind": "drive_force", "of": name, "noise": noise, **common}
+    for row, name in enumerate(layout.supports):
+        load = float(np.linalg.norm(rest.columns.support_force[row]))
+        found[f"load_{name}"] = {"kind": "load_cell", "of": name, "noise": LOAD_CELL * load, **common}
+    for name in layout.carriages:
+        found[f"tilt_{name}"] = {"kind": "inclinometer", "of": name, "noise": INCLINOMETER, **common}
+    return found
 
 
 def body_of(sensor: Sensor, layout: Layout) -> str:
@@ -158,4 +209,4 @@ def body_of(sensor: Sensor, layout: Layout) -> str:
     return sensor.of if "/" in sensor.of else f"{sensor.of}/{layout.vehicles[sensor.of][-1]}"
 
 
-__all__ = ["Measurement", "Sensors", "body_of"]
+__all__ = ["Measurement", "Sensors", "body_of", "standard_sensors"]

@@ -19,13 +19,21 @@ Wrench = ros2_jazzy.geometry_msgs__msg__Wrench
 Vector3 = ros2_jazzy.geometry_msgs__msg__Vector3
 Quaternion = ros2_jazzy.geometry_msgs__msg__Quaternion
 
-TYPES: dict[str, Any] = {"encoder": JointState, "load_cell": WrenchStamped, "inclinometer": Imu, "imu": Imu}
+TYPES: dict[str, Any] = {
+    "encoder": JointState,
+    "drive_force": JointState,
+    "load_cell": WrenchStamped,
+    "inclinometer": Imu,
+    "imu": Imu,
+}
+JOINT_SENSORS = ("encoder", "drive_force")  # which share a topic
+PLANT = "/plant"  # namespace of the topics of a plant
 UNKNOWN = np.array([-1.0, *[0.0] * 8])  # covariance of what a sensor_msgs/Imu does not have
 
 
 def sensor_topic(sensor: Sensor) -> str:
-    """Relative name of the topic of a sensor; all encoders share one."""
-    if sensor.kind == "encoder":
+    """Relative name of the topic of a sensor; encoders and drive forces share one."""
+    if sensor.kind in JOINT_SENSORS:
         return "sensors/joint_states"
     if sensor.kind == "load_cell":
         return f"sensors/{support_force_topic(sensor.of)}"
@@ -36,6 +44,11 @@ def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
     """Topics of all sensors of a scenario; each message holds one sample."""
     types = {sensor_topic(one): TYPES[one.kind].__msgtype__ for one in scenario.sensors.values()}
     return tuple(Topic(name, kind) for name, kind in types.items())
+
+
+def plant_names(scenario: Scenario) -> dict[str, str]:
+    """Full names of the topics of all sensors of a plant, by their names as sensors of a twin."""
+    return {topic.name: f"{PLANT}/{topic.name.removeprefix('sensors/')}" for topic in sensor_topics(scenario)}
 
 
 class SensorOutput:
@@ -64,6 +77,9 @@ class SensorOutput:
             return topic, serialize(
                 JointState(header(stamp_ns, self._frames.frame_id), [sensor.of], place, speed, np.empty(0))
             )
+        if sensor.kind == "drive_force":
+            none, force = np.empty(0), np.array(values)
+            return topic, serialize(JointState(header(stamp_ns, self._frames.frame_id), [sensor.of], none, none, force))
         if sensor.kind == "load_cell":
             wrench = Wrench(Vector3(*values), Vector3(0.0, 0.0, 0.0))
             return topic, serialize(WrenchStamped(header(stamp_ns, self._frames.named(sensor.of)), wrench))

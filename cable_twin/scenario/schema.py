@@ -50,12 +50,13 @@ ACROSS = 1e-9  # of its length: a track that goes less than that along x goes al
 class Sensor(Section):
     """Sensor with noise, bias, resolution and delay, published below `sensors/` beside the true value."""
 
-    kind: Literal["encoder", "load_cell", "inclinometer", "imu"] = Field(
-        description="measured quantity: position along the cable (m), force (N), pitch (rad), or acceleration and "
-        "angular velocity (m/s^2, rad/s)"
+    kind: Literal["encoder", "drive_force", "load_cell", "inclinometer", "imu"] = Field(
+        description="measured quantity: position along the cable (m), force of a drive (N), force of a support (N), "
+        "pitch (rad), or acceleration and angular velocity (m/s^2, rad/s)"
     )
     of: str = Field(
-        description="measured object: vehicle or drive (encoder), support (load_cell), vehicle or VEHICLE/BODY (others)"
+        description="measured object: vehicle or drive (encoder, drive_force), support (load_cell), vehicle or "
+        "VEHICLE/BODY (others)"
     )
     rate: float = quantity("Hz", "sampling rate, at most that of frames", 50.0, gt=0)
     noise: float = quantity(OF_KIND, "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)
@@ -67,6 +68,12 @@ class Sensor(Section):
     rate_bias: float = quantity("rad/s", "constant error of the angular velocity of an imu", 0.0)
     delay: float = quantity(
         "s", "time from the measurement, which is the time stamp, to its publication", 0.0, ge=0, le=60
+    )
+    jitter: float = quantity("s", "longest further delay of a sample, evenly distributed from 0 on", 0.0, ge=0, le=60)
+    lost: float = quantity("-", "share of samples that never arrive", 0.0, ge=0, le=1)
+    drift: float = quantity(OF_KIND, "change of the bias in an hour; of an imu, that of its acceleration", 0.0)
+    stuck_after: float | None = quantity(
+        "s", "time from which the sensor repeats its last value; null: never", None, ge=0
     )
     seed: int = quantity("-", "seed of the noise", 0, ge=0, le=2**63 - 1)
 

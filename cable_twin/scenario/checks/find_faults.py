@@ -156,6 +156,7 @@ def _sensors(scenario: Scenario) -> Iterator[Fault]:
     bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
     known = {
         "encoder": [*scenario.drives, *vehicles],
+        "drive_force": [*scenario.drives, *vehicles],
         "load_cell": [*ends, *scenario.towers],
         "inclinometer": [*vehicles, *bodies],
         "imu": [*vehicles, *bodies],

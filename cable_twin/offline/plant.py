@@ -1,0 +1,217 @@
+"""Command `plant`: a virtual plant that a twin can follow, live under `/plant/`, or as a bag without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from rich.console import Console
+
+from cable_twin.basics.limited_yaml import UnreadableYamlError, read_yaml
+from cable_twin.frame.sensors import standard_sensors
+from cable_twin.messages import TopicNames, topics
+from cable_twin.messages.sensor_messages import PLANT, plant_names, sensor_topics
+from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.offline.simulate import run_progress
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, add_changes, number
+from cable_twin.recording.run import start_run
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_lines
+from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.terminal.bars import compilation_shown
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+
+DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
+FRAME_RATE = 50.0  # Hz
+NODE = "virtual_plant"  # name of the node, beside that of a twin
+EPILOG = """\
+Parameters and mesh of the plant are those of SCENARIO with the values of --set. Its sensors are those of --sensors, a
+YAML file as the section `sensors` of a scenario; else those of the scenario; else the usual ones: encoders of 1 cm,
+forces of drives, load cells of 0.2 %, inclinometers of 0.3 degrees, ten times a second, up to 50 ms late, 2 % lost.
+
+With --log the bag has them under /plant/, with all else that a run has, such as the true values, for comparison:
+`follow` uses none of that but the commands.
+
+exit codes: 0 done, 1 the run failed or could not be recorded, 2 wrong scenario, sensors, script or option, 130 ended by
+Ctrl-C
+
+examples:
+  plant aerial_tramway --set carriages.cabin.payload.mass=4200 \
+        --script trip.yaml --log plants
+  plant aerial_tramway --set cable.elements.target=7 --sensors own.yaml \
+        --log plants
+  plant aerial_tramway      live, with ROS 2; it takes /plant/joint_commands
+"""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `plant`."""
+    result = OneLineParser(
+        "plant", "Run a virtual plant with sensors, which a twin can follow.", EPILOG, failure=UNUSABLE
+    )
+    result.add_scenario(
+        f"name of a shipped scenario, or path of a YAML file; default: {DEFAULT_SCENARIO}", scenario_lines
+    )
+    add_changes(result)
+    result.add_argument("--sensors", type=Path, metavar="FILE", help="sensors by name, as in a scenario")
+    result.add_argument(
+        "--seed", type=_seed, default=0, metavar="N", help="seed of the noise of the usual sensors; default: 0"
+    )
+    result.add_argument("--script", type=Path, metavar="FILE", help="commands over time, as for `simulate`")
+    result.add_argument(
+        "--duration",
+        type=number(0.0, math.inf, "s"),
+        metavar="S",
+        help=f"simulated time of --log; default: {DURATION:g} s after the last command",
+    )
+    result.add_argument(
+        "--log",
+        type=Path,
+        metavar="DIR",
+        help="write a bag in a new directory within this one, without ROS, as fast as possible",
+    )
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a plant; the help has the exit codes."""
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    source = arguments.given_scenario(options) or DEFAULT_SCENARIO
+    console = Console(stderr=True)
+    if options.log is None and (options.script is not None or options.duration is not None):
+        arguments.error("--script and --duration are given; allowed: with --log DIR")
+    try:
+        with left_at_once("plant"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+            simulation = plant_of(source, dict(options.set), options.sensors, options.seed)
+        script = [] if options.script is None else read_script(options.script, simulation.scenario)
+        if faults := check_script(simulation.scenario, script):
+            raise ScriptError("\n".join(faults))
+    except (ScenarioError, ScriptError, EquilibriumError) as error:
+        tell("plant", error)
+        return UNUSABLE
+    if options.log is None:
+        go_live(source, dict(options.set), simulation.scenario)
+    return _record(simulation, script, options, console)
+
+
+def go_live(source: str, values: dict[str, Any], scenario: Scenario) -> NoReturn:
+    """Become the command `sim` with the topics of a plant.
+
+    Args:
+        source: scenario as it was given.
+        values: its changes by dotted key.
+        scenario: with sensors.
+    """
+    sensors = {name: one.model_dump(mode="json", exclude_defaults=True) for name, one in scenario.sensors.items()}
+    changes = [f"{key}={json.dumps(value)}" for key, value in {**values, "sensors": sensors}.items()]
+    arguments = [part for change in changes for part in ("--set", change)]
+    remapped = {"__node": NODE, "~/joint_commands": f"{PLANT}/joint_commands"}
+    remapped |= {f"~/{own}": name for own, name in plant_names(scenario).items()}
+    rules = [part for own, name in remapped.items() for part in ("-r", f"{own}:={name}")]
+    print(f"plant: sensors are under {PLANT}/, the true values under /{NODE}/", flush=True)
+    program = [sys.executable, "-m", "cable_twin.ros.sim", source, *arguments, "--ros-args", *rules]
+    os.execv(sys.executable, program)
+
+
+def plant_of(source: Any, values: dict[str, Any], sensors: Path | None = None, seed: int = 0) -> Simulation:
+    """Simulation of a plant at rest, with its sensors.
+
+    Args:
+        source: scenario, as `load_scenario` takes it.
+        values: by dotted key.
+        sensors: file with the sensors by name; None for those of the scenario, or the usual ones.
+        seed: of the noise of the usual ones.
+
+    Raises:
+        ScenarioError: the scenario, a value or a sensor is invalid.
+        EquilibriumError: there is no rest.
+    """
+    if sensors is not None:
+        values = {**values, "sensors": _read_sensors(sensors)}
+    simulation = Simulation(load_scenario(source, values))
+    return simulation if simulation.scenario.sensors else with_usual_sensors(simulation, seed)
+
+
+def with_usual_sensors(simulation: Simulation, seed: int = 0) -> Simulation:
+    """Simulation of the scenario of another one at rest, with the usual sensors."""
+    scenario: Scenario = simulation.scenario
+    usual = standard_sensors(scenario, simulation.snapshot, seed)
+    return Simulation(load_scenario(scenario.resolved(), {"sensors": usual}))
+
+
+def _read_sensors(path: Path) -> dict[str, Any]:
+    """Content of a file of sensors, of which the scenario says what is wrong in it."""
+    try:
+        content = read_yaml(path.read_text(encoding="utf-8")).content
+    except OSError as error:
+        raise ScriptError(f"{path}: {error.strerror or error}") from None
+    except (UnreadableYamlError, ValueError) as error:
+        raise ScriptError(f"{path}: {str(error).splitlines()[0]}") from None
+    if isinstance(content, dict) and [*content] == ["sensors"]:
+        content = content["sensors"]
+    if not isinstance(content, dict) or not content:
+        raise ScriptError(f"{path}: no sensors; allowed: a mapping of sensors by name, as `sensors` of a scenario")
+    return content
+
+
+def _record(
+    simulation: Simulation, script: Sequence[ScriptedCommand], options: argparse.Namespace, console: Console
+) -> int:
+    """Run a plant with a progress bar, and write its bag."""
+    scenario = simulation.scenario
+    last = max((one.time for one in script), default=0.0)
+    duration = last + DURATION if options.duration is None else options.duration
+    frame_steps = max(round(1.0 / (FRAME_RATE * simulation.step)), 1)
+    try:
+        run = start_run(
+            simulation,
+            (*topics(simulation.layout), *sensor_topics(scenario)),
+            record_directory=options.log.expanduser(),
+            frame_period=frame_steps * simulation.step,
+            rerun="none",
+            names=TopicNames(remapped=plant_names(scenario)),
+        )
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        tell("plant", f"--log {options.log}: {getattr(error, 'strerror', None) or error}")
+        return FAILED
+    epoch_ns = time.time_ns()
+    run.begin(epoch_ns)
+    try:
+        with run_progress(console, simulation.time, duration) as show:
+            outcome = simulate(
+                simulation,
+                script,
+                duration=duration,
+                frame_steps=frame_steps,
+                epoch_ns=epoch_ns,
+                run=run,
+                on_frame=show,
+            )
+    finally:
+        run.close()
+    lines = [f"refused: {line}" for line in outcome.refused] + ([outcome.fault] if outcome.fault else [])
+    lines += run.recorder.faults
+    for line in lines:
+        tell("plant", line)
+    print(f"{scenario.name}: {outcome.time:.2f} s in {outcome.wall_time:.2f} s, {len(scenario.sensors)} sensors")
+    print(f"bag: {run.directory}")
+    return FAILED if lines else DONE
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal() or len(text) > 18:
+        raise argparse.ArgumentTypeError(f"{text!r} given, a whole number from 0 of at most 18 digits is allowed")
+    return int(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
