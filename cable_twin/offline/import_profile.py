@@ -16,11 +16,13 @@ from rich.console import Console
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line import Line, calculate
 from cable_twin.offline.simulate_options import add_changes
+from cable_twin.offline.survey.jig_back import jig_back_scenario
 from cable_twin.offline.survey.lift import CHAIRLIFT, GONDOLA, lift_scenario
 from cable_twin.offline.survey.marked import as_file, assumptions, plain, with_changes
 from cable_twin.offline.survey.profile import FEET, Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, ends_of
 from cable_twin.offline.survey.tables import read_survey
+from cable_twin.offline.survey.tramway import tramway_scenario
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import compilation_shown
@@ -30,6 +32,8 @@ DONE, FAILED, UNUSABLE = 0, 1, 2
 Build = Callable[[Survey, Ends, Mapping[str, Any]], dict[str, Any]]
 KINDS: dict[str, Build] = {
     "fixed_grip_chairlift": lambda survey, ends, changes: lift_scenario(survey, ends, CHAIRLIFT, changes),
+    "jig_back": jig_back_scenario,
+    "aerial_tramway": tramway_scenario,
     "detachable_gondola": lambda survey, ends, changes: lift_scenario(survey, ends, GONDOLA, changes),
 }
 EPILOG = """\

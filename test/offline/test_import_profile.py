@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from cable_twin.offline import import_profile
+from cable_twin.offline import envelope, import_profile, simulate
+from cable_twin.offline.line import Line, calculate
 from cable_twin.offline.survey.profile import SurveyError
 from cable_twin.offline.survey.tables import read_survey
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 SURVEY = Path(__file__).resolve().parents[2] / "examples" / "survey"
-BY_HAND = Path(__file__).with_name("nine_tower_lift.yaml")
+BY_HAND, TRAMWAY_BY_HAND = map(Path(__file__).with_name, ("nine_tower_lift.yaml", "two_span_tramway.yaml"))
 TERRAIN, TOWERS = (SURVEY / f"{name}.csv" for name in ("terrain", "towers"))
 ENDS = ["--start", "0,0", "--end", "950,240"]
 
@@ -111,3 +114,48 @@ def test_wrong_options_and_files_end_with_2(tmp_path, capsys):
     assert "none.csv: cannot be read (No such file or directory); allowed: a CSV file" in missing
     assert "stations: given x = 100 m and 950 m, and T1 at 45 m; allowed: towers between the stations" in station
     assert "a rope of 90 kN does not carry 256 N/m up 240 m with a safety factor of 4.95" in weak
+
+
+def test_a_tramway_of_two_spans_is_as_modelled_by_hand(tmp_path):
+    """With the rope of the model by hand, loads within 1 kN; its length puts the counterweight at 1 m, not at 1.9 m."""
+    rope = {"mass_per_length": 26.0, "axial_stiffness": 504e6, "bending_stiffness": 1e5, "breaking_force": 5e6}
+    options = [f"--set=cable.{key}={value}" for key, value in rope.items()]
+    terrain, towers = (SURVEY / f"tramway_{name}.csv" for name in ("terrain", "towers"))
+    options += ["--type", "aerial_tramway", "--set=cable.start.mass=142000.0", "--no-rest"]
+    file, code = imported(tmp_path, *options, terrain=terrain, towers=towers)
+    assert code == 0
+    given, by_hand = (Simulation(load_scenario(str(one))).snapshot for one in (file, TRAMWAY_BY_HAND))
+    for name, support in by_hand.supports.items():
+        assert given.supports[name].force == pytest.approx(support.force, rel=0.01, abs=1000.0), name
+    assert given.supports["start"].travel == pytest.approx(0.99, abs=0.05)
+
+
+def test_a_jig_back_downwards_rests_with_its_counterweights_inside_their_travel(tmp_path):
+    rows = "name,x,z_rope\nend,1000,0\nT1,600,142\nstart,0,300\n".splitlines()
+    towers = written(tmp_path, "down.csv", "\n".join([rows[0], *rows[:0:-1]]))
+    terrain = written(tmp_path, "slope.csv", "x,z\n-30,280\n590,108\n1030,-20\n")
+    file, code = imported(tmp_path, "--type", "jig_back", "--no-rest", terrain=terrain, towers=towers)
+    assert code == 0
+    rest = Line(load_scenario(str(file)), "", np.zeros(1))
+    calculate(rest)
+    travels = [one.value for one in rest.figures if one.id.quantity == "counterweight_travel"]
+    assert len(travels) == 6
+    assert max(map(abs, travels)) < 1.0
+    assert rest.columns[0].joint_position[0, 0] == pytest.approx(986.0, abs=2.0)
+
+
+SCRIPT = "- {time: 0, name: haul_rope, speed: 2.3}\n- {time: 20, event: emergency_stop}\n"
+CASES = Path(__file__).resolve().parents[2] / "examples" / "load_cases.yaml"
+
+
+@pytest.mark.long
+def test_the_nine_towers_go_from_survey_to_scenario_run_and_envelope(tmp_path, capsys):
+    file, code = imported(tmp_path, *ENDS, "--no-rest")
+    assert code == 0
+    run = [file, "--script", written(tmp_path, "stop.yaml", SCRIPT), "--duration", 30, "--record", "off"]
+    assert simulate.main([*map(str, run), "--json", str(tmp_path / "run.json")]) == 0
+    assert envelope.main([*map(str, (file, "--cases", CASES, "--places", 1, "--json", tmp_path / "cases.json"))]) == 0
+    told = capsys.readouterr().out
+    assert "25 load cases" in told
+    cases = json.loads((tmp_path / "cases.json").read_text())
+    assert all(one["fault"] == "" for one in cases["cases"])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import Any
 
+import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
@@ -143,7 +144,7 @@ def _commented(tree: Mapping[str, Any], indent: int = 0) -> CommentedMap:
 
 def _flow(value: Any) -> Any:
     if not isinstance(value, list | tuple):
-        return value
+        return value.item() if isinstance(value, np.generic) else value
     inner = CommentedSeq([_flow(one) for one in value])
     if not (inner and isinstance(inner[0], CommentedSeq)):  # points stand in a line each
         inner.fa.set_flow_style()

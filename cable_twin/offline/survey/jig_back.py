@@ -1,0 +1,295 @@
+"""Scenario of a jig-back tramway, two cabins on two track ropes and one haul rope, from a surveyed line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.profile import Survey, SurveyError
+from cable_twin.offline.survey.stations import Ends, Place, lower_first
+from cable_twin.offline.survey.tramway import (
+    BODIES,
+    CAPACITY,
+    EMPTY,
+    FACTOR,
+    GRAVITY,
+    TRANSVERSE,
+    TrackRope,
+    given_rope,
+    rope_keys,
+    saddles,
+    track_ends,
+)
+from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
+
+TRACK_ROPE = {
+    "mass_per_length": 25.3,
+    "axial_stiffness": 482.0e6,
+    "bending_stiffness": 115.0e3,
+    "breaking_force": 5.2e6,
+    "diameter": 0.066,
+}
+TRACK_WHY = "locked coil of 66 mm, 2900 mm^2, E = 160 GPa, wires of 1860 N/mm^2 less 4 %"
+HAUL_ROPE = {
+    "mass_per_length": 3.9,
+    "axial_stiffness": 40.0e6,
+    "bending_stiffness": 1.0e3,
+    "breaking_force": 0.76e6,
+    "diameter": 0.032,
+}
+HAUL_WHY = "six strands of 32 mm, 400 mm^2, E = 100 GPa, wires of 2160 N/mm^2 less 12 %"
+HAUL_FACTOR, HAUL_TENSION, LEAST_TENSION = 4.5, 95.0e3, 40.0e3  # -, N at the lower bullwheel, and the least there
+ASIDE = 4.5  # m, of each track rope from the middle
+BEHIND = 15.0  # m, bullwheels behind the ends of the track ropes
+BELOW = 2.0  # m, rollers of the haul rope below the saddles
+STATION = 14.0  # m, arc length of a cabin from the end of its track
+SIZES: Mapping[str, Mapping[str, Any]] = {
+    "cabin": {"inertia_tensor": [5300.0, 7556.0, 7900.0], "drag_area": [11.0, 14.8, 15.0]}
+}
+
+
+class HaulRope:
+    """Both strands of a haul rope with cabins in the stations, the full one in the lower.
+
+    Attributes:
+        tension: N, at the lower bullwheel, in each strand.
+        lengths: (2,) m, unstrained, of the strand with the lower cabin and of that with the upper one.
+        clamps: (2,) m, of the lower cabin from the lower bullwheel, of the upper one from the drive.
+        ends: (2, 2) m, lower bullwheel and drive, as distance from the lower end of the track and height.
+    """
+
+    def __init__(self, track: TrackRope, rope: Mapping[str, float]) -> None:
+        """Choose tension and lengths.
+
+        Raises:
+            SurveyError: the rope is too weak; one line.
+        """
+        after = track.bare.pull_after[-1]
+        upper = after / np.hypot(*after)
+        low, high = track.corner[0], track.corner[-1]
+        self.ends = np.array([low - BEHIND * track.slope, high + BEHIND * upper])
+        places = np.array([low + STATION * track.slope, high - STATION * upper])  # of the cabins
+        rollers = track.corner[1:-1] - [0.0, BELOW]
+        weight, stiffness = GRAVITY * rope["mass_per_length"], rope["axial_stiffness"]
+        pulled = GRAVITY * np.array([EMPTY + CAPACITY, EMPTY]) * [np.sin(track.steepest), upper[1]]
+        most = rope["breaking_force"] / HAUL_FACTOR / 1.05 - pulled[0] - weight * (self.ends[1, 1] - self.ends[0, 1])
+        self.tension = min(HAUL_TENSION, float(most))
+        if self.tension < LEAST_TENSION:
+            raise SurveyError(
+                f"haul rope: given {rope['breaking_force'] / 1e3:.0f} kN: with a safety factor of {HAUL_FACTOR:g} it "
+                f"pulls {self.tension / 1e3:.0f} kN at the lower bullwheel; allowed: at least "
+                f"{LEAST_TENSION / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
+            )
+        pulled[0] = GRAVITY * (EMPTY + CAPACITY) * track.slope[1]
+        try:
+            below = [
+                spans_under_tension(np.array([self.ends[0], places[0]]), self.tension, weight, stiffness),
+                _over_rollers(np.array([self.ends[0], *rollers, places[1]]), self.tension, weight, stiffness),
+            ]
+            over = [one.tension[-1] + pull for one, pull in zip(below, pulled, strict=True)]
+            above = [
+                _over_rollers(np.array([places[0], *rollers, self.ends[1]]), over[0], weight, stiffness),
+                spans_under_tension(np.array([places[1], self.ends[1]]), over[1], weight, stiffness),
+            ]
+        except SpanError as error:
+            raise SurveyError(f"haul rope: {error}") from None
+        parts = np.array([[one.length.sum() for one in strand] for strand in zip(below, above, strict=True)])
+        self.lengths = parts.sum(axis=1)
+        self.clamps = np.array([parts[0, 0], parts[1, 1]])
+
+
+def _over_rollers(corner: FloatArray, tension: float, weight: float, stiffness: float) -> Spans:
+    """Rope over those supports on which it lies; it passes above the others."""
+    while True:
+        spans = spans_under_tension(corner, tension, weight, stiffness)
+        lifted = np.flatnonzero(spans.loads()[:, 1] > 0.0)
+        if lifted.size == 0:
+            return spans
+        corner = np.delete(corner, lifted[spans.loads()[lifted, 1].argmax()] + 1, axis=0)
+
+
+def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Scenario of a jig-back tramway in space as a tree of plain and marked values.
+
+    Args:
+        survey: terrain and towers.
+        ends: where the track ropes leave both stations.
+        changes: values by dotted key that are given: those that others are worked out from are used here.
+
+    Raises:
+        SurveyError: a rope cannot carry the cabins; one line.
+    """
+    upwards = ends.end[1] >= ends.start[1]
+    forward = 1.0 if upwards else -1.0
+    rope, haul_rope = given_rope(TRACK_ROPE, "ropes.track_1", changes), given_rope(HAUL_ROPE, "ropes.haul_1", changes)
+    load = GRAVITY * (EMPTY + CAPACITY)
+    mass = changes.get("ropes.track_1.start.mass")
+    track = TrackRope(lower_first(survey, ends), rope, load, None if mass is None else float(mass))
+    haul = HaulRope(track, haul_rope)
+    lower = ends.start if upwards else ends.end
+    wheels = haul.ends * [forward, 1.0] + [lower[0], 0.0]
+    level, rise = (track.corner[-1] - track.corner[0]).tolist()
+    return {
+        "description": f"Jig-back from a survey: two cabins of 12 t, {level:.0f} m with a rise of {rise:.0f} m, "
+        f"{len(survey.towers)} tower{'s' * (len(survey.towers) != 1)}, in space",
+        "gravity": GRAVITY,
+        "ropes": {
+            "track_1": _track(track, rope, ends, upwards, ASIDE),
+            "track_2": _track(track, rope, ends, upwards, -ASIDE),
+            "haul_1": _haul(haul_rope, float(haul.lengths[0]), wheels, ASIDE),
+            "haul_2": _haul(haul_rope, float(haul.lengths[1]), wheels[::-1], -ASIDE),
+        },
+        "sheaves": _sheaves(haul, track, forward),
+        **({"towers": _towers(survey, track, load, upwards)} if survey.towers else {}),
+        "terrain": survey.terrain.tolist(),
+        "air": {"density": assumed(1.1, "kg/m^3, at 1000 m of altitude (standard atmosphere)")},
+        "carriages": {
+            "cabin_1": _cabin("track_1", STATION, {"haul_1": float(haul.clamps[0])}, CAPACITY, "lower"),
+            "cabin_2": _cabin("track_2", track.length.value - STATION, {"haul_2": float(haul.clamps[1])}, 0.0, "upper"),
+        },
+        "limits": {
+            "rope_safety_factor": assumed(FACTOR, "track ropes: 3.15 to 3.5"),
+            "haul_rope_safety_factor": assumed(HAUL_FACTOR, "4.5 to 5"),
+            "deropement_margin": derived(None, "a cabin that passes lifts the haul rope off its rollers"),
+            "roller_load": None,
+            "tension_per_transverse_load": assumed(TRANSVERSE, "least tension over the weight across the rope"),
+        },
+        "solver": {"step": assumed(0.01, "s")},
+    }
+
+
+def _aside(place: Place, y: float) -> list[float]:
+    return [round(float(place[0]), 3), y, round(float(place[1]), 3)]
+
+
+def _track(track: TrackRope, rope: Mapping[str, float], ends: Ends, upwards: bool, y: float) -> dict[str, Any]:
+    """Track rope from the lower station to the upper one."""
+    both = track_ends(track, ends, upwards, lambda place: _aside(place, y))
+    low, high = ("start", "end") if upwards else ("end", "start")
+    return {
+        **rope_keys(rope, TRACK_ROPE, TRACK_WHY),
+        "unstrained_length": track.length,
+        "elements": assumed({"target": 6.0, "at_towers": 4.0, "growth": 1.3}, "lengths in m"),
+        "damping_time": assumed(0.004, "s, a damping ratio of 0.2 % at 1 rad/s"),
+        "start": both[low],
+        "end": both[high],
+    }
+
+
+def _haul(rope: Mapping[str, float], length: float, wheels: FloatArray, y: float) -> dict[str, Any]:
+    """Strand of the haul rope between both bullwheels."""
+    start, end = (
+        assumed(_aside((wheel[0], wheel[1]), y), f"m: {BEHIND:g} m behind the end of the track ropes")
+        for wheel in wheels
+    )
+    return {
+        **rope_keys(rope, HAUL_ROPE, HAUL_WHY),
+        "unstrained_length": derived(
+            round(length, 2), "closed form: the counterweight is then near the middle of its travel"
+        ),
+        "elements": assumed({"target": 10.0, "at_towers": 2.0, "growth": 1.5}, "lengths in m, short on rollers"),
+        "damping_time": assumed(0.004, "s"),
+        "start": {"position": start, "support": "pinned"},
+        "end": {"position": end, "support": "pinned"},
+    }
+
+
+def _sheaves(haul: HaulRope, track: TrackRope, forward: float) -> dict[str, Any]:
+    wheel = assumed(ASIDE, "m, half the distance of the track ropes: stands for a smaller wheel and deflection sheaves")
+    lining = assumed(0.22, "lining of rubber")
+    return {
+        "drive": {
+            "radius": wheel,
+            "joins": assumed(["haul_1.end", "haul_2.start"], "driven in the upper station"),
+            "friction": lining,
+            "inertia": assumed(400.0e3, "kg m^2, motor and gear, 20 t at the rim"),
+            "drive": {
+                "name": "haul_rope",
+                "travel": derived([0.0, float(int(track.length.value - 2.0 * STATION - 2.0))], "m, between stations"),
+                "limits": {
+                    "speed": assumed(10.0, "m/s, 7 to 12 are common"),
+                    "acceleration": assumed(0.3, "m/s^2, 0.1 to 0.3 are common"),
+                    "jerk": assumed(0.2, "m/s^3"),
+                    "emergency_deceleration": assumed(1.2, "m/s^2, 1 to 1.5 are common"),
+                },
+            },
+        },
+        "return": {
+            "radius": wheel,
+            "joins": assumed(["haul_2.end", "haul_1.start"], "tensioned in the lower station"),
+            "friction": lining,
+            "inertia": assumed(60.0e3, "kg m^2, 3 t at the rim"),
+            "counterweight": {
+                "direction": assumed([-forward, 0.0, 0.0], "level, away from the line"),
+                "mass": derived(
+                    round(2.0 * haul.tension * haul_level(haul, track) / GRAVITY, -2),
+                    f"kg, {haul.tension / 1e3:.0f} kN a strand: at most {HAUL_TENSION / 1e3:g} kN, safety factor "
+                    f"{HAUL_FACTOR:g} below the drive",
+                ),
+                "travel": assumed([-6.0, 6.0], "m"),
+            },
+        },
+    }
+
+
+def haul_level(haul: HaulRope, track: TrackRope) -> float:
+    """Share of the tension at the lower bullwheel that pulls level."""
+    way = track.corner[0] - haul.ends[0]
+    return float(way[0] / np.hypot(*way))
+
+
+def _towers(survey: Survey, track: TrackRope, load: float, upwards: bool) -> dict[str, Any]:
+    """Saddles for both track ropes, and rollers for both strands of the haul rope below."""
+    found: dict[str, Any] = {}
+    for name, own in saddles(survey, track, load, upwards).items():
+        position = own["position"]
+        place = position.value if isinstance(position, Marked) else position
+        for number, y in ((1, ASIDE), (2, -ASIDE)):
+            high = _aside((place[0], place[1]), y)
+            there = assumed(high, position.why) if isinstance(position, Marked) else high
+            found[f"{name}_{number}"] = {"rope": f"track_{number}", **own, "position": there}
+    for tower in survey.towers:
+        for number, y in ((1, ASIDE), (2, -ASIDE)):
+            found[f"{tower.name}_rollers_{number}"] = {
+                "rope": f"haul_{number}",
+                "position": assumed(_aside((tower.x, tower.z - BELOW), y), f"m, {BELOW:g} m below the saddle"),
+                "contacts": assumed(8, "rollers of the haul rope"),
+                "length": assumed(10.0, "m, rollers of the haul rope"),
+                "radius": assumed(40.0, "m, rollers of the haul rope"),
+                "stiffness": assumed(0.2e6, "N/m, rollers of the haul rope"),
+                "groove": assumed(1.0, "1/m: horns guide the rope back that a cabin has lifted off"),
+                "groove_height": assumed(4.0, "m, the same"),
+            }
+    return found
+
+
+def _cabin(track: str, place: float, clamps: Mapping[str, float], payload: float, station: str) -> dict[str, Any]:
+    bodies = {name: {**body, **SIZES.get(name, {})} for name, body in BODIES.items()}
+    return {
+        "rope": track,
+        "arc_length": assumed(round(place, 2), f"m, in the {station} station"),
+        "clamped_to": {
+            haul: derived(round(at, 2), "m, of the haul rope there, closed form") for haul, at in clamps.items()
+        },
+        "friction": {"rolling": assumed(0.005, "lined rollers on a locked coil rope")},
+        "drive": {"track_rope_brake": assumed({"force": 60.0e3, "rise_time": 0.3}, "N and s")},
+        "end_stop": {"stroke": assumed(3.0, "m")},
+        "bodies": {
+            name: {
+                key: assumed([value[0], 0.0, value[1]] if key.endswith("pivot") else value, "usual cabin for 80 people")
+                for key, value in body.items()
+            }
+            for name, body in bodies.items()
+        },
+        "payload": {
+            "capacity": assumed(CAPACITY, "kg, 80 people of 80 kg"),
+            "mass": assumed(payload, "kg, full up, empty down"),
+            "body": "cabin",
+            "station_distance": assumed(25.0, "m"),
+            "loading_time": assumed(40.0, "s"),
+        },
+    }

@@ -1,0 +1,281 @@
+"""Scenario of an aerial tramway, a cabin on a track rope with a counterweight, from a surveyed line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import ceil
+from typing import Any
+
+import numpy as np
+import scipy  # loads `optimize` where it is used
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.profile import Survey, SurveyError
+from cable_twin.offline.survey.stations import Ends, bends, lower_first, tower_keys
+from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
+
+GRAVITY = 9.81  # m/s^2
+FACTOR, MARGIN = 3.15, 1.1  # rope safety factor of the track rope, and how far above it the tension is chosen
+TRANSVERSE = 10.0  # -, least tension over the weight of the full cabin across the rope
+TRACK_ROPE = {
+    "mass_per_length": 25.3,
+    "axial_stiffness": 482.0e6,
+    "bending_stiffness": 115.0e3,
+    "breaking_force": 4.95e6,
+    "diameter": 0.066,
+}
+TRACK_WHY = "locked coil of 66 mm, 3010 mm^2, E = 160 GPa, wires of 1770 N/mm^2 less 7 %"
+EMPTY, CAPACITY = 5600.0, 6400.0  # kg
+RADIUS, PITCH = 80.0, 1.0  # m, of saddles, and between their points of contact
+STATION = 12.0  # m, arc length of the cabin from the end of the track
+BODIES: Mapping[str, Mapping[str, Any]] = {
+    "running_carriage": {"mass": 1500.0, "inertia": 2045.0, "upper_pivot": [0.0, 0.2], "lower_pivot": [0.0, -0.2]},
+    "hanger": {"mass": 1000.0, "inertia": 2097.0, "upper_pivot": [0.0, 2.5], "lower_pivot": [0.0, -2.5]},
+    "cabin": {"mass": 3100.0, "inertia": 7556.0, "upper_pivot": [0.0, 1.5], "size": [4.5, 3.0], "drag_area": 11.0},
+}
+
+
+class TrackRope:
+    """Track rope of a tramway with the tension that its counterweight gives it.
+
+    Attributes:
+        corner: (spans + 1, 2) m, supports from the lower station on.
+        rope: figures of the rope, as in a scenario.
+        tension: N, at the lower end.
+        mass: kg of the counterweight, with what decided it.
+        bare: the rope without the cabin.
+        travel: m, most travel of the counterweight to either side.
+        length: m, unstrained, with what decided it.
+        steepest: rad, steepest slope of the path of the full cabin.
+    """
+
+    def __init__(self, corner: FloatArray, rope: Mapping[str, float], load: float, mass: float | None) -> None:
+        """Choose tension and length.
+
+        Args:
+            corner: (spans + 1, 2) m, supports from the lower station on.
+            rope: figures of the rope, as in a scenario.
+            load: N, weight of the full cabin.
+            mass: kg, given counterweight; None: by the safety factor of the rope.
+
+        Raises:
+            SurveyError: the rope is too weak; one line.
+        """
+        self.corner, self.rope = corner, rope
+        weight, stiffness = GRAVITY * rope["mass_per_length"], rope["axial_stiffness"]
+        strength, rise = rope["breaking_force"], float(corner[:, 1].max() - corner[0, 1])
+        tension = strength / (FACTOR * MARGIN) - weight * rise
+        least = TRANSVERSE * load
+        if mass is None and tension < least:
+            raise SurveyError(
+                f"track rope: given {strength / 1e3:.0f} kN: with a safety factor of {FACTOR * MARGIN:.3g} it pulls "
+                f"{tension / 1e3:.0f} kN at the lower end; allowed: {TRANSVERSE:g} times the full cabin, "
+                f"{least / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
+            )
+        why = f"kg: safety factor {FACTOR * MARGIN:.3g} of {strength / 1e3:.0f} kN at the upper end"
+        self.mass = derived(round(tension / GRAVITY, -3), why) if mass is None else derived(mass, "kg, given")
+        self.tension = self.mass.value * GRAVITY
+        try:
+            self.bare = spans_under_tension(corner, self.tension, weight, stiffness)
+            loaded = with_cabin(corner, self.tension, weight, stiffness, load)
+        except SpanError as error:
+            raise SurveyError(f"track rope: {error}") from None
+        pulled = float(loaded.length.sum() - self.bare.length.sum())  # into the track by the cabin in mid-span
+        self.travel = float(ceil(max(3.0, pulled + 1.5)))
+        self.length = derived(
+            round(float(self.bare.length.sum()) + 0.5 * pulled, 2),
+            f"closed form: a cabin in mid-span then lifts the counterweight by {pulled:.2f} m across its middle",
+        )
+        angles = np.arctan2(self.bare.pull_after[:, 1], self.bare.pull[:, 0])
+        starts = np.arctan2(self.bare.pull[:, 1], self.bare.pull[:, 0])
+        self.steepest = float(np.abs([*angles, *starts]).max()) + 0.5 * load / self.tension
+
+    @property
+    def slope(self) -> FloatArray:
+        """Direction (2,) of the bare rope at the lower end, from it into the line."""
+        pull = self.bare.pull[0]
+        return np.asarray(pull / np.hypot(*pull))
+
+    def saddle_bends(self, load: float) -> FloatArray:
+        """Angle (towers,) in rad by which the rope bends on each saddle, the full cabin beside it."""
+        return bends(self.bare) + load / self.tension
+
+
+def with_cabin(corner: FloatArray, tension: float, weight: float, stiffness: float, load: float) -> Spans:
+    """Rope with a cabin in the middle of its longest span, held by a haul rope along the track.
+
+    Args:
+        corner: (spans + 1, 2) m, supports from the lower station on.
+        tension: N, at the lower end.
+        weight: N/m.
+        stiffness: N, EA.
+        load: N, weight of the cabin.
+
+    Raises:
+        SpanError: the rope does not carry it.
+    """
+    longest = int(np.diff(corner[:, 0]).argmax())
+    low, high = corner[longest : longest + 2]
+    middle, slope = 0.5 * (low + high), np.arctan2(high[1] - low[1], high[0] - low[0])
+
+    def loaded(depth: float) -> Spans:
+        there = np.insert(corner, longest + 1, [middle[0], middle[1] - depth], axis=0)
+        return spans_under_tension(there, tension, weight, stiffness)
+
+    def miss(depth: float) -> float:
+        return float(loaded(depth).loads()[longest, 1] - load * np.cos(slope) ** 2)
+
+    deepest = 0.25 * float(high[0] - low[0])
+    try:
+        depth = float(scipy.optimize.brentq(miss, 0.0, deepest, xtol=1e-6))
+    except ValueError:
+        raise SpanError(
+            f"a tension of {tension / 1e3:.4g} kN does not carry a cabin of {load / 1e3:.4g} kN over "
+            f"{high[0] - low[0]:.4g} m; allowed: more tension"
+        ) from None
+    return loaded(depth)
+
+
+def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Scenario of an aerial tramway as a tree of plain and marked values.
+
+    Args:
+        survey: terrain and towers.
+        ends: where the track rope leaves both stations.
+        changes: values by dotted key that are given: those that others are worked out from are used here.
+
+    Raises:
+        SurveyError: the rope cannot carry the cabin; one line.
+    """
+    upwards = ends.end[1] >= ends.start[1]
+    rope = given_rope(TRACK_ROPE, "cable", changes)
+    load = GRAVITY * (EMPTY + CAPACITY)
+    weighted = "start" if upwards else "end"
+    mass = changes.get(f"cable.{weighted}.mass")
+    track = TrackRope(lower_first(survey, ends), rope, load, None if mass is None else float(mass))
+    level, rise = (track.corner[-1] - track.corner[0]).tolist()
+    tree_ends = track_ends(track, ends, upwards, list)
+    holding = load * float(np.sin(track.steepest))
+    force = round(1.1 * (holding + 0.005 * load + 42.0e3 * 1.2), -4)
+    return {
+        "description": f"Aerial tramway from a survey: {level:.0f} m with a rise of {rise:.0f} m, "
+        f"{len(survey.towers)} tower{'s' * (len(survey.towers) != 1)}, a cabin of 12 t",
+        "gravity": GRAVITY,
+        "cable": {
+            **rope_keys(rope, TRACK_ROPE, TRACK_WHY),
+            "unstrained_length": track.length,
+            "elements": assumed({"target": 11.3, "at_towers": 3.5, "growth": 1.7}, "lengths in m, short on saddles"),
+            "kinks": "sharp",
+            "damping_time": assumed(0.004, "s, a damping ratio of 0.2 % at 1 rad/s"),
+            **tree_ends,
+        },
+        **({"towers": saddles(survey, track, load, upwards)} if survey.towers else {}),
+        "terrain": survey.terrain.tolist(),
+        "air": {"density": assumed(1.1, "kg/m^3, at 1000 m of altitude (standard atmosphere)")},
+        "carriages": {
+            "cabin": {
+                "arc_length": assumed(
+                    STATION if upwards else round(track.length.value - STATION, 2), "m, in the lower station"
+                ),
+                "joint": "sliding",
+                "drive": _drive(force, holding, upwards),
+                "friction": {"rolling": assumed(0.005, "lined rollers on a locked coil rope")},
+                "end_stop": {"stroke": assumed(3.0, "m")},
+                "bodies": {
+                    name: {key: assumed(value, "usual cabin for 80 people, 5.6 t empty") for key, value in body.items()}
+                    for name, body in BODIES.items()
+                },
+                "payload": {
+                    "capacity": assumed(CAPACITY, "kg, 80 people of 80 kg"),
+                    "mass": assumed(CAPACITY, "kg, full"),
+                    "body": "cabin",
+                    "position": assumed([0.0, -0.4], "m, people stand below the middle"),
+                    "station_distance": assumed(20.0, "m"),
+                    "loading_time": assumed(40.0, "s"),
+                },
+            }
+        },
+        "limits": {
+            "rope_safety_factor": assumed(FACTOR, "track rope: 3.15 to 3.5"),
+            "tension_per_transverse_load": assumed(TRANSVERSE, "least tension over the weight across the rope"),
+        },
+        "solver": {"step": assumed(0.005, "s")},
+    }
+
+
+def given_rope(usual: Mapping[str, float], path: str, changes: Mapping[str, Any]) -> dict[str, float]:
+    """Figures of a rope, those by dotted key below `path` as given."""
+    return {key: float(changes.get(f"{path}.{key}", value)) for key, value in usual.items()}
+
+
+def rope_keys(rope: Mapping[str, float], usual: Mapping[str, float], why: str) -> dict[str, Marked]:
+    """Marked figures of a rope."""
+    return {key: assumed(value, why) if value == usual[key] else derived(value, "given") for key, value in rope.items()}
+
+
+def track_ends(track: TrackRope, ends: Ends, upwards: bool, placed: Any) -> dict[str, Any]:
+    """Both ends of a track rope, the lower one with its counterweight.
+
+    Args:
+        track: the rope.
+        ends: of the line.
+        upwards: whether the line rises with x.
+        placed: position in the scenario of a place (x, z) of the line.
+    """
+    out = [round(float(one), 3) for one in -track.slope * [1.0 if upwards else -1.0, 1.0]]
+    direction = placed((out[0], out[1])) if len(placed((0.0, 0.0))) == 2 else [out[0], 0.0, out[1]]
+    weight = {
+        "support": "counterweight",
+        "direction": derived(direction, "the slope of the bare rope at the station"),
+        "mass": track.mass,
+        "travel": assumed([-track.travel, track.travel], "m"),
+    }
+    held = {"support": "pinned"}
+    return {
+        "start": {"position": Marked(placed(ends.start), *ends.start_why), **(weight if upwards else held)},
+        "end": {"position": Marked(placed(ends.end), *ends.end_why), **(held if upwards else weight)},
+    }
+
+
+def saddles(survey: Survey, track: TrackRope, load: float, upwards: bool) -> dict[str, Any]:
+    """Saddles for the bend of the rope with the full cabin beside them."""
+    turns: Sequence[float] = track.saddle_bends(load)[:: 1 if upwards else -1].tolist()
+    found: dict[str, Any] = {}
+    for tower, turn in zip(survey.towers, turns, strict=True):
+        found[tower.name] = {
+            "kind": assumed("saddle", "of a track rope"),
+            **tower_keys(tower, ceil(1.1 * turn * RADIUS / PITCH) + 1, PITCH, RADIUS),
+            "stiffness": assumed(0.4e6, "N/m, rope and lining yield"),
+        }
+    return found
+
+
+def _drive(force: float, holding: float, upwards: bool) -> dict[str, Any]:
+    why = f"N: {holding / 1e3:.0f} kN hold the full cabin on the steepest track, and a start or stop at 1.2 m/s^2"
+    usual = "haul rope of 40 mm, 630 mm^2, E = 100 GPa"
+    return {
+        "mode": "speed",
+        "limits": {
+            "speed": assumed(10.0, "m/s, 7 to 12 are common"),
+            "acceleration": assumed(0.3, "m/s^2, 0.1 to 0.3 are common"),
+            "deceleration": assumed(0.45, "m/s^2, 0.3 to 0.6 are common"),
+            "jerk": assumed(0.2, "m/s^3"),
+            "force": derived(force, why),
+            "power": derived(round(1.25 * holding * 10.0 + 2.0e5, -4), "W: the steepest track at 10 m/s, and a start"),
+            "emergency_deceleration": assumed(1.2, "m/s^2, 1 to 1.5 are common"),
+        },
+        "haul_rope": {
+            "axial_stiffness": assumed(63.0e6, usual),
+            "mass_per_length": assumed(6.0, usual),
+            "damping_ratio": assumed(0.01, usual),
+            "station": assumed("end" if upwards else "start", "driven in the upper station"),
+            "beyond_track": assumed(20.0, "m"),
+            "pretension": assumed(60.0e3, "N"),
+            "drive_inertia": assumed(30.0e3, "kg, counter rope, motor, gear and wheel reduced to the rope"),
+        },
+        "service_brake": assumed({"force": 80.0e3, "rise_time": 1.0}, "N and s, on the shaft of the motor"),
+        "emergency_brake": assumed({"force": 90.0e3, "rise_time": 0.4}, "N and s, on the wheel"),
+        "track_rope_brake": assumed({"force": 60.0e3, "rise_time": 0.3}, "N and s, for a haul rope that has failed"),
+        "emergency_stop": assumed(["drive"], "the drive holds its emergency deceleration"),
+    }
