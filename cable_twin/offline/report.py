@@ -16,6 +16,7 @@ from rich.console import Console
 from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.from_log import read_results
+from cable_twin.offline.reporting.printing import PrintError, find_printer
 from cable_twin.offline.reporting.results import Results, ResultsError
 from cable_twin.offline.reporting.texts import LANGUAGES, Texts
 from cable_twin.offline.review import RUNS, newest_run
@@ -43,6 +44,7 @@ examples:
   simulate chairlift --duration 20 --output runs --record bag
   report runs/*
   report runs/* --profile france_2009 --profile pennsylvania
+  report runs/* --language de --pdf lift.pdf
   envelope chairlift --cases examples/load_cases.yaml --places 1 \\
            --json all.json
   report all.json
@@ -63,6 +65,12 @@ def parser() -> OneLineParser:
     )
     result.add_argument(
         "--output", type=_page, metavar="PAGE.html", help="the page; default: SCENARIO_report.html in this directory"
+    )
+    result.add_argument(
+        "--pdf",
+        type=Path,
+        metavar="PAGE.pdf",
+        help="write the page as a PDF, too; needs WeasyPrint, or else Chromium",
     )
     result.add_argument("--language", choices=tuple(LANGUAGES), default="en", help="language of the page; default: en")
     result.add_argument(
@@ -108,6 +116,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             load_profile(name)
     except RuleError as error:
         arguments.error(f"--profile: {error}")
+    options.printer = None
+    if options.pdf is not None:
+        try:
+            options.printer = find_printer()
+        except PrintError as error:
+            arguments.error(f"--pdf: {error}: {typed('pip')} install '{EXTRA}'")
     if options.source is None:
         options.source = next(iter(newest_run(RUNS)), None)
         if options.source is None:
@@ -153,6 +167,13 @@ def _write(options: argparse.Namespace, results: Results, command: str) -> int:
         tell("report", f"--output {page}: {error.strerror or error}")
         return NOT_WRITTEN
     print_line(f"report: {page}")
+    if options.printer is not None:
+        try:
+            options.printer(text, options.pdf)
+        except (PrintError, OSError) as error:
+            tell("report", f"--pdf {options.pdf}: {getattr(error, 'strerror', None) or error}")
+            return NOT_WRITTEN
+        print_line(f"PDF: {options.pdf}")
     for fault in results.notes:
         tell("report", f"{options.source}: {fault}")
     return NOT_WRITTEN if results.notes else DONE

@@ -6,17 +6,23 @@ import json
 import re
 import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from cable_twin.key_figures import FigureId
-from cable_twin.offline import envelope, report, review, simulate
+from cable_twin.frame.plotted_signals import PLOTS, SIGNALS
+from cable_twin.key_figures import QUANTITIES, FigureId
+from cable_twin.key_figures.rules import STATES
+from cable_twin.offline import envelope, report, reporting, review, simulate
 from cable_twin.offline.figure_table import shown
+from cable_twin.offline.reporting import german, printing
 from cable_twin.offline.reporting.chart import LOOKS, Chart, span, ticks
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
+from cable_twin.offline.reporting.sections import SECTIONS
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("jinja2")
@@ -151,6 +157,44 @@ def test_the_page_is_whole_in_itself_and_says_its_origin(page):
         assert f" {title}</h2>" in text
     ids = re.findall(r' id="(\w+)"', text)
     assert len(ids) == len(set(ids))
+
+
+def test_german_says_all_with_the_same_numbers(run, page, tmp_path):
+    file = tmp_path / "de.html"
+    assert report.main([str(run), "--output", str(file), "--language", "de", *PROFILES, *FACTS]) == 0
+    text, english = file.read_text(encoding="utf-8"), page.read_text(encoding="utf-8")
+    assert DATA.findall(text) == DATA.findall(english)
+    assert " Längenschnitt</h2>" in text
+    assert "up: Durchhang unter der Sehne, Anfang bis tower_1_up" in text
+    assert set(german.QUANTITIES) == set(QUANTITIES)
+    folder = Path(reporting.__file__).parent
+    sources = [one.read_text(encoding="utf-8") for one in folder.rglob("*.*") if one.suffix in (".py", ".html")]
+    used = {said for one in sources for said in re.findall(r'\bt(?:exts)?\("([^"]+)"', one)}
+    used |= {one.title for one in SECTIONS} | set(PLOTS.values()) | set(STATES)
+    used |= {one.label for one in SIGNALS.values() if one.plot}
+    assert len(used) > 100
+    assert not used - set(german.TEXTS)
+
+
+def test_a_pdf_has_pages(page, tmp_path):
+    """By WeasyPrint or by Chromium, whichever is there."""
+    try:
+        printer = printing.find_printer()
+    except printing.PrintError as error:
+        pytest.skip(str(error))
+    begin = page.read_text(encoding="utf-8").partition('<section id="key_figures"')[0]
+    printer(f"{begin}</body></html>", tmp_path / "page.pdf")
+    content = (tmp_path / "page.pdf").read_bytes()
+    assert content.startswith(b"%PDF")
+    assert len(content) > 20_000
+
+
+def test_without_a_printer_the_extra_is_named(run, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+    monkeypatch.setattr(printing.shutil, "which", lambda name: None)
+    with pytest.raises(SystemExit):
+        report.main([str(run), "--pdf", "page.pdf"])
+    assert "--pdf: WeasyPrint is not installed, and there is no Chromium" in capsys.readouterr().err
 
 
 def test_inputs_have_the_remarks_of_their_file():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from cable_twin.key_figures import QUANTITIES, KeyFigure
 from cable_twin.offline.reporting import german
@@ -21,6 +21,7 @@ class Texts:
     def __init__(self, language: str) -> None:
         self.language, self._table = language, LANGUAGES[language]
         self._names = german.QUANTITIES if language == "de" else {}
+        self._phrases = german.PHRASES if language == "de" else {}
         self.missing: set[str] = set()  # texts that are shown in English for want of a translation
 
     def __call__(self, text: str) -> str:
@@ -49,7 +50,9 @@ class Texts:
 
     def _detail(self, text: str) -> str:
         """Detail within a name, as the span of a sag."""
-        return re.sub(r"\bto\b", self("to"), re.sub(r"\bstart\b", self("start"), re.sub(r"\bend\b", self("end"), text)))
+        for word in ("to", "start", "end", "its", "the"):
+            text = re.sub(rf"(?<!\S){word}(?!\S)", self(word), text)
+        return text
 
     def quantity(self, quantity: str) -> str:
         """Name of a quantity without detail."""
@@ -58,10 +61,11 @@ class Texts:
         )
         return name.format("").strip(" ,")
 
-    def source(self, source: str) -> str:
-        """Source of a limit; the scenario's own keys stay as they are."""
-        head, colon, rest = source.partition(": ")
-        return f"{self(head)}{colon}{rest}" if head == "scenario" else self(source)
+    def phrase(self, text: str) -> str:
+        """Place, source or way of sampling of a figure, of which known phrases are translated."""
+        for english, own in self._phrases.items():
+            text = text.replace(english, own)
+        return text
 
     def limit(self, text: str) -> str:
         """Limit with its comparison, as `at most 2.5 m/s`."""
@@ -69,8 +73,3 @@ class Texts:
             if text.startswith(comparison):
                 return f"{self(comparison)}{text.removeprefix(comparison)}".replace(" to ", f" {self('to')} ")
         return text
-
-
-def untranslated(language: str, texts: Sequence[str]) -> list[str]:
-    """Texts that the table of a language does not have."""
-    return [one for one in texts if language != "en" and one not in LANGUAGES[language]]

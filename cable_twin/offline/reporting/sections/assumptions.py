@@ -22,7 +22,7 @@ class Assumptions:
         """Assumed inputs, defaults, limits, and ways of sampling."""
         inputs = results.inputs
         limits = [row_of(one, results, texts) for one in results.figures if one.source.startswith("assumed")]
-        bands = list(dict.fromkeys(one.band for one in results.figures if "assumed" in one.band))
+        bands = list(dict.fromkeys(texts.phrase(one.band) for one in results.figures if "assumed" in one.band))
         return {
             "head": inputs.head,
             "groups": grouped([one for one in inputs.rows if one.assumed]),

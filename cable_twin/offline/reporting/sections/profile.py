@@ -69,7 +69,7 @@ def _profile(results: Results, sags: Sequence[KeyFigure], texts: Texts) -> Chart
         look = LOOKS[number % len(LOOKS)]._replace(dashes="")
         chart.line(rope.shape[:, 0], rope.shape[:, 2], look, rope.name)
         chart.line(rope.x, rope.lowest, look._replace(dashes="5 2.5", width=1.0))
-    chart.named(texts("lowest"), LOOKS[0]._replace(dashes="5 2.5", width=1.0))
+    chart.named(texts("lowest place"), LOOKS[0]._replace(dashes="5 2.5", width=1.0))
     if len(feet) <= MOST_MARKS:
         for name, (at_x, _, top) in _one_of_each(scenario.tower_places).items():
             chart.mark(Mark(at_x, top, name, up=8.0))

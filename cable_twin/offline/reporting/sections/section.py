@@ -67,13 +67,13 @@ def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
         texts.figure(figure),
         cell_of(figure),
         limit,
-        texts.source(figure.source),
+        texts.phrase(figure.source),
         texts(figure.verdict),
         figure.verdict,
         when,
-        figure.place,
+        texts.phrase(figure.place),
         results.governing.get(figure.id, ""),
-        figure.band,
+        texts.phrase(figure.band),
     )
 
 
