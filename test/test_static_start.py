@@ -7,8 +7,13 @@ import warnings
 import numpy as np
 import pytest
 
+from cable_twin.key_figures import KeyFigures
+from cable_twin.offline.load_cases import loading
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
+from cable_twin.simulation.engine import Engine
+from cable_twin.simulation.twin import NOTHING_DONE
+from verification import JIT
 from verification.statics import CANTILEVER, LEVEL_SPAN
 
 
@@ -92,3 +97,31 @@ def test_a_slack_rope_in_too_few_frames_is_told(space):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             Simulation(load_scenario(slack, {f"cable.{key}": value for key, value in changes.items()}))
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.parametrize("name", ["chairlift", "aerial_tramway"])
+def test_a_rest_that_is_found_nearby_is_the_one_from_scratch(name, monkeypatch):
+    """Of the same mesh to rounding, of another one to the last bit; and the base is found again after it."""
+    base = Simulation(load_scenario(name), on_demand=True)
+    first = base.snapshot.numbers.copy()
+    heavy = loading(base.scenario, "full")
+    for values, near in (({"air.wind.x": 12.0, **heavy}, True), ({"air.temperature": -20.0}, False)):
+        scenario = load_scenario(name, values)
+        alone = figures_of(scenario, Simulation(scenario))
+        with monkeypatch.context() as patch:
+            if near:
+                patch.setattr(Engine, "check_bare", None)  # which a search from scratch begins with
+            found = figures_of(scenario, base.near(scenario))
+        assert alone.keys() == found.keys()
+        for key, value in alone.items():
+            assert found[key] == (pytest.approx(value, rel=1e-6, abs=1e-6) if near else value), key
+    base.engine.go_to_start()
+    base.show(NOTHING_DONE)
+    assert np.array_equal(base.snapshot.numbers, first, equal_nan=True)
+
+
+def figures_of(scenario, simulation):
+    figures = KeyFigures(scenario)
+    figures.update(simulation.snapshot)
+    return {str(one.id): one.value for one in figures.figures()}

@@ -10,22 +10,23 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
+from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
 from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.line import MOST, Line, calculate, plan_line
+from cable_twin.offline.line import MOST
+from cable_twin.offline.load_case_runs import CaseResult, Job, neighbours, run_part
 from cable_twin.offline.load_cases import PLANS, CaseError, LoadCase, read_cases
 from cable_twin.offline.side_by_side import side_by_side
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
@@ -63,23 +64,6 @@ examples:
   envelope chairlift --cases examples/load_cases.yaml --places 1 \\
            --results cases --csv cases.csv
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """Load case to be calculated."""
-
-    case: LoadCase
-    places: int
-
-
-@dataclass(frozen=True, slots=True)
-class CaseResult:
-    """Key figures of a load case at rest; the time of a figure is the place of the vehicle (m)."""
-
-    id: str
-    figures: tuple[KeyFigure, ...]
-    fault: str = ""
 
 
 def parser() -> OneLineParser:
@@ -185,24 +169,18 @@ def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> lis
             found[result.id] = result
             show()
 
+        def on_part(results: Sequence[CaseResult]) -> None:
+            for one in results:
+                on_done(one)
+
+        parts = neighbours(missing, jobs, usable_cores())
         if len(missing) < FEW:
-            for job in missing:
-                on_done(run_case(job))
+            for part in parts:
+                on_part(run_part(part))
         else:
-            with side_by_side(len(missing), run_case) as run_all:
-                run_all(missing, on_done)
+            with side_by_side(len(parts), run_part) as run_all:
+                run_all(parts, on_part)
     return [found[job.case.id] for job in jobs]
-
-
-def run_case(job: Job) -> CaseResult:
-    """Calculate one load case at rest."""
-    try:
-        scenario = job.case.scenario
-        line = Line(scenario, "", np.zeros(1)) if job.places == 1 else plan_line(scenario, job.places, None)
-        calculate(line)
-    except (EquilibriumError, ValueError) as error:
-        return CaseResult(job.case.id, (), " ".join(str(error).split()))
-    return CaseResult(job.case.id, tuple(line.figures))
 
 
 def _file(kept: Path, job: Job) -> Path:

@@ -74,6 +74,14 @@ class Line:
     figures: list[KeyFigure] = field(default_factory=list)
 
 
+Find = Callable[[Scenario, float], Simulation]
+
+
+def from_scratch(scenario: Scenario, _place: float) -> Simulation:
+    """Simulation at the rest of a scenario, found without another one."""
+    return Simulation(scenario, on_demand=True)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Calculate a line and report; the help has the exit codes."""
     arguments = parser()
@@ -238,19 +246,24 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
     return Line(scenario, name, np.linspace(stroke, scenario.cable.unstrained_length - stroke, count))
 
 
-def calculate(line: Line, on_place: Callable[[], object] = lambda: None) -> None:
+def calculate(
+    line: Line,
+    on_place: Callable[[], object] = lambda: None,
+    find: Find = from_scratch,
+) -> None:
     """Find the equilibrium at all places, and collect the results.
 
     Args:
         line: planned line, which gets the results.
         on_place: called after each place.
+        find: simulation at the rest of a scenario, with the vehicle at a place (m).
 
     Raises:
         EquilibriumError: no equilibrium at a place; the line names it.
     """
     envelope, found = KeyFigures(line.scenario), []
     for place in line.places.tolist():
-        simulation = at_place(line, place)
+        simulation = at_place(line, place, find)
         here = simulation.snapshot
         if line.scenario.terrain:
             line.lowest.append(simulation.clearance().vehicles)
@@ -269,8 +282,8 @@ def calculate(line: Line, on_place: Callable[[], object] = lambda: None) -> None
     line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_loads(line)]
 
 
-def at_place(line: Line, place: float) -> Simulation:
-    """Simulation of the line in equilibrium with its vehicle at a place."""
+def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
+    """Simulation of the line in equilibrium with its vehicle at a place, found by `find`."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
     changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}
@@ -280,7 +293,7 @@ def at_place(line: Line, place: float) -> Simulation:
         first = 0.5 * scenario.spacing if carriers.first is None else carriers.first
         changes = {"carriers.first": (first + place) % scenario.spacing}
     try:
-        return Simulation(load_scenario(scenario.resolved(), changes))
+        return find(load_scenario(scenario.resolved(), changes) if changes else scenario, place)
     except EquilibriumError as error:
         raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
 

@@ -324,6 +324,12 @@ class Scenario(Section):
         parts = self.carriages, self.carriers, self.cable, self.ropes, self.sheaves, self._whole
         return dict(self._made("vehicles", parts, self._vehicles))
 
+    def __getstate__(self) -> dict[Any, Any]:
+        """State for copies and other processes, without what is made of it."""
+        state = super().__getstate__()
+        own = {key: value for key, value in state["__dict__"].items() if not key.endswith("_made")}
+        return {**state, "__dict__": own}
+
     def _made(self, name: str, parts: tuple[Any, ...], make: Callable[[], R]) -> R:
         """Something made of parts of the scenario, kept until it is a copy with other parts."""
         kept: dict[str, tuple[tuple[Any, ...], R]] = self.__dict__  # as of `cached_property`, no field

@@ -21,11 +21,11 @@ from cable_twin.mechanics.solution.bundle.bullwheels import update_end_tensions
 from cable_twin.mechanics.solution.bundle.connector import connector_forces
 from cable_twin.mechanics.solution.bundle.couplings import give_forces
 from cable_twin.mechanics.solution.bundle.records import BundleState, Wires
-from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_together, without_friction
+from cable_twin.mechanics.solution.equilibrium import lay_taut, settle_near, settle_together, without_friction
 from cable_twin.mechanics.solution.relaxation import Moment as RelaxationMoment
 from cable_twin.mechanics.solution.relaxation import relax, store_equilibrium, watching_relaxation
 from cable_twin.mechanics.solution.stepping import integrator_named
-from cable_twin.mechanics.state import Workspace, allocate_states, allocate_workspace
+from cable_twin.mechanics.state import State, Workspace, allocate_states, allocate_workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import (
     build_bullwheels,
@@ -44,7 +44,13 @@ from cable_twin.simulation.rope_couplings import (
     observe_clamps,
 )
 from cable_twin.simulation.ropeway import Ropeway, of_rope
-from cable_twin.simulation.same_model import check_same_parts, check_same_structure, sharing, with_rest_of
+from cable_twin.simulation.same_model import (
+    check_same_meshes,
+    check_same_parts,
+    check_same_structure,
+    sharing,
+    with_rest_of,
+)
 from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.simulation.vehicle_contacts import with_buffers
 from cable_twin.simulation.vehicles import Vehicles, VehicleSettings, with_all_vehicles
@@ -72,6 +78,12 @@ class Settings(NamedTuple):
     start: Start
 
 
+SHAPE = (  # arrays of a state that a search for another rest begins with
+    *("nodes.position", "bodies.position", "joints.position", "contact_arc_length", "surplus", "loop_start"),
+    *("mesh.arc_length", "mesh.length", "mesh.plain", "node_load", "joint_node", "node_follows", "joint_element"),
+)
+
+
 class Engine:
     """Ropes of a scenario with their vehicles, and the couplings between ropes.
 
@@ -85,10 +97,15 @@ class Engine:
         at_rest: the kernels that find the rest.
     """
 
-    def __init__(self, scenario: Scenario, like: Engine | None = None) -> None:
+    def __init__(self, scenario: Scenario, like: Engine | None = None, *, own_mesh: bool = False) -> None:
         """Build the ropes and couplings of a scenario, before the search for equilibrium.
 
         With another engine, its mesh, states and workspaces serve for this one as well, and the two take turns.
+
+        Args:
+            scenario: what is built.
+            like: the other engine.
+            own_mesh: refuse one whose mesh is not that which the scenario would have by itself.
 
         Raises:
             OtherModelError: the scenario is no other values of that of the other engine.
@@ -98,7 +115,9 @@ class Engine:
         self._scenario: Scenario = scenario
         self._names = list(scenario.cables)
         self._naming = of_rope if scenario.ropes else nullcontext  # in what is said of one of them
-        systems = build_ropes(scenario, None if like is None else like.meshes)
+        systems = build_ropes(scenario, None if like is None or own_mesh else like.meshes)
+        if like is not None and own_mesh:
+            check_same_meshes([one.cable.node_arc_length for one in systems.values()], like.meshes)
         self.parts: list[Ropeway] = _ropeways(scenario, list(systems.values()), like)
         self.vehicles = Vehicles(scenario, self.parts)
         connectors, names = build_connectors(scenario, systems)
@@ -146,7 +165,7 @@ class Engine:
         self.commands: dict[str, Command] = {}
         self.integrator = cast(Kernel, integrator_named(scenario.solver.integrator))
         self.at_rest = cast(tuple[Kernel, ...], (relax, update_end_tensions) if scenario.sheaves else (relax,))
-        self._forces = np.zeros(len(scenario.connectors))
+        self._forces, self._near = np.zeros(len(scenario.connectors)), False
         self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
 
     def check_bare(self) -> None:
@@ -161,19 +180,30 @@ class Engine:
                 with self._naming(name):
                     part.check_bare(loaded=name in self._hung_from)
 
-    def find_rest(self) -> None:
+    def find_rest(self, near: tuple[Kept, BundleState] | None = None) -> None:
         """Find the equilibrium of all ropes, twice where the first one sets the compliance of joints.
+
+        Args:
+            near: states of ropes and couplings at the rest of like ropes, where the search begins; None for from
+                scratch, with checks of the bare ropes.
 
         Raises:
             EquilibriumError: there is none.
         """
-        self.check_bare()
-        self._layout.lay_out(self.moving.sheaves)
+        self._near = near is not None
+        if near is None:
+            self.check_bare()
+            self._layout.lay_out(self.moving.sheaves)
         laid = Kept(*self._states), clone(self.moving)
+        if near is not None:
+            self._take_shape(*near)
 
         def again() -> None:
+            found = Kept(*self._states), clone(self.moving)
             write(laid[0], self._states[0])
             write(laid[1], self.moving)
+            if self._near:
+                self._take_shape(*found)
             self._find_rest()
 
         self._find_rest()
@@ -183,6 +213,15 @@ class Engine:
         for name, part in self._by_name():
             with self._naming(name):
                 part.check_travel(self.parts, again)
+
+    def _take_shape(self, states: Kept, moving: BundleState) -> None:
+        """Take over the shape of ropes and bodies at a rest, and the bullwheels there."""
+        for own, record in zip(self._states, states.records, strict=True):
+            mine, given = arrays_of(own), arrays_of(record)
+            for name in SHAPE:
+                mine[name][...] = given[name]
+        self.moving.sheaves.carriage.position[:] = moving.sheaves.carriage.position
+        self.loop.take_up()
 
     def _by_name(self) -> Iterator[tuple[str, Ropeway]]:
         return zip(self._names, self.parts, strict=True)
@@ -194,7 +233,10 @@ class Engine:
     def _find_rest(self) -> None:
         """Find the equilibrium of each rope by itself, then of all ropes together."""
         for (name, part), work in zip(self._by_name(), self._works, strict=True):
-            if self._coupled and part.is_taut:
+            if self._near:
+                if not self._coupled:
+                    settle_near(part.system, part.state, work)
+            elif self._coupled and part.is_taut:
                 lay_taut(part.system, part.state)
             else:
                 with self._naming(name):
@@ -209,7 +251,8 @@ class Engine:
 
     def _rest_together(self) -> None:
         """Find the common equilibrium of coupled ropes, each of which is in equilibrium by itself."""
-        self._raise_pantographs()
+        if not self._near:
+            self._raise_pantographs()
         held = [hold_all(part.system, part.state) for part in self.parts]
         check_connectors(self._scenario, self.parts)
         let_clamps_hold(self._scenario, self.parts, self.bundle.clamps)
@@ -233,7 +276,7 @@ class Engine:
         elements = sum(len(part.state.nodes.position) - 1 for part in self.parts)
 
         def settle() -> None:
-            settle_together(self._ropes, SLACKEST_REST * longest, elements)
+            settle_together(self._ropes, SLACKEST_REST * longest, elements, near=self._near)
 
         if self._scenario.sheaves:
             self.loop.settle(settle)
@@ -365,6 +408,11 @@ class Engine:
         self._first_commands: Mapping[str, Command] = dict(self.commands)
         self._first_of_ropes: Sequence[Mapping[str, Command]] = [dict(part.commands) for part in self.parts]
         self.vehicles.note_stations()
+
+    @property
+    def states(self) -> list[State]:
+        """States of all ropes, in one block of memory."""
+        return self._states
 
     @property
     def meshes(self) -> list[FloatArray]:

@@ -131,6 +131,21 @@ class Loop:
             state.reference.position[on] = state.joints.position[on]
             hang_carriages(part.system, state)
 
+    def take_up(self) -> None:
+        """Set the travel of bullwheels to that which gives each strand the rope that it has in the present state."""
+        if not self._names:
+            return
+        sheaves, rows = self._bundle.sheaves, {name: row for row, name in enumerate(self._parts)}
+        fixed = np.flatnonzero(sheaves.driven)[:1] if np.any(sheaves.driven) else np.zeros(1, np.int64)
+        gone, surplus = np.zeros((len(self._strands) + 1, len(self._names))), np.zeros(len(self._strands) + 1)
+        for line, name in enumerate(self._strands):
+            gone[line] = 1.0 * (sheaves.rope[:, 1] == rows[name]) - 1.0 * (sheaves.rope[:, 0] == rows[name])
+            surplus[line] = self._parts[name].state.surplus[0]
+            self._parts[name].state.surplus[0] = 0.0
+        gone[-1, fixed] = 1.0
+        self.motion.rope.position[:] = np.linalg.lstsq(gone, surplus, rcond=None)[0]
+        self._lay()
+
     def _begin_here(self) -> None:
         """Set the travel of all strands and bullwheels to zero in the present state."""
         for name in self._strands:

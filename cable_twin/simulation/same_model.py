@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import Known
-from cable_twin.mechanics.parameters import System
+from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.scenario import Scenario
 
 MAY_SWITCH = {"drive_stops", "tensioning", "cell_element"}  # conditions and numbers that are no structure
@@ -38,6 +38,16 @@ def check_same_parts(scenario: Scenario, like: Scenario) -> None:
             raise OtherModelError("another mesh")
         if own.elastic_model != other.elastic_model:
             raise OtherModelError("another elastic model")
+
+
+def check_same_meshes(meshes: Sequence[FloatArray], like: Sequence[FloatArray]) -> None:
+    """Refuse meshes, by the arc lengths of their nodes, that are not equal to the last bit.
+
+    Raises:
+        OtherModelError: one is another.
+    """
+    if not all(np.array_equal(own, other) for own, other in zip(meshes, like, strict=True)):
+        raise OtherModelError("another mesh")
 
 
 def check_same_structure(records: Sequence[Any], like: Sequence[Any]) -> None:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +23,10 @@ from cable_twin.frame.records import (
     SolverReport,
 )
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.mechanics.language.declared import Kept, write
+from cable_twin.mechanics.language.declared import Kept, clone, write
 from cable_twin.mechanics.parameters import IntArray, Solver, System
+from cable_twin.mechanics.solution.bundle.records import BundleState
+from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.solution.runge_kutta import stable_step
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import State
@@ -33,6 +36,7 @@ from cable_twin.simulation.engine import Engine, Settings
 from cable_twin.simulation.first_compilation import compiling_ahead, expect_kernels
 from cable_twin.simulation.queries import Observer, Queries, read_only, time_of
 from cable_twin.simulation.ropeway import Ropeway
+from cable_twin.simulation.same_model import OtherModelError
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
@@ -51,6 +55,11 @@ NOTHING_DONE = SolverReport(steps=0, iterations=0, halvings=0, constraint_residu
 
 class SolverError(RuntimeError):
     """Failure of a solver step; the simulation keeps the last good state."""
+
+
+def _starts(scenario: Scenario) -> list[tuple[Any, ...]]:
+    """Places of all vehicles at the start."""
+    return [(one.arc_length, one.joint, one.rope, one.clamped_to) for one in scenario.vehicles.values()]
 
 
 class Simulation(Queries):
@@ -108,6 +117,31 @@ class Simulation(Queries):
         other._show(NOTHING_DONE)
         return other
 
+    def near(self, scenario: Scenario) -> Simulation:
+        """Simulation of another scenario at its rest, which is searched for from the start of this one.
+
+        It is in equilibrium as one of its own, to the tolerance of that, and the search takes a fraction of the time.
+        Where the mesh or parts are others, vehicles start elsewhere, no rest is found nearby, or the rope leaves a
+        tower, it is one of its own. The two take turns, as with `with_values`.
+
+        Args:
+            scenario: such as another load of the same line.
+
+        Raises:
+            EquilibriumError: it has no rest.
+        """
+        self._engine.go_to_start()
+        other, present = Simulation.__new__(Simulation), (Kept(*self._engine.states), clone(self._engine.moving))
+        with suppress(EquilibriumError, OtherModelError):
+            if _starts(scenario) != _starts(self.scenario):
+                raise OtherModelError("vehicles start elsewhere")
+            engine = Engine(scenario, self._engine, own_mesh=True)
+            other._set_up(scenario, engine, self._observer.samples, True)
+            other._find_start(None, present)
+            if np.abs(other.snapshot.columns.support_force).max(axis=1).all():
+                return other
+        return Simulation(scenario, samples=self._observer.samples, on_demand=True)
+
     def _set_up(self, scenario: Scenario, engine: Engine, samples: int, on_demand: bool) -> None:
         """Take a scenario and its engine, before the search for rest."""
         self.scenario = scenario
@@ -125,12 +159,12 @@ class Simulation(Queries):
         self.supports = self._observer.layout.supports
         self._forecaster: Forecaster | None = None
 
-    def _find_start(self, meanwhile: Meanwhile | None) -> None:
+    def _find_start(self, meanwhile: Meanwhile | None, near: tuple[Kept, BundleState] | None = None) -> None:
         """Find the static equilibrium, and set out from it."""
         scenario = self.scenario
         expect_kernels(self._engine)
         with compiling_ahead(scenario, self._engine):
-            self._engine.find_rest()
+            self._engine.find_rest(near)
             # compiles what reads the state, while the other process is still at it
             first = self._observer.snapshot(0.0, NOTHING_DONE)
             for part, rope in zip(self._parts, first.ropes.values(), strict=True):

@@ -116,7 +116,7 @@ def test_each_extreme_has_the_case_that_governs(calculated):
 def test_finished_cases_are_not_calculated_again(calculated, capsys, monkeypatch):
     directory, options = calculated
     before = (directory / "all.csv").read_bytes()
-    monkeypatch.setattr("cable_twin.offline.envelope.run_case", None)
+    monkeypatch.setattr("cable_twin.offline.envelope.run_part", None)
     assert envelope.main(options) == 0
     assert f"3 of 3 cases are in {directory / 'kept'} already" in capsys.readouterr().err
     assert (directory / "all.csv").read_bytes() == before

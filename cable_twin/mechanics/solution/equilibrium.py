@@ -14,7 +14,7 @@ from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray
 from cable_twin.mechanics.rope.ale import rest_stretch
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
-from cable_twin.mechanics.solution.relaxation import MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
+from cable_twin.mechanics.solution.relaxation import LAST, MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace
 
 SOFTER = (1e-4, 1e-3, 1e-2, 1e-1)  # of the stiffness of the cable
@@ -50,9 +50,17 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
 
 
 def settled(
-    system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool = False
+    system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool = False, near: bool = False
 ) -> tuple[int, float]:
     """Relax one rope alone with all its joints held, up to `MAX_RELAXATIONS` iterations.
+
+    Args:
+        system: parameters.
+        state: is left at rest.
+        work: scratch space.
+        tolerance: last increment (m) that is allowed.
+        coupled: as in `settle`.
+        near: whether it is near its rest already.
 
     Returns:
         Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
@@ -62,22 +70,45 @@ def settled(
     shortest = cable.cell_length
     wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
     how = tolerance, 1.0 / (wave_time * wave_time), LONGEST_WAY * shortest
-    return relax_in_parts(lambda *part: relax(*alone.relaxed, *how, *part), len(state.nodes.position) - 1)
+    begin = LAST * how[1] if near else 0.0
+    return relax_in_parts(lambda *part: relax(*alone.relaxed, *how, *part), len(state.nodes.position) - 1, begin)
 
 
-def settle_together(ropes: Assembly, tolerance: float, elements: int) -> None:
+def settle_near(system: System, state: State, work: Workspace) -> None:
+    """Bring one rope by itself from the rest of a like one to its own, with all its joints held.
+
+    Args:
+        system: parameters.
+        state: with the shape of the other one.
+        work: scratch space.
+
+    Raises:
+        EquilibriumError: it finds none from there.
+    """
+    state.friction_origin[:] = state.joints.position
+    held = hold_all(system, state)
+    tolerance = 1e-11 * system.cable.unstrained_length
+    used, increment = settled(without_friction(system), state, work, tolerance, near=True)
+    if used >= MAX_RELAXATIONS:
+        raise EquilibriumError(f"no static equilibrium nearby: the last iteration moved a point by {increment:g} m")
+    release_joints(system, state, *held)
+
+
+def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: bool = False) -> None:
     """Relax coupled ropes together, starting from the equilibrium of each rope alone.
 
     Args:
         ropes: what they are.
         tolerance: last increment (m) that is allowed.
         elements: of all ropes.
+        near: whether they are near their common rest already.
 
     Raises:
         EquilibriumError: it finds no rest.
     """
     how = tolerance, 1.0 / (FIRST_STEP * FIRST_STEP), LONGEST_WAY_TOGETHER
-    used, increment = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements)
+    begin = LAST * how[1] if near else 0.0
+    used, increment = relax_in_parts(lambda *part: relax(*ropes.relaxed, *how, *part), elements, begin)
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "

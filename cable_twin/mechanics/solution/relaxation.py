@@ -192,18 +192,21 @@ def watching_relaxation(shown: Callable[[Moment], object]) -> Iterator[None]:
         _watchers.remove(shown)
 
 
-def relax_in_parts(relax: Callable[[float, int], tuple[int, float, float]], elements: int) -> tuple[int, float]:
+def relax_in_parts(
+    relax: Callable[[float, int], tuple[int, float, float]], elements: int, begin: float = 0.0
+) -> tuple[int, float]:
     """Relax in parts until all forces balance, or up to the largest number of iterations.
 
     Args:
         relax: takes a mass factor, 0 for the first one, and iterations; gives how many it took, the last increment (m)
             and the mass factor to go on with, 0 at rest.
         elements: of the mesh.
+        begin: mass factor of the first part.
 
     Returns:
         Number of iterations, `MAX_RELAXATIONS` where it found no rest, and the last increment (m).
     """
-    begun, used, factor, first = time.monotonic(), 0, 0.0, 0.0
+    begun, used, factor, first = time.monotonic(), 0, begin, 0.0
     part = max(PART // elements, 1)
     increment = 0.0
     while used < MAX_RELAXATIONS:
@@ -219,6 +222,7 @@ def relax_in_parts(relax: Callable[[float, int], tuple[int, float, float]], elem
 
 
 __all__ = [
+    "LAST",
     "MAX_RELAXATIONS",
     "Moment",
     "hang_carriages",
