@@ -230,7 +230,7 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
     if scenario.carriers is not None and vehicle in (None, scenario.carriers.name):
         return Line(scenario, scenario.carriers.name, np.arange(count) * scenario.spacing / count)
     if pulling and (vehicle in (pulling, *hauled) or (vehicle is None and not movable)):
-        return Line(scenario, pulling, np.linspace(*_travel(scenario, hauled, pulling), count))
+        return Line(scenario, pulling, np.linspace(*haul_travel(scenario, hauled, pulling), count))
     if vehicle is None and not movable:
         return Line(scenario, "", np.zeros(1))
     name = movable[0] if vehicle is None else vehicle
@@ -298,7 +298,7 @@ def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
         raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
 
 
-def _travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
+def haul_travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
     """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel

@@ -29,6 +29,7 @@ from cable_twin.terminal.bars import count_shown, share_shown
 from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell, typed
 
 DONE, NOT_WRITTEN, CANNOT = 0, 1, 2
+MOST_TRIPS = 1e7  # in a year
 EXTRA = "cable_twin[report]"
 EPILOG = """\
 The page has everything in it and opens without a network: line profile, rope tension, tower loads, key figures and
@@ -44,7 +45,7 @@ examples:
   simulate chairlift --duration 20 --output runs --record bag
   report runs/*
   report runs/* --profile france_2009 --profile pennsylvania
-  report runs/* --language de --pdf lift.pdf
+  report runs/* --language de --pdf lift.pdf --trips 8000
   envelope chairlift --cases examples/load_cases.yaml --places 1 \\
            --json all.json
   report all.json
@@ -89,6 +90,12 @@ def parser() -> OneLineParser:
         help="state a fact that rules ask for, a key of limits.installation, as in persons=4; can be repeated",
     )
     result.add_argument(
+        "--trips",
+        type=_trips,
+        metavar="N",
+        help="trips in a year, for the bending cycles and cycles of tension of the ropes in a year",
+    )
+    result.add_argument(
         "--scenario",
         type=Path,
         metavar="FILE",
@@ -102,6 +109,16 @@ def _page(text: str) -> Path:
     if Path(text).suffix.lower() not in (".html", ".htm"):
         raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a name that ends in .html")
     return Path(text)
+
+
+def _trips(text: str) -> float:
+    try:
+        trips = float(text)
+    except ValueError:
+        trips = 0.0
+    if not 0.0 < trips <= MOST_TRIPS:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a number above 0 and at most {MOST_TRIPS:g}")
+    return trips
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -132,6 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for line in str(error).splitlines():
             tell("report", line)
         return CANNOT
+    results.trips = options.trips
     return _write(options, results, shlex.join(["report", *given]))
 
 

@@ -55,7 +55,7 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(run):
     file = run.parent / "page.html"
-    assert report.main([str(run), "--output", str(file), *PROFILES, *FACTS]) == 0
+    assert report.main([str(run), "--output", str(file), "--trips", "8000", *PROFILES, *FACTS]) == 0
     return file
 
 
@@ -153,7 +153,8 @@ def test_the_page_is_whole_in_itself_and_says_its_origin(page):
     assert "<pre>report " in text
     assert "--profile france_2009" in text
     assert "set for this run" in text
-    for title in ("Line profile", "Rope tension", "Tower loads", "Load cases", "Over time", "Assumptions"):
+    assert re.findall(r'<data class="bends" value="(\d+)">', text) == ["2", "96"]
+    for title in ("Rope life", "Line profile", "Rope tension", "Tower loads", "Load cases", "Over time", "Assumptions"):
         assert f" {title}</h2>" in text
     ids = re.findall(r' id="(\w+)"', text)
     assert len(ids) == len(set(ids))
@@ -229,6 +230,7 @@ def test_lines_differ_without_colours_and_gaps_stay():
         (["{run}", "--output", "page.txt"], "'page.txt' given, allowed: a name that ends in .html"),
         (["{run}", "--profile", "nothing"], "--profile: given 'nothing': no such profile"),
         (["{run}", "--scenario", "no.yaml"], "no.yaml: no such file"),
+        (["{run}", "--trips", "0"], "'0' given, allowed: a number above 0 and at most"),
         (["{empty}"], "not a log: 0 .mcap files in it"),
     ],
 )

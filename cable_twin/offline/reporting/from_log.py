@@ -17,6 +17,7 @@ from cable_twin.key_figures import supports_of
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.reporting.remarks import inputs_of
 from cable_twin.offline.reporting.results import Results, RopeCourse, TowerLoad
+from cable_twin.offline.reporting.rope_life import LifeCounter, RopeLife
 from cable_twin.recording.log_reader import Log
 from cable_twin.scenario import Scenario
 
@@ -42,6 +43,7 @@ class Course:
 
     def __init__(self, scenario: Scenario, first: Snapshot) -> None:
         self._scenario, self._layout = scenario, first.layout
+        self._life = LifeCounter(scenario, first.layout)
         self.commands: list[tuple[float, str]] = []
         self._next_look = -np.inf
         self._shape: FloatArray | None = None
@@ -52,6 +54,7 @@ class Course:
 
     def log(self, snapshot: Snapshot) -> None:
         """Add a snapshot."""
+        self._life.log(snapshot)
         c = snapshot.columns
         load = np.linalg.norm(c.support_force, axis=1)
         higher = load > self._load  # False for NaN
@@ -89,6 +92,10 @@ class Course:
             )
             for name, part in self._layout.ropes.items()
         ]
+
+    def lives(self) -> list[RopeLife]:
+        """Counts for the life of each rope so far."""
+        return self._life.lives()
 
     def towers(self) -> list[TowerLoad]:
         """Forces on all towers when they were highest."""
@@ -176,6 +183,7 @@ def read_results(
         towers=course.towers(),
         signals=reading.signals,
         commands=course.commands,
+        lives=course.lives(),
         sources=sources,
         notes=[f"{fault}; --profile gives another one" for fault in reading.rule_faults],
     )

@@ -13,6 +13,7 @@ TEXTS: Mapping[str, str] = {
     "Rules": "Regeln",
     "Load cases": "Lastfälle",
     "Over time": "Zeitverläufe",
+    "Rope life": "Seillebensdauer",
     "Assumptions": "Annahmen",
     "Inputs, versions and use": "Eingaben, Versionen und Verwendung",
     "Sags": "Durchhänge",
@@ -122,6 +123,43 @@ TEXTS: Mapping[str, str] = {
     "compares load cases.": (
         "Dieser Bericht behandelt einen Lauf, also einen Lastfall. Ob er der ungünstigste ist, geht daraus nicht "
         "hervor; `envelope` vergleicht Lastfälle."
+    ),
+    "Counts alone: no life in trips or years is calculated, as no formula of rope life with its constants was found in "
+    "a source that can be read.": (
+        "Nur Zählwerte: eine Lebensdauer in Fahrten oder Jahren wird nicht berechnet, da keine Formel der "
+        "Seillebensdauer mit ihren Konstanten in einer lesbaren Quelle gefunden wurde."
+    ),
+    "A trip is once round the loop of": "Eine Fahrt ist ein Umlauf der Schleife von",
+    "A trip is there and back, together": "Eine Fahrt ist hin und zurück, zusammen",
+    "trips in this run by the travel of the rope:": "Fahrten in diesem Lauf nach dem Weg des Seils:",
+    "Bending cycles of the most bent rope point in a trip, straight to bent to straight:": (
+        "Biegewechsel der am meisten gebogenen Seilstelle je Fahrt, gerade - gebogen - gerade:"
+    ),
+    "over bullwheels and": "über Seilscheiben und",
+    "over sheaves of towers": "über Rollen von Stützen",
+    "in a year of": "in einem Jahr mit",
+    "trips:": "Fahrten:",
+    "and": "und",
+    "passed": "überlaufen",
+    "sheaves": "Rollen",
+    "diameter": "Durchmesser",
+    "over that of the rope": "zu dem des Seils",
+    "angle each": "Winkel je Rolle",
+    "cycles in a trip": "je Fahrt",
+    "in a year": "je Jahr",
+    "tension, lowest": "Zugkraft, kleinste",
+    "This rope does not run over bullwheels. Wheels of vehicles bend it, which is not counted.": (
+        "Dieses Seil läuft nicht über Seilscheiben. Die Räder der Fahrzeuge biegen es, was nicht gezählt wird."
+    ),
+    "range of tension [kN]": "Schwingbreite der Zugkraft [kN]",
+    "cycles in this run": "Schwingspiele in diesem Lauf",
+    "Cycles by rainflow counting (ASTM E1049-85), half cycles as 0.5, of the rope point with the largest range of 64 "
+    "that are followed. In a trip: along the mean tension of the run, without what happens in time as stops, which a "
+    "trip may have besides. In this run: over time at the point, of the frames in which the log has the ropes.": (
+        "Schwingspiele nach dem Rainflow-Verfahren (ASTM E1049-85), halbe als 0.5, an der Seilstelle mit der größten "
+        "Schwingbreite von 64 verfolgten. Je Fahrt: entlang der mittleren Zugkraft des Laufs, ohne zeitliche Vorgänge "
+        "wie Halte, die eine Fahrt außerdem haben kann. In diesem Lauf: über die Zeit, in den Augenblicken, in denen "
+        "die Aufzeichnung die Seile hat."
     ),
     "It models these load cases of rules:": "Er bildet diese Lastfälle von Regeln ab:",
     "inputs are marked assumed or have no source.": "Eingaben sind als angenommen bezeichnet oder ohne Quelle.",

@@ -9,6 +9,7 @@ from cable_twin.frame.records import FloatArray
 from cable_twin.key_figures import FigureId, KeyFigure
 from cable_twin.key_figures.rules import Profile, RuleVerdict
 from cable_twin.offline.reporting.remarks import Inputs
+from cable_twin.offline.reporting.rope_life import RopeLife
 from cable_twin.offline.thinned_series import Signals
 from cable_twin.scenario import Scenario
 
@@ -90,6 +91,8 @@ class Results:
         towers: forces on towers, of a run.
         signals: signals over time, of a run.
         commands: time (s) and text of commands, of a run.
+        lives: counts for the life of each rope, of a run.
+        trips: trips in a year; None where not given.
         cases: load cases.
         sources: name and content of each input and of what made the results.
         notes: of what the reader has to know, as a log that is damaged.
@@ -107,6 +110,8 @@ class Results:
     towers: Sequence[TowerLoad] = ()
     signals: Signals | None = None
     commands: Sequence[tuple[float, str]] = ()
+    lives: Sequence[RopeLife] = ()
+    trips: float | None = None
     cases: Sequence[Case] = ()
     sources: Sequence[tuple[str, str]] = ()
     notes: Sequence[str] = ()

@@ -9,6 +9,7 @@ from cable_twin.offline.reporting.sections.figures import KeyFigureTable
 from cable_twin.offline.reporting.sections.load_cases import LoadCases
 from cable_twin.offline.reporting.sections.origin import Origin
 from cable_twin.offline.reporting.sections.profile import LineProfile
+from cable_twin.offline.reporting.sections.rope_life import RopeLifeCounts
 from cable_twin.offline.reporting.sections.rules import Rules
 from cable_twin.offline.reporting.sections.section import Section
 from cable_twin.offline.reporting.sections.tension import TensionDiagram
@@ -23,6 +24,7 @@ SECTIONS: Sequence[Section] = (  # in the order of the page
     Rules(),
     LoadCases(),
     TimePlots(),
+    RopeLifeCounts(),
     Assumptions(),
     Origin(),
 )
