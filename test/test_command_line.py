@@ -13,6 +13,7 @@ import pytest
 from numba.extending import overload
 
 from cable_twin.offline import (
+    design,
     envelope,
     import_profile,
     line,
@@ -63,6 +64,7 @@ HELPS = {
     "envelope": envelope.parser,
     "report": report.parser,
     "import_profile": import_profile.parser,
+    "design": design.parser,
     "what_if": what_if.parser,
     "study": study.parser,
     "plant": plant.parser,

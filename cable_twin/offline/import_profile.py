@@ -59,7 +59,13 @@ def parser() -> OneLineParser:
     )
     result.add_argument("terrain", type=Path, metavar="TERRAIN", help="file of the ground under the line")
     result.add_argument("towers", type=Path, metavar="TOWERS", help="file of the towers")
-    result.add_argument("--type", choices=KINDS, default="fixed_grip_chairlift", help="kind of ropeway")
+    result.add_argument(
+        "--type",
+        choices=KINDS,
+        default="fixed_grip_chairlift",
+        metavar="KIND",
+        help=f"kind of ropeway: {', '.join(KINDS)}; default: fixed_grip_chairlift",
+    )
     result.add_argument(
         "--output", type=Path, default=Path("surveyed.yaml"), metavar="FILE", help="scenario; default: surveyed.yaml"
     )

@@ -226,7 +226,11 @@ class Assemblies(NamedTuple):
 
 
 def choose_tension(
-    corner: FloatArray, rope: Mapping[str, float], weights: Sequence[float], towers: Assemblies
+    corner: FloatArray,
+    rope: Mapping[str, float],
+    weights: Sequence[float],
+    towers: Assemblies,
+    factor: float = FACTOR * MARGIN,
 ) -> tuple[float, str]:
     """Highest tension at the lower end with which the rope is strong enough and presses on all towers.
 
@@ -235,6 +239,7 @@ def choose_tension(
         rope: `breaking_force` and `axial_stiffness` in N.
         weights: N/m, of the rope with full vehicles, with empty ones, and bare.
         towers: their assemblies.
+        factor: safety factor of the rope.
 
     Returns:
         Tension in N, and what decided it. Where no tension is enough, the one that misses least.
@@ -242,9 +247,9 @@ def choose_tension(
     Raises:
         SpanError: the rope is too weak.
     """
-    most = tension_for(corner, rope, weights[0])
+    most = tension_for(corner, rope, weights[0], factor)
     best: tuple[float, Margin] | None = None
-    by_strength = f"safety factor {FACTOR * MARGIN:.3g} of {rope['breaking_force'] / 1e3:.0f} kN, full up"
+    by_strength = f"safety factor {factor:.3g} of {rope['breaking_force'] / 1e3:.0f} kN, full up"
     for share in np.linspace(1.0, LEAST_SHARE, TRIED):
         try:
             margin = tower_margin(corner, share * most, rope["axial_stiffness"], weights, towers)
@@ -290,12 +295,31 @@ def tower_margin(
     """
     if not towers.names:
         return Margin(0.0, 0.0, "")
+    touches, presses = tower_margins(corner, tension, stiffness, weights, towers)
+    worst = int((touches if touches.min() < 0.0 else presses).argmin())
+    return Margin(min(0.0, float(touches.min())), float(presses.min()), towers.names[worst])
+
+
+def tower_margins(
+    corner: FloatArray, tension: float, stiffness: float, weights: Sequence[float], towers: Assemblies
+) -> tuple[FloatArray, FloatArray]:
+    """Margins (towers,) in N of each tower over what keeps the rope on it, and over the least load of its sheaves.
+
+    Args:
+        corner: (spans + 1, 2) m, supports from the tensioned end on.
+        tension: N, at the tensioned end.
+        stiffness: N, EA.
+        weights: N/m, of the rope with full vehicles, with empty ones, and bare.
+        towers: their assemblies.
+
+    Raises:
+        SpanError: the rope does not reach.
+    """
     full, empty, bare = (-spans_under_tension(corner, tension, weight, stiffness).loads()[:, 1] for weight in weights)
     holds = np.array([load < 0.0 if one is None else one for one, load in zip(towers.hold_down, full, strict=True)])
     touches = np.where(holds, -full, bare) - LEAST_BARE
     presses = np.where(holds, -full, empty) - LEAST_LOAD * np.array(towers.sheaves)
-    worst = int((touches if touches.min() < 0.0 else presses).argmin())
-    return Margin(min(0.0, float(touches.min())), float(presses.min()), towers.names[worst])
+    return touches, presses
 
 
 def _rope(

@@ -101,6 +101,7 @@ def dumped(content: CommentedMap) -> str:
     """Text of commented data."""
     yaml, text = YAML(), StringIO()
     yaml.width = 4000  # type: ignore[assignment]  # a comment stands behind its line
+    yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.dump(content, text)
     return text.getvalue()
 

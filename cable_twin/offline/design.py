@@ -1,0 +1,175 @@
+"""Command `design`: tension, unstrained length, rope and heights of towers of a line, written as a new scenario."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from cable_twin.offline.figure_table import print_figures, table_console
+from cable_twin.offline.line import calculate, plan_line
+from cable_twin.offline.survey.designing import (
+    Designed,
+    design_rope,
+    design_sag,
+    design_tension,
+    design_towers,
+    for_tension,
+)
+from cable_twin.offline.survey.line_model import DesignError, LineModel, line_model
+from cable_twin.offline.survey.rewriting import rewritten, scenario_file
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_lines
+from cable_twin.scenario.spans import SpanError
+from cable_twin.simulation import EquilibriumError
+from cable_twin.terminal.bars import compilation_shown
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+
+DONE, FAILED, UNUSABLE = 0, 1, 2
+PLACES = 4  # of the vehicle, at which the result is calculated
+WANTED = ("length", "tension", "rope", "towers")
+EPILOG = """\
+One of these follows from all else, for both strands of a lift with a counterweight or one track rope with a cabin:
+
+  length    unstrained length, and the counterweight, for --tension or --sag
+  tension   counterweight for the highest tension that the safety factor of the rope and the least loads of towers allow
+  rope      thinnest rope of the same construction with the safety factor, in whole millimetres
+  towers    heights of the rope on the towers that keep least loads and clearance, changed as little as possible
+
+They are found in closed form, with elastic catenaries over frictionless towers and the vehicles of a lift as even
+weight, by bounded search; each is told with what decided it, and has a comment in the new file, which else is as the
+old one. The new scenario is brought to rest, and its figures with limits are printed.
+
+exit codes: 0 done, 1 there is none within the bounds, or the line has no equilibrium, 2 wrong scenario or option
+
+examples:
+  design chairlift --for tension --output designed.yaml
+  design aerial_tramway --for length --sag 1:4.5 --output designed.yaml
+  design chairlift --for rope --factor 5 --output designed.yaml
+  design chairlift --for towers --raise 8 --output designed.yaml
+"""
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `design`."""
+    result = OneLineParser("design", "Design a part of a line.", EPILOG, failure=UNUSABLE)
+    result.add_scenario("name of a shipped scenario, or path of a YAML file", scenario_lines)
+    result.add_argument("--for", dest="wanted", choices=WANTED, required=True, help="what is designed")
+    result.add_argument(
+        "--output", type=Path, default=Path("designed.yaml"), metavar="FILE", help="scenario; default: designed.yaml"
+    )
+    result.add_argument(
+        "--tension", type=_positive, metavar="N", help="N, wanted in the rope at its tensioned end, for length"
+    )
+    result.add_argument(
+        "--sag",
+        type=_sag,
+        metavar="SPAN:M",
+        help="m, wanted below the chord of a span, numbered from 1 along the first rope, for length",
+    )
+    result.add_argument(
+        "--factor",
+        type=_positive,
+        metavar="F",
+        help="safety factor of the rope; default: that of the scenario's limits",
+    )
+    for name, default in (("lower", 3.0), ("raise", 10.0)):
+        result.add_argument(
+            f"--{name}",
+            dest=f"to_{name}",
+            type=_positive,
+            default=default,
+            metavar="M",
+            help=f"m, most by which a tower is {name}ed; default: {default:g}".replace("raiseed", "raised"),
+        )
+    return result
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a finite number above 0")
+    return value
+
+
+def _sag(text: str) -> tuple[int, float]:
+    span, _, sag = text.partition(":")
+    if not span.isdecimal() or not sag:
+        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: SPAN:M as in 2:4.5")
+    return int(span), _positive(sag)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Design a line and report; the help has the exit codes."""
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    source = arguments.given_scenario(options)
+    if source is None:
+        arguments.error("SCENARIO is needed")
+    if options.wanted == "length" and (options.tension is None) == (options.sag is None):
+        arguments.error("--for length: one of --tension and --sag is needed")
+    try:
+        model = line_model(load_scenario(source))
+        found = _designed(model, options)
+    except ScenarioError as error:
+        return _fault(error, UNUSABLE)
+    except (DesignError, SpanError) as error:
+        return _fault(error, FAILED)
+    for line in found.lines:
+        print(line)
+    if not found.changes:
+        return DONE
+    heading = f"Designed for {options.wanted} from {source}: `design:` beside a value says what decided it."
+    try:
+        options.output.write_text(rewritten(scenario_file(source), found.changes, heading), encoding="utf-8")
+        scenario = load_scenario(str(options.output))
+    except OSError as error:
+        return _fault(f"{error.filename or options.output}: {error.strerror or error}", FAILED)
+    except ScenarioError as error:
+        return _fault(error, FAILED)
+    print(f"{options.output} at rest:")
+    return _rest(scenario)
+
+
+def _designed(model: LineModel, options: Any) -> Designed:
+    if options.wanted == "tension":
+        return design_tension(model, options.factor)
+    if options.wanted == "rope":
+        return design_rope(model, options.factor)
+    if options.wanted == "towers":
+        return design_towers(model, options.to_lower, options.to_raise)
+    if options.sag is not None:
+        return design_sag(model, *options.sag)
+    return for_tension(model, options.tension, "given")
+
+
+def _rest(scenario: Scenario) -> int:
+    """Find the equilibrium at a few places of the vehicle, and print the figures that have limits."""
+    line = plan_line(scenario, PLACES, None)
+    console = Console(stderr=True)
+    try:
+        with left_at_once("design"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+            calculate(line)
+    except EquilibriumError as error:
+        return _fault(error, FAILED)
+    shown = [one for one in line.figures if one.kept is not None]
+    print_figures(table_console(), [shown], at=f"{line.moved} at", unit_at="m")
+    return DONE
+
+
+def _fault(error: object, code: int) -> int:
+    for line in str(error).splitlines():
+        tell("design", line)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,279 @@
+"""Design of a line in closed form: tension, unstrained length, rope, heights of towers, each with what decided it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from math import ceil
+from typing import NamedTuple
+
+import numpy as np
+import scipy  # loads `optimize` where it is used
+
+from cable_twin.basics.units import with_unit
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey.lift import LEAST_BARE, MARGIN, choose_tension, tower_margins
+from cable_twin.offline.survey.line_model import DesignError, LineModel
+from cable_twin.offline.survey.rewriting import Change
+from cable_twin.offline.survey.tramway import TRANSVERSE
+from cable_twin.scenario.spans import SpanError
+
+LARGEST = 3.0  # times the diameter of the rope, up to which a stronger one is looked for
+SLACKEST, TAUTEST = 0.02, 0.95  # of the breaking force, tension between which that of a sag is looked for
+STRONGEST = 0.01  # of EA, strength of a rope whose breaking force is not known
+SAME = 1e-3  # relative change of a tension that is none
+SURE = 0.02  # m and kN, by which conditions are kept, as heights are rounded to centimetres
+
+
+class Designed(NamedTuple):
+    """Result of a design.
+
+    Attributes:
+        changes: values by dotted key.
+        lines: what was found, and what decided it.
+    """
+
+    changes: dict[str, Change]
+    lines: list[str]
+
+
+def design_tension(model: LineModel, factor: float | None = None) -> Designed:
+    """Counterweight for the highest tension that rope and towers allow, and the length with it.
+
+    Args:
+        model: with a counterweight.
+        factor: safety factor of the rope; None: that of the scenario and 10 % more.
+
+    Raises:
+        DesignError: there is no counterweight, or no such tension.
+    """
+    if not model.mass_key:
+        raise DesignError("tension: given a rope without a counterweight; allowed: --for length --tension or --sag")
+    factor = factor or model.factor * MARGIN
+    strength = model.strength
+    if not model.cabin:
+        tension, why = choose_tension(model.corner, model.rope, model.weights, model.towers, factor)
+        return for_tension(model, tension, why)
+
+    def miss(tension: float) -> float:
+        return model.highest_tension(tension) - strength / factor
+
+    try:
+        tension = float(scipy.optimize.brentq(miss, SLACKEST * strength, strength / factor, rtol=1e-9))
+    except (ValueError, SpanError):
+        raise DesignError(
+            f"tension: no tension has a safety factor of {factor:.3g}; allowed: a stronger rope"
+        ) from None
+    if tension < TRANSVERSE * model.cabin:
+        raise DesignError(
+            f"tension: {with_unit(tension, 'N')} with a safety factor of {factor:.3g}, less than {TRANSVERSE:g} times "
+            f"the full cabin, {with_unit(model.cabin, 'N')}; allowed: a stronger rope, or a lighter cabin"
+        )
+    return for_tension(model, tension, f"safety factor {factor:.3g} of {strength / 1e3:.0f} kN")
+
+
+def for_tension(model: LineModel, tension: float, why: str) -> Designed:
+    """Counterweight and unstrained lengths for a tension (N) at the tensioned end, and what decided it."""
+    scenario, changes, lines = model.scenario, {}, []
+    if model.mass_key:
+        mass = float(round(model.pull_per_tension * tension / scenario.gravity, -1))
+        tension = mass * scenario.gravity / model.pull_per_tension
+        if abs(tension / model.tension() - 1.0) > SAME:
+            changes[model.mass_key] = Change(mass, f"kg, design: {with_unit(tension, 'N')} in the rope: {why}")
+        lines.append(f"{model.mass_key}: {mass:g} kg, {with_unit(tension, 'N')} in the rope: {why}")
+    length = round(model.lengths(tension), 2)
+    middle = "the counterweight is then near the middle of its travel"
+    reason = middle if model.mass_key else f"for {with_unit(tension, 'N')} in the rope: {why}"
+    for key in model.rope_keys:
+        changes[f"{key}.unstrained_length"] = Change(length, f"m, design: {reason}")
+    lines.append(f"{', '.join(model.rope_keys)}: unstrained_length {length:g} m: {reason}")
+    return Designed(changes, lines)
+
+
+def design_sag(model: LineModel, span: int, sag: float) -> Designed:
+    """Counterweight and lengths for a sag of the rope below the chord of a span.
+
+    On a lift with full vehicles, on a track rope of the bare rope.
+
+    Args:
+        model: the line.
+        span: its number, from 1 at the start of the first rope in the file.
+        sag: m.
+
+    Raises:
+        DesignError: there is no such span, or no tension with this sag.
+    """
+    count = model.corner.shape[0] - 1
+    if not 1 <= span <= count:
+        raise DesignError(f"--sag: given span {span}; allowed: 1 to {count}")
+    row = span - 1 if model.forward else count - span
+    which = 2 if model.cabin else 0
+    strength = model.rope.get("breaking_force", STRONGEST * model.rope["axial_stiffness"])
+
+    def miss(tension: float) -> float:
+        return float(model.spans(tension, which).sags()[row]) - sag
+
+    try:
+        tension = float(scipy.optimize.brentq(miss, _carrying(model, strength), TAUTEST * strength, rtol=1e-9))
+    except (ValueError, SpanError):
+        taut = model.spans(TAUTEST * strength, which).sags()[row]
+        raise DesignError(
+            f"--sag: given {sag:g} m in span {span}; allowed: above {taut:.3g} m, which the rope has near its breaking "
+            "force, and below that of a slack rope"
+        ) from None
+    return for_tension(model, tension, f"a sag of {sag:g} m in span {span}")
+
+
+def _carrying(model: LineModel, strength: float) -> float:
+    """Tension (N) that is just enough for the closed form to find a rope of a strength (N) over all spans."""
+    for share in np.geomspace(SLACKEST, TAUTEST, 40):
+        try:
+            model.spans(share * strength, 0)
+        except SpanError:
+            continue
+        return float(share * strength)
+    raise DesignError("rope: given one that does not carry its own weight; allowed: a stronger one")
+
+
+def design_rope(model: LineModel, factor: float | None = None) -> Designed:
+    """Thinnest rope of the same construction that has its safety factor, in whole millimetres.
+
+    The counterweight stays; steel, weight, stiffness and strength go with the square of the diameter, the bending
+    stiffness with its fourth power.
+
+    Args:
+        model: the line.
+        factor: safety factor; None: that of the scenario.
+
+    Raises:
+        DesignError: there is no diameter, or none is enough.
+    """
+    diameter = model.rope.get("diameter")
+    if diameter is None:
+        raise DesignError("diameter: given none; allowed: that of the rope, in m, from which others are scaled")
+    factor, tension, _ = factor or model.factor, model.tension(), model.strength
+    for millimetres in range(max(8, ceil(1e3 * diameter / LARGEST)), ceil(1e3 * diameter * LARGEST) + 1):
+        other = model.with_rope(_scaled(model.rope, 1e-3 * millimetres / diameter))
+        try:
+            has = other.rope["breaking_force"] / other.highest_tension(tension)
+        except SpanError:
+            continue
+        if has >= factor:
+            break
+    else:
+        raise DesignError(f"rope: none up to {LARGEST * diameter * 1e3:.0f} mm has a safety factor of {factor:g}")
+    construction = f"assumed: construction of the rope of {1e3 * diameter:.3g} mm, scaled"
+    why = f"{millimetres} mm, design: smallest in mm with a safety factor of {factor:g}, it has {has:.3f}"
+    if abs(1e-3 * millimetres - diameter) < 1e-6:
+        return Designed({}, [f"{', '.join(model.rope_keys)}: {why}: as it is"])
+    changes = {
+        f"{key}.{name}": Change(float(f"{value:.6g}"), why if name == "diameter" else construction)
+        for key in model.rope_keys
+        for name, value in other.rope.items()
+    }
+    found = for_tension(other, tension, "as before")
+    return Designed(changes | found.changes, [f"{', '.join(model.rope_keys)}: {why}; {construction}", *found.lines])
+
+
+def _scaled(rope: dict[str, float], ratio: float) -> dict[str, float]:
+    powers = {"diameter": 1, "bending_stiffness": 4}
+    return {key: value * ratio ** powers.get(key, 2) for key, value in rope.items()}
+
+
+class Conditions(NamedTuple):
+    """What heights of towers have to keep: names, and margins in m and kN that are at least 0."""
+
+    names: list[str]
+    margins: Callable[[FloatArray], FloatArray]
+
+
+def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
+    """Heights of the rope on the towers, changed as little as keeps least loads and clearance.
+
+    The sum of squares of the changes is the least (SLSQP), the tension stays.
+
+    Args:
+        model: the line.
+        lower: m, by which a tower may become lower at most.
+        raise_: m, by which it may become higher at most.
+
+    Raises:
+        DesignError: there are no towers, or no such heights within these bounds.
+    """
+    if not model.towers.names:
+        raise DesignError("towers: given none; allowed: a line with towers")
+    tension = model.tension()
+    before = model.corner[1:-1, 1]
+    conditions = _conditions(model, tension)
+
+    def margins(moved: FloatArray) -> FloatArray:
+        return conditions.margins(before + moved) - SURE
+
+    bounds = [(-lower, raise_)] * before.size
+    constraint = {"type": "ineq", "fun": margins}
+    found = scipy.optimize.minimize(
+        lambda moved: float(moved @ moved),
+        np.zeros(before.size),
+        jac=lambda moved: 2.0 * moved,
+        bounds=bounds,
+        constraints=[constraint],
+        method="SLSQP",
+        options={"maxiter": 200, "ftol": 1e-9},
+    )
+    moved = np.round(found.x, 2)
+    kept = conditions.margins(before + moved)
+    if kept.min() < -1e-6:
+        worst = int(kept.argmin())
+        raise DesignError(
+            f"towers: no heights from {-lower:g} to {raise_:g} m keep all conditions, {conditions.names[worst]} is "
+            f"missed by {-kept[worst]:.3g}; allowed: wider bounds (--lower, --raise), other tension, or a tower more"
+        )
+    return _heights(model, tension, before, moved, conditions)
+
+
+def _conditions(model: LineModel, tension: float) -> Conditions:
+    """Least loads of all towers in kN, and least clearance of each span in m."""
+    ends = ["the tensioned end", *model.towers.names, "the other end"]
+    names = [f"rope on {name}" for name in model.towers.names]
+    if not model.cabin:
+        names += [f"least load of the sheaves of {name}" for name in model.towers.names]
+    clear = model.terrain.size > 0
+    names += [f"clearance from {low} to {high}" for low, high in pairwise(ends)] if clear else []
+
+    def margins(heights: FloatArray) -> FloatArray:
+        there = model.with_heights(heights)
+        if model.cabin:
+            bare = -there.spans(tension, 2).loads()[:, 1]
+            parts = [1e-3 * (bare - LEAST_BARE)]
+        else:
+            loads = tower_margins(there.corner, tension, model.rope["axial_stiffness"], model.weights, model.towers)
+            parts = [1e-3 * one for one in loads]
+        if clear:
+            parts.append(there.heights(tension).min(axis=1) - model.clearance)
+        return np.concatenate(parts)
+
+    return Conditions(names, margins)
+
+
+def _heights(
+    model: LineModel, tension: float, before: FloatArray, moved: FloatArray, conditions: Conditions
+) -> Designed:
+    """Changed heights, each with the condition that would be missed first without the change."""
+    changes: dict[str, Change] = {}
+    lines = []
+    kept = conditions.margins(before + moved)
+    for row, (name, way) in enumerate(zip(model.towers.names, moved, strict=True)):
+        if way == 0.0:
+            continue
+        without = moved.copy()
+        without[row] = 0.0
+        lost = conditions.margins(before + without)
+        worst = int(np.where(kept < 10.0, lost, np.inf).argmin())
+        why = f"{'raised' if way > 0.0 else 'lowered'} by {abs(way):.2f} m for {conditions.names[worst]}"
+        height = round(float(before[row] + way), 2)
+        changes[f"towers.{name}.position.z"] = Change(height, f"design: {why}")
+        lines.append(f"towers.{name}.position: z = {height:g} m, {why}")
+    if not changes:
+        return Designed({}, ["towers: all conditions are kept as they are"])
+    found = for_tension(model.with_heights(before + moved), tension, "as before")
+    return Designed(changes | found.changes, lines + found.lines)

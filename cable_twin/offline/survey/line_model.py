@@ -1,0 +1,283 @@
+"""Line of a scenario in closed form: supports, rope, loads and terrain, as the design of a line takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy  # loads `optimize` where it is used
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey.lift import FACTOR as HAUL_FACTOR
+from cable_twin.offline.survey.lift import Assemblies
+from cable_twin.offline.survey.tramway import FACTOR as TRACK_FACTOR
+from cable_twin.offline.survey.tramway import with_cabin
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
+
+PER_SPAN = 21  # points of a span at which clearance is taken
+STATION = 40.0  # m from both ends, within which vehicles may come down to the ground; assumed
+
+
+class DesignError(ValueError):
+    """Error of a line that cannot be designed as asked for; one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class LineModel:
+    """Line in a vertical plane with its rope, from the tensioned end on.
+
+    Attributes:
+        scenario: where it comes from.
+        corner: (spans + 1, 2) m, distance from the tensioned end and height of ends and towers.
+        towers: of the file, with their assemblies; empty hold-downs on a track rope.
+        rope: figures of the rope by key.
+        weights: N/m, of the rope with full vehicles, with empty ones, and bare.
+        cabin: N, weight of the full vehicle on a track rope; 0 on a lift.
+        depth: m, lowest point of the vehicle below the rope.
+        terrain: (points, 2) m, in the axes of `corner`; empty without one.
+        rope_keys: of the ropes in the file, such as ropes.up.
+        mass_key: of the counterweight; empty without one.
+        pull_per_tension: -, force of the counterweight over the tension at its end.
+        free_stretch: -, length without tension over the unstrained one.
+        forward: whether the first rope of the file starts at the tensioned end.
+    """
+
+    scenario: Scenario
+    corner: FloatArray
+    towers: Assemblies
+    rope: dict[str, float]
+    weights: tuple[float, float, float]
+    cabin: float
+    depth: float
+    terrain: FloatArray
+    rope_keys: tuple[str, ...]
+    mass_key: str
+    pull_per_tension: float
+    free_stretch: float
+    forward: bool
+
+    @property
+    def strength(self) -> float:
+        """Breaking force (N) of the rope.
+
+        Raises:
+            DesignError: the scenario has none.
+        """
+        if "breaking_force" not in self.rope:
+            raise DesignError(f"{self.rope_keys[0]}.breaking_force: given none; allowed: that of the rope, in N")
+        return self.rope["breaking_force"]
+
+    @property
+    def factor(self) -> float:
+        """Safety factor that the rope is to have."""
+        limits = self.scenario.limits
+        given = limits.rope_safety_factor
+        usual = TRACK_FACTOR if self.cabin else HAUL_FACTOR
+        return given if given is not None else usual
+
+    @property
+    def clearance(self) -> float:
+        """Least clearance (m) of vehicles over the ground."""
+        return self.scenario.limits.vehicle_clearance or 0.0
+
+    def spans(self, tension: float, which: int = 0) -> Spans:
+        """Rope under a tension (N) at its tensioned end, with the weight of number `which`."""
+        return spans_under_tension(
+            self.corner, tension, self.weights[which], self.rope["axial_stiffness"], self.free_stretch
+        )
+
+    def lengths(self, tension: float) -> float:
+        """Unstrained length (m) with which the counterweight is in the middle of its travel."""
+        if not self.cabin:
+            return float(np.mean([self.spans(tension, which).length.sum() for which in (0, 1)]))
+        bare = float(self.spans(tension, 2).length.sum())
+        if not self.mass_key:
+            return bare
+        loaded = with_cabin(self.corner, tension, self.weights[2], self.rope["axial_stiffness"], self.cabin)
+        return 0.5 * (bare + float(loaded.length.sum()))
+
+    def tension(self) -> float:
+        """Tension (N) at the tensioned end, of the counterweight or of the length of a rope with pinned ends."""
+        if self.mass_key:
+            return pull_of(self.scenario, self.mass_key) / self.pull_per_tension
+        length = self.scenario.of_rope(next(iter(self.scenario.cables))).cable.unstrained_length
+
+        def miss(tension: float) -> float:
+            return self.lengths(tension) - length
+
+        before = 0.0
+        for tension in np.geomspace(0.3 * self.weights[2] * length, 0.02 * self.rope["axial_stiffness"], 60):
+            try:
+                longer = miss(tension) > 0.0
+            except SpanError:
+                continue
+            if not longer and before > 0.0:
+                return float(scipy.optimize.brentq(miss, before, tension, rtol=1e-9))
+            before = float(tension)
+        raise DesignError(f"unstrained_length: given {length:g} m; allowed: one with which the rope is taut")
+
+    def highest_tension(self, tension: float) -> float:
+        """Highest tension (N) anywhere, with full vehicles."""
+        return float(self.spans(tension, 2 if self.cabin else 0).tension.max())
+
+    def heights(self, tension: float) -> FloatArray:
+        """Heights (spans, points) in m of the lowest points of full vehicles over the ground along each span.
+
+        Those within `STATION` of both ends, where vehicles come down to the ground, are infinite.
+        """
+        rope = self.spans(tension, 2 if self.cabin else 0)
+        places = rope.shape(PER_SPAN).reshape(-1, PER_SPAN, 2)
+        if self.cabin:  # the bend under a single load, to first order
+            first, last = places[:, :1, 0], places[:, -1:, 0]
+            there = (places[..., 0] - first) * (last - places[..., 0]) / (last - first)
+            level = rope.pull[:, :1]
+            slope = np.diff(self.corner, axis=0)
+            share = slope[:, :1] / np.hypot(slope[:, :1], slope[:, 1:])
+            places[..., 1] -= self.cabin * share**2 * there / level
+        else:  # a rope of point loads bends by so much more under one of them than one of even weight
+            apart = self.scenario.spacing
+            places[..., 1] -= (self.weights[0] - self.weights[2]) * apart**2 / (8.0 * rope.pull[:, :1])
+        ground = np.interp(places[..., 0], *self.terrain.T)
+        inside = (places[..., 0] > STATION) & (places[..., 0] < self.corner[-1, 0] - STATION)
+        return np.where(inside, places[..., 1] - self.depth - ground, np.inf)
+
+    def with_heights(self, heights: FloatArray) -> LineModel:
+        """The same line with other heights (towers,) in m of the rope on its towers."""
+        corner = self.corner.copy()
+        corner[1:-1, 1] = heights
+        return replace(self, corner=corner)
+
+    def with_rope(self, rope: dict[str, float]) -> LineModel:
+        """The same line with another rope."""
+        gravity = self.scenario.gravity
+        more = gravity * (rope["mass_per_length"] - self.rope["mass_per_length"])
+        weights = (self.weights[0] + more, self.weights[1] + more, self.weights[2] + more)
+        return replace(self, rope=rope, weights=weights)
+
+
+def pull_of(scenario: Scenario, mass_key: str) -> float:
+    """Force (N) of the counterweight at a key of its mass."""
+    found: Any = scenario
+    for part in mass_key.split(".")[:-1]:
+        found = found[part] if isinstance(found, dict) else getattr(found, part)
+    return float(found.force if found.force is not None else found.mass * scenario.gravity)
+
+
+def line_model(scenario: Scenario) -> LineModel:
+    """Line of a scenario.
+
+    Raises:
+        DesignError: it is neither a lift in a plane nor a single track rope.
+    """
+    if scenario.dim != 2:
+        raise DesignError("space: given a line in space; allowed: a lift or a track rope in a plane")
+    if scenario.carriers is not None and scenario.sheaves:
+        return _lift(scenario)
+    if scenario.ropes or len(scenario.carriages) != 1 or scenario.drives:
+        raise DesignError("ropes: given several ropes; allowed: both strands of a lift, or one track rope with a cabin")
+    return _track(scenario)
+
+
+def _lift(scenario: Scenario) -> LineModel:
+    carriers = scenario.carriers
+    tensioned = [name for name, one in scenario.sheaves.items() if one.counterweight is not None]
+    if carriers is None or carriers.kinds or len(tensioned) != 1 or len(scenario.ropes) != 2:
+        raise DesignError(
+            "sheaves: given a lift without one counterweight, two strands and carriers of one kind; allowed: this"
+        )
+    first = next(iter(scenario.ropes))
+    strand = scenario.strands[first]
+    alone = scenario.of_rope(first)
+    corner = np.array([place[-2:] if len(place) == 2 else (place[0], place[2]) for place in alone.corners])
+    if strand.after == tensioned[0]:  # from the tensioned end on
+        corner, names = corner[::-1], list(alone.towers)[::-1]
+    else:
+        names = list(alone.towers)
+    towers = [alone.towers[name] for name in names]
+    empty = sum(body.mass for body in carriers.bodies.values()) / scenario.spacing
+    capacity = carriers.payload.capacity / scenario.spacing if carriers.payload is not None else 0.0
+    rope = figures_of(alone.cable)
+    own = rope["mass_per_length"] + alone.cable.ice
+    weights = tuple(scenario.gravity * (own + load) for load in (empty + capacity, empty, 0.0))
+    direction = np.array(scenario.sheaves[tensioned[0]].counterweight.direction)  # type: ignore[union-attr]
+    span = corner[1] - corner[0]
+    along = abs(float(direction @ span)) / float(np.hypot(*direction) * np.hypot(*span))
+    plain = [name.removesuffix(f"_{first}") for name in names]
+    corner, terrain = _from_tensioned_end(corner, scenario)
+    return LineModel(
+        scenario,
+        corner,
+        Assemblies(plain, [one.hold_down for one in towers], [one.contacts for one in towers]),
+        rope,
+        (weights[0], weights[1], weights[2]),
+        0.0,
+        _depth(list(carriers.bodies.values())),
+        terrain,
+        tuple(f"ropes.{name}" for name in scenario.ropes),
+        f"sheaves.{tensioned[0]}.counterweight.mass",
+        2.0 * along,
+        alone.cable.free_stretch(scenario.air.temperature),
+        strand.after != tensioned[0],
+    )
+
+
+def _track(scenario: Scenario) -> LineModel:
+    (carriage,) = scenario.carriages.values()
+    cable = scenario.cable
+    weighted = [key for key, end in cable.ends.items() if end.support == "counterweight"]
+    corner = np.array(scenario.corners)
+    names = list(scenario.towers)
+    if weighted == ["end"]:
+        corner, names = corner[::-1], names[::-1]
+    towers = [scenario.towers[name] for name in names]
+    rope = figures_of(cable)
+    own = scenario.gravity * (rope["mass_per_length"] + cable.ice)
+    full = sum(body.mass for body in carriage.bodies.values())
+    full += carriage.payload.capacity if carriage.payload is not None else 0.0
+    along = 1.0
+    if weighted:
+        direction, span = np.array(cable.ends[weighted[0]].direction), corner[1] - corner[0]
+        along = abs(float(direction @ span)) / float(np.hypot(*direction) * np.hypot(*span))
+    corner, terrain = _from_tensioned_end(corner, scenario)
+    return LineModel(
+        scenario,
+        corner,
+        Assemblies(names, [one.hold_down for one in towers], [one.contacts for one in towers]),
+        rope,
+        (own, own, own),
+        scenario.gravity * full,
+        _depth(list(carriage.bodies.values())),
+        terrain,
+        ("cable",),
+        f"cable.{weighted[0]}.mass" if weighted else "",
+        along,
+        cable.free_stretch(scenario.air.temperature),
+        weighted != ["end"],
+    )
+
+
+def _from_tensioned_end(corner: FloatArray, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
+    """Supports and terrain, x as distance from the first support, terrain in rising distance."""
+    sense = 1.0 if corner[-1, 0] > corner[0, 0] else -1.0
+    terrain = np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2)[:: int(sense)].copy()
+    terrain[:, 0] = sense * (terrain[:, 0] - corner[0, 0])
+    return np.column_stack([sense * (corner[:, 0] - corner[0, 0]), corner[:, 1]]), terrain
+
+
+def figures_of(cable: Any) -> dict[str, float]:
+    """Figures of a rope that change with its size, those that a scenario has."""
+    keys = ("mass_per_length", "axial_stiffness", "bending_stiffness", "breaking_force", "diameter")
+    return {key: float(value) for key in keys if (value := getattr(cable, key)) is not None}
+
+
+def _depth(bodies: Sequence[Any]) -> float:
+    """Lowest point (m) of a chain of bodies below the joint on the rope."""
+    below, lowest = 0.0, 0.0
+    for body in bodies:
+        centre = below + body.upper_pivot[-1]
+        lowest = max(lowest, centre + (0.5 * body.size[1] if body.size is not None else 0.0))
+        below = centre - (body.lower_pivot[-1] if body.lower_pivot is not None else 0.0)
+    return lowest

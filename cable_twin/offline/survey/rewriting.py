@@ -1,0 +1,69 @@
+"""Scenario files with changed values: all else, comments included, stays as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+from cable_twin.offline.survey.marked import COLUMN, dumped
+from cable_twin.scenario import config_directory
+
+
+class Change(NamedTuple):
+    """Changed value of a scenario."""
+
+    value: Any
+    why: str
+
+
+def scenario_file(source: str) -> Path:
+    """File of a scenario by its name or path."""
+    path = Path(source)
+    return path if path.suffix in (".yaml", ".yml") else config_directory() / f"{source}.yaml"
+
+
+def rewritten(file: Path, changes: Mapping[str, Change], heading: str) -> str:
+    """Text of a scenario file with other values, each with a comment.
+
+    Args:
+        file: a valid scenario.
+        changes: by dotted key in the file.
+        heading: line of the comment at the begin.
+    """
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    content = yaml.load(file.read_text(encoding="utf-8"))
+    for key, change in changes.items():
+        _set(content, key.split("."), change)
+    return f"# {heading}\n{dumped(content)}"
+
+
+def _set(content: CommentedMap, parts: list[str], change: Change) -> None:
+    """Set a value, with a comment in the line of the innermost key that stands in a line of its own."""
+    here: Any = content
+    owner, last = content, parts[0]
+    for part in parts:
+        if isinstance(here, CommentedMap) and not here.fa.flow_style():
+            owner, last = here, part
+        if part != parts[-1]:
+            here = here[part]
+    if isinstance(here, CommentedSeq):
+        here[len(here) - 1 if parts[-1] == "z" else int(parts[-1])] = change.value
+    else:
+        here[parts[-1]] = change.value
+    _remark(owner, last, change.why)
+
+
+def _remark(owner: CommentedMap, key: str, text: str) -> None:
+    """Put a comment behind a key, in place of the one there; what stands below it stays."""
+    tokens = owner.ca.items.get(key)
+    there = tokens[2] if tokens is not None and len(tokens) > 2 else None
+    if there is None:
+        owner.yaml_add_eol_comment(text, key, column=COLUMN)
+        return
+    _, _, below = there.value.partition("\n")
+    there.value = f"# {text}\n{below}"

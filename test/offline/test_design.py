@@ -1,0 +1,128 @@
+"""Design of a line: each result holds in the equilibrium of the whole model, and says what decided it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cable_twin.offline import design, import_profile
+from cable_twin.offline.line import Line, calculate
+from cable_twin.offline.survey.designing import design_rope, design_sag, design_tension, for_tension
+from cable_twin.offline.survey.lift import tower_margins
+from cable_twin.offline.survey.line_model import line_model
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+SURVEY = Path(__file__).resolve().parents[2] / "examples" / "survey"
+
+
+def changed(name, found):
+    """Scenario with the changes of a design."""
+    return load_scenario(name, {key: one.value for key, one in found.changes.items()})
+
+
+def rest_of(scenario):
+    """Key figures of a line at rest by quantity and subject."""
+    line = Line(scenario, "", np.zeros(1))
+    calculate(line)
+    return {(one.id.quantity, one.id.subject, one.id.statistic): one.value for one in line.figures}
+
+
+def test_the_highest_tension_has_its_factor_and_the_length_its_travel():
+    model = line_model(load_scenario("chairlift"))
+    found = design_tension(model)
+    assert found.lines[0].endswith("safety factor 4.95 of 960 kN, full up")
+    figures = rest_of(changed("chairlift", found))
+    factor = min(value for (quantity, *_), value in figures.items() if quantity == "rope_safety_factor")
+    assert factor == pytest.approx(4.95, rel=0.01)
+    travel = [value for (quantity, *_), value in figures.items() if quantity == "counterweight_travel"]
+    assert travel == pytest.approx([0.0, 0.0], abs=0.25)
+
+
+def test_a_wanted_sag_is_that_of_the_bare_track_rope():
+    model = line_model(load_scenario("aerial_tramway"))
+    found = design_sag(model, 2, 8.0)
+    assert "a sag of 8 m in span 2" in found.lines[0]
+    scenario = changed("aerial_tramway", found)
+    rope = Simulation(load_scenario(scenario.resolved(), {"carriages.cabin.arc_length": 3.1})).snapshot.cable
+    here = rope.positions[rope.positions[:, 0] > 412.0]
+    (low, _, foot), (high, _, top) = here[0], here[-1]
+    chord = foot + (here[:, 0] - low) / (high - low) * (top - foot)
+    assert float((chord - here[:, 2]).max()) == pytest.approx(8.0 * 0.98**2, rel=0.02)  # without half the saddle
+
+
+def test_the_rope_is_the_thinnest_with_its_factor():
+    model = line_model(load_scenario("chairlift"))
+    found = design_rope(model, 6.0)
+    assert found.changes["ropes.up.diameter"].value == 0.044
+    other = line_model(changed("chairlift", found))
+    assert other.rope["breaking_force"] / other.highest_tension(other.tension()) > 6.0
+    assert other.rope["breaking_force"] == pytest.approx(0.96e6 * 1.1**2)
+    assert design_rope(model, 5.0).changes == {}  # 40 mm is enough
+
+
+def test_a_pinned_rope_gets_the_length_of_its_tension():
+    model = line_model(load_scenario("single_span"))
+    found = for_tension(model, 1.2e6, "given")
+    assert list(found.changes) == ["cable.unstrained_length"]
+    assert line_model(changed("single_span", found)).tension() == pytest.approx(1.2e6, rel=0.005)
+
+
+@pytest.fixture(scope="module")
+def lift(tmp_path_factory):
+    """The chairlift of nine towers."""
+    file = tmp_path_factory.mktemp("lift") / "lift.yaml"
+    given = [str(SURVEY / f"{name}.csv") for name in ("terrain", "towers")]
+    assert import_profile.main([*given, "--start=0,0", "--end=950,240", "--no-rest", "--output", str(file)]) == 0
+    return file
+
+
+def test_heights_of_towers_keep_least_loads_and_clearance(lift, tmp_path, capsys):
+    file = tmp_path / "higher.yaml"
+    assert design.main([str(lift), "--for", "towers", "--output", str(file)]) == 0
+    told = capsys.readouterr().out
+    assert "towers.T4.position: z = 73.0" in told
+    assert "1 of 29 limits is not kept:\n  chair: clearance over the terrain: exceeded: 1.7" in told  # in the station
+    text = file.read_text(encoding="utf-8")
+    assert "  # design: raised by 4.5" in text
+    assert "# assumed: usual chair\n" in text
+    model = line_model(load_scenario(str(file)))
+    assert model.heights(model.tension()).min() >= 2.5
+    margins = tower_margins(model.corner, model.tension(), 62e6, model.weights, model.towers)
+    assert np.min(margins) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "told"),
+    [
+        (["jig_back", "--for", "tension"], 1, "space: given a line in space; allowed: a lift or a track rope in a pl"),
+        (["bicable", "--for", "rope"], 1, "sheaves: given a lift without one counterweight, two strands and carr"),
+        (
+            ["single_span", "--for", "tension"],
+            1,
+            "tension: given a rope without a counterweight; allowed: --for",
+        ),
+        (["single_span", "--for", "towers"], 1, "towers: given none; allowed: a line with towers"),
+        (["aerial_tramway", "--for", "length", "--sag", "3:5"], 1, "--sag: given span 3; allowed: 1 to 2"),
+        (["aerial_tramway", "--for", "length", "--sag", "1:1"], 1, "--sag: given 1 m in span 1; allowed: above 1.17 m"),
+        (["chairlift", "--for", "rope", "--factor", "90"], 1, "rope: none up to 120 mm has a safety factor of 90"),
+        (["nowhere", "--for", "rope"], 2, "scenario: given 'nowhere', which is neither a scenario nor a file"),
+    ],
+)
+def test_impossible_designs_are_a_line(options, code, told, capsys):
+    assert design.main(options) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+
+
+def test_wrong_options_are_a_line(capsys):
+    for options in (["chairlift", "--for", "length"], ["--for", "rope"], ["chairlift", "--for", "length", "--sag=x"]):
+        with pytest.raises(SystemExit) as ended:
+            design.main(options)
+        assert ended.value.code == 2
+    length, source, sag = capsys.readouterr().err.splitlines()
+    assert "--for length: one of --tension and --sag is needed" in length
+    assert "SCENARIO is needed" in source
+    assert "'x' given, allowed: SPAN:M as in 2:4.5" in sag
