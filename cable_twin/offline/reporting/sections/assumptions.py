@@ -21,7 +21,12 @@ class Assumptions:
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
         """Assumed inputs, defaults, limits, and ways of sampling."""
         inputs = results.inputs
-        limits = [row_of(one, results, texts) for one in results.figures if one.source.startswith("assumed")]
+        limits: dict[tuple[str, str, str], int] = {}  # number of figures by quantity, limit and its source
+        for one in results.figures:
+            if one.source.startswith("assumed"):
+                row = row_of(one, results, texts)
+                key = texts.quantity(one.id.quantity), row.limit, row.source
+                limits[key] = limits.get(key, 0) + 1
         bands = list(dict.fromkeys(texts.phrase(one.band) for one in results.figures if "assumed" in one.band))
         return {
             "head": inputs.head,

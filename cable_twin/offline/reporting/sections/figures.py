@@ -20,7 +20,9 @@ class KeyFigureTable:
         """Rows of the table, notes, and the summary of the limits."""
         rows = [row_of(one, results, texts) for one in results.figures]
         notes = list(dict.fromkeys(row.note for row in rows if row.note))
-        return {"rows": rows, "notes": notes, "several": bool(results.governing)} if rows else None
+        sources = list(dict.fromkeys(row.source for row in rows if row.source))
+        content = {"rows": rows, "notes": notes, "sources": sources, "several": bool(results.governing)}
+        return content if rows else None
 
 
 def limits_summary(results: Results, texts: Texts) -> tuple[str, list[str]]:

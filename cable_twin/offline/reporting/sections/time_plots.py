@@ -15,6 +15,7 @@ from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.texts import Texts
 from cable_twin.offline.thinned_series import Signals
 
+SPREAD = ("arc_length",)  # whose range over many objects says nothing
 MANY = 6  # lines, above which they are drawn as a range
 POINTS = 300  # intervals of a line, each with its lowest and highest value
 
@@ -49,7 +50,7 @@ def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
             if name.startswith(f"{one.name}/"):
                 whose = name.partition("/")[2].replace("/", " ")
                 lines[f"{whose} {texts(one.label)}" if one.beside else whose] = thinned(*series.line())
-    if not lines:
+    if not lines or (signal.name in SPREAD and len(lines) > MANY):
         return None
     size = max(
         (float(np.nanmax(np.abs(values))) for _, values in lines.values() if np.isfinite(values).any()), default=0.0
@@ -77,12 +78,12 @@ def _draw_range(chart: Chart, lines: Mapping[str, tuple[FloatArray, FloatArray]]
     low, high = np.fmin.reduce(values), np.fmax.reduce(values)
     chart.area(times, low, high)
     names = list(lines)
-    tops, bottoms = (np.array([pick(one) for one in values]) for pick in (_highest, _lowest))
-    for look, word, index in (
-        (LOOKS[0], "highest", int(np.argmax(tops))),
-        (LOOKS[1], "lowest", int(np.argmin(bottoms))),
-    ):
-        chart.line(*lines[names[index]], look, f"{names[index]} ({texts(word)} {texts('of')} {len(names)})")
+    top = int(np.argmax([_highest(one) for one in values]))
+    bottom = int(np.argmin([_lowest(one) for one in values]))
+    words = {top: [texts("highest")]}
+    words.setdefault(bottom, []).append(texts("lowest"))
+    for (index, reached), look in zip(words.items(), LOOKS, strict=False):
+        chart.line(*lines[names[index]], look, f"{names[index]} ({', '.join(reached)} {texts('of')} {len(names)})")
 
 
 def _highest(values: FloatArray) -> float:
