@@ -23,6 +23,7 @@ from cable_twin.offline.check import compared, refined
 from cable_twin.offline.export import STDOUT
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
+from cable_twin.offline.survey.drawing import drawing_fault, write_drawing
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import Scenario, ScenarioError, build_system, load_scenario, scenario_lines
 from cable_twin.scenario.command_limits import sense_of, travel_between_stops
@@ -46,7 +47,7 @@ examples:
   line aerial_tramway
   line aerial_tramway --places 100 --plot empty.png \\
        --set carriages.cabin.payload.mass=0
-  line gondola --csv gondola.csv
+  line gondola --csv gondola.csv --profile gondola.dxf
   line aerial_tramway --places 10 --check
 """
 
@@ -86,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Calculate a line and report; the help has the exit codes."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
-    if fault := plot_fault(options.plot):
+    if fault := plot_fault(options.plot) or drawing_fault(options.profile):
         return _fault(fault, UNUSABLE)
     console = Console(stderr=True)
     scenario = arguments.given_scenario(options) or DEFAULT_SCENARIO
@@ -120,6 +121,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             from cable_twin.offline.line_plot import write_line_plot  # noqa: PLC0415 - matplotlib takes a second
 
             write_line_plot(line, options.plot)
+        if options.profile is not None:
+            write_drawing(line, options.profile)
     except BrokenPipeError:
         raise  # the reader of the output has closed it: `entry_points` ends silently
     except OSError as error:
@@ -158,6 +161,12 @@ def parser() -> OneLineParser:
         type=Path,
         metavar="PATH",
         help="plot profile, terrain, tension, clearance and tower loads, as .png, .pdf or .svg",
+    )
+    result.add_argument(
+        "--profile",
+        type=Path,
+        metavar="PATH",
+        help="write terrain, towers, range of the ropes and clearance, as .csv, or .dxf for CAD (needs ezdxf)",
     )
     return result
 
