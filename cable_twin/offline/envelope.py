@@ -53,6 +53,9 @@ has `set`, changes by dotted key, `loading`, one of {", ".join(PLANS)}, and
       cold: {{set: {{air.temperature: -20}}}}
       hot: {{set: {{air.temperature: 40}}}}
 
+With `dynamic: {{script: FILE, duration: S}}` a case is a run, as of `simulate`; with `stop: {{from: S, to: S, figures:
+[ID]}}` within it, the emergency stop at the worst moment for these key figures, found by search.
+
 Each case is calculated at rest for --places places of the vehicle, as `line` does, on all cores. The extremes of all
 cases are printed with the case that governs, and the verdicts of the scenario's rule profiles, each of the worst case.
 
@@ -127,11 +130,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.results is not None:
             options.results.mkdir(parents=True, exist_ok=True)
         results = _calculated([Job(case, options.places) for case in cases], options.results, console)
-        verdicts = worst_verdicts([judge(one.scenario, result.figures, at_rest=True) for one, result in
+        verdicts = worst_verdicts([judge(one.scenario, result.figures, at_rest=not one.moves) for one, result in
                                    zip(cases, results, strict=True)])  # fmt: skip
         extremes = envelope(results)
         with redirect_stdout(sys.stderr if STDOUT in (options.csv, options.json) else sys.stdout):
-            print(f"{cases[0].scenario.name} at rest, {len(cases)} load cases, {options.places} places of the vehicle")
+            moving = sum(case.moves for case in cases)
+            print(f"{cases[0].scenario.name} at rest, {len(cases) - moving} load cases, {options.places} places of the "
+                  f"vehicle{f', and {moving} load cases in motion' if moving else ''}")  # fmt: skip
             shown = [replace(one, place=", ".join(filter(None, (f"case {case}", one.place)))) for case, one in extremes]
             print_figures(table_console(), [shown], at="vehicle at", unit_at="m")
             print_verdicts(table_console(), profiles, verdicts)
@@ -188,7 +193,8 @@ def _file(kept: Path, job: Job) -> Path:
     scenario = job.case.scenario.resolved()
     for key in ("profile", "installation", "load_cases"):  # judged anew each time
         del scenario["limits"][key]
-    text = json.dumps([scenario, job.places, metadata.version("cable_twin")], sort_keys=True)
+    run = [] if job.case.dynamic is None else [job.case.dynamic.inputs]
+    text = json.dumps([scenario, job.places, metadata.version("cable_twin"), *run], sort_keys=True)
     return kept / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}{SUFFIX}"
 
 
@@ -268,8 +274,8 @@ def _write(
             "command": options.command,
             "places": options.places,
             "cases": [
-                {"id": one.id, "name": one.name, "changes": dict(one.changes), "fault": found.fault}
-                for one, found in zip(cases, results, strict=True)
+                {"id": one.id, "name": one.name, "changes": dict(one.changes), "dynamic": one.moves, "fault": got.fault}
+                for one, got in zip(cases, results, strict=True)
             ],
             "envelope": [{"case": case, **figure_columns(one)} for case, one in extremes],
             "rules": [verdict_columns(one) for one in verdicts],

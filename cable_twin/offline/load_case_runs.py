@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.key_figures import KeyFigure
+from cable_twin.offline.dynamic_cases import run_dynamic
 from cable_twin.offline.line import Line, at_place, calculate, from_scratch, plan_line
 from cable_twin.offline.load_cases import LoadCase
 from cable_twin.scenario import Scenario
@@ -83,7 +84,7 @@ def run_part(part: Neighbours) -> list[CaseResult]:
 
 
 def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
-    """Calculate one load case at rest.
+    """Calculate one load case, at rest or its run.
 
     Args:
         job: what is calculated.
@@ -101,6 +102,9 @@ def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
         return _bases[key].near(scenario)
 
     try:
+        if job.case.dynamic is not None:
+            figures, fault = run_dynamic(job.case.scenario, job.case.dynamic)
+            return CaseResult(job.case.id, tuple(figures), fault)
         line = _line(job.case.scenario, job.places)
         calculate(line, find=find)
     except (EquilibriumError, ValueError) as error:

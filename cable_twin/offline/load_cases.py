@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.offline.dynamic_cases import Dynamic, DynamicError, read_dynamic
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.checks.fault import listed, show
 
@@ -17,8 +18,8 @@ PLANS = {
     "up_full": "full on the first rope, empty on the others",
     "down_full": "empty on the first rope, full on the others",
 }
-KEYS = ("id", "name", "loading", "set", "load_cases")
-OF_PRODUCT = ("name", "loading", "set", "load_cases")
+KEYS = ("id", "name", "loading", "set", "load_cases", "dynamic")
+OF_PRODUCT = ("name", "loading", "set", "load_cases", "dynamic")
 MOST = 20_000  # cases of a file
 
 
@@ -29,6 +30,12 @@ class LoadCase(NamedTuple):
     name: str
     scenario: Scenario
     changes: Mapping[str, Any]
+    dynamic: Dynamic | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a run."""
+        return self.dynamic is not None
 
 
 class CaseError(ValueError):
@@ -65,12 +72,16 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
         try:
             values = _changes(base, one)
             scenario = load_scenario(source, {**changes, **values})
+            given = one.get("dynamic")
+            dynamic = None if given is None else read_dynamic(given, file.parent, scenario)
+        except DynamicError as error:
+            faults += [f"{id_}: {line}" for line in str(error).splitlines()]
         except ScenarioError as error:
             faults += [f"{id_}: {fault.partition(': ')[2]}" for fault in error.faults]
         except CaseError as error:
             faults.append(f"{id_}: {error}")
         else:
-            found.append(LoadCase(id_, str(one.get("name", id_)), scenario, values))
+            found.append(LoadCase(id_, str(one.get("name", id_)), scenario, values, dynamic))
     if faults:
         raise CaseError("\n".join(f"{file}: {fault}" for fault in faults))
     return found
@@ -127,7 +138,7 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
     for combination in product(*(levels.items() for levels in factors.values())):
         merged: dict[str, Any] = {"set": {}, "load_cases": []}
         for _, one in combination:
-            merged |= {key: value for key, value in one.items() if key == "loading"}
+            merged |= {key: value for key, value in one.items() if key in ("loading", "dynamic")}
             merged["set"] |= one.get("set", {})
             merged["load_cases"] += one.get("load_cases", [])
         names = [str(one.get("name", level)) for level, one in combination]

@@ -5,13 +5,18 @@ from __future__ import annotations
 import csv
 import json
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline import envelope
+from cable_twin.offline.dynamic_cases import StopSearch, run_dynamic
+from cable_twin.offline.load_case_runs import Job, run_case
 from cable_twin.offline.load_cases import CaseError, loading, read_cases
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from verification import JIT
 
 CASES = """\
 cases:
@@ -31,7 +36,7 @@ def cases_in(directory, text):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("cases: 3", "cases: given 3; allowed: a list of mappings with id, name, loading, set, load_cases"),
+        ("cases: 3", "cases: given 3; allowed: a list of mappings with id, name, loading, set, load_cases, dynamic"),
         ("cases: [{name: x}]", "cases.0: given a mapping without an id; allowed: a mapping with id, name"),
         ("cases: [{id: a, sett: {}}]", "cases.0.sett: this key does not exist; allowed: id, name, loading"),
         ("cases: [{id: a}, {id: a}]", "a: given twice; allowed: each id once"),
@@ -134,3 +139,114 @@ def test_processes_have_the_bits_of_one(calculated, tmp_path):
     rows = (tmp_path / "all.csv").read_text(encoding="utf-8").splitlines()
     assert {row.partition(",")[0] for row in rows[1:]} == {"heavy", "empty+cold", "empty+hot", "up+cold", "up+hot"}
     assert set((directory / "all.csv").read_text(encoding="utf-8").splitlines()) <= set(rows)
+
+
+@pytest.mark.parametrize(
+    ("dynamic", "told"),
+    [
+        ("3", "dynamic: given 3; allowed: a mapping with script, and duration, stop"),
+        ("{script: nowhere.yaml}", "nowhere.yaml: No such file or directory"),
+        ("{script: trip.yaml, durations: 1}", "dynamic.durations: this key does not exist; allowed: script, duration"),
+        ("{script: trip.yaml, stop: {}}", "dynamic.stop: given an empty mapping; allowed: a mapping with figures"),
+        ("{script: trip.yaml, stop: {figures: [swing]}}", "dynamic.stop.figures: id 'swing' is no quantity/subject"),
+        ("{script: trip.yaml, duration: -1}", "dynamic.duration: given -1; allowed: a number from 0"),
+        ("{script: trip.yaml, stop: {figures: [a/b/lowest], from: 5, to: 5}}", "dynamic.stop: allowed: from below to"),
+    ],
+)
+def test_faults_of_runs_are_a_line(tmp_path, dynamic, told):
+    (tmp_path / "trip.yaml").write_text("- {time: 0, name: cabin, speed: 6.0}\n", encoding="utf-8")
+    with pytest.raises(CaseError) as error:
+        read_cases(cases_in(tmp_path, f"cases: [{{id: a, dynamic: {dynamic}}}]"), "aerial_tramway", {})
+    (line,) = str(error.value).splitlines()
+    assert f"{tmp_path / 'cases.yaml'}: a: " in line
+    assert told in line
+
+
+SWING, TENSION = "swing/carriages.cabin/highest", "rope_tension/ropes.cable/highest"
+RUNS = f"""\
+cases:
+  - {{id: rest, loading: full}}
+  - {{id: trip, loading: full, dynamic: {{script: trip.yaml, duration: 3}}}}
+  - id: stop
+    loading: full
+    dynamic:
+      script: trip.yaml
+      stop: {{from: 5, to: 15, points: 6, settle: 4, figures: [{SWING}, {TENSION}]}}
+"""
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_the_worst_stop_is_at_least_as_bad_as_on_a_grid_ten_times_as_dense(tmp_path, monkeypatch):
+    (tmp_path / "trip.yaml").write_text("- {time: 0, name: cabin, speed: 6.0}\n", encoding="utf-8")
+    file, kept = cases_in(tmp_path, RUNS), tmp_path / "kept"
+    options = ["aerial_tramway", "--cases", file, "--places", 1, "--results", kept, "--json", tmp_path / "all.json"]
+    assert envelope.main([*map(str, options)]) == 0
+    text = (tmp_path / "all.json").read_text()
+    data = json.loads(text)
+    assert [one["dynamic"] for one in data["cases"]] == [False, True, True]
+    found = {one["id"]: one for one in data["envelope"]}
+    _, trip, stop = read_cases(file, "aerial_tramway", {})
+    dense = stop.dynamic.stop._replace(points=51)
+    monkeypatch.setattr(StopSearch, "_refine", lambda *_: None)
+    moments = StopSearch(stop.scenario, stop.dynamic, dense).moments
+    assert len(moments) == 51
+    for key in (SWING, TENSION):
+        assert found[key]["case"] == "stop"
+        assert found[key]["value"] >= max(one[key].value for one in moments.values())
+    begin, _ = run_dynamic(trip.scenario, trip.dynamic._replace(script=(), duration=0.0))
+    rest = {str(one.id): one.value for one in run_case(Job(read_cases(file, "aerial_tramway", {})[0], 1)).figures}
+    same = {str(one.id): one.value for one in begin if str(one.id) in rest}
+    assert len(same) > 10
+    assert same == pytest.approx({key: rest[key] for key in same}, rel=1e-6, abs=1e-9)
+
+    monkeypatch.setattr("cable_twin.offline.envelope.run_part", None)  # nothing is run any more
+    assert envelope.main([*map(str, options)]) == 0
+    assert (tmp_path / "all.json").read_text() == text
+
+
+SPAN = """\
+cable:
+  unstrained_length: 200.5
+  mass_per_length: 2.0
+  axial_stiffness: 2.0e7
+  bending_stiffness: 1.0
+  thermal_expansion: 1.2e-5
+  reference_temperature: 10.0
+  diameter: 0.03
+  elements: 200
+  start: {position: [0.0, 0.0]}
+  end: {position: [200.0, 0.0]}
+solver: {step: 0.01}
+"""
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_a_span_has_the_elastic_catenary_of_each_temperature_and_ice(tmp_path):
+    """Level span: 2 H/w asinh(w S / 2H) + H S / EA = 200 m, with S longer by the thermal strain, w with ice."""
+    (tmp_path / "span.yaml").write_text(SPAN, encoding="utf-8")
+    text = "product:\n  air: {cold: {set: {air.temperature: -30}}, hot: {set: {air.temperature: 50}}}\n"
+    text += "  ice: {bare: {}, iced: {set: {cable.ice: 3.0}}}\n"
+    for case in read_cases(cases_in(tmp_path, text), tmp_path / "span.yaml", {}):
+        found = {str(one.id): one.value for one in run_case(Job(case, 1)).figures}
+        warmer, iced = case.scenario.air.temperature - 10.0, "iced" in case.id
+        length = 200.5 * (1.0 + 1.2e-5 * warmer)
+        half = 0.5 * (5.0 if iced else 2.0) * 9.81 * 200.5  # N, half the weight
+
+        def beyond(h, half=half, length=length):
+            return length * (h / half * np.arcsinh(half / h) + h / 2e7) - 200.0
+
+        h = brentq(beyond, 1e3, 1e6, xtol=1e-6)
+        sag = length * (np.hypot(h, half) - h) / (2.0 * half) + half * length / (4.0 * 2e7)
+        assert found["rope_tension/ropes.cable/highest"] == pytest.approx(np.hypot(h, half), rel=2e-4), case.id
+        assert found["sag/ropes.cable.start+end/highest"] == pytest.approx(sag, rel=1e-3), case.id
+
+
+def test_adhesion_and_travel_are_those_of_capstan_and_counterweight(calculated, tmp_path):
+    directory, _ = calculated
+    with (directory / "all.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["id"]: float(row["value"]) for row in csv.DictReader(file) if row["case"] == "up+cold"}
+    ratio = rows["support_load/ropes.up.end/highest"] / rows["support_load/ropes.down.start/highest"]
+    assert rows["adhesion_used/sheaves.drive/highest"] == pytest.approx(np.log(ratio) / (0.22 * np.pi), rel=1e-3)
+    heavy = "cases: [{id: heavy, set: {sheaves.return.counterweight.travel: [-0.01, 0.01]}}]"
+    (case,) = read_cases(cases_in(tmp_path, heavy), "chairlift", {})
+    assert "counterweight.travel: given -0.01 to 0.01 m, but it rests at" in run_case(Job(case, 1)).fault

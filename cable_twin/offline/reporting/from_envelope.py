@@ -56,6 +56,7 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         names = {str(one.id): one.name for one in figures}
         verdicts = [verdict_of_columns(one, names) for one in data["rules"]]
         cases = [Case(one["id"], one["name"], one["changes"], one["fault"]) for one in data["cases"]]
+        moving = {str(one["id"]) for one in data["cases"] if one.get("dynamic")}
         places, version, command = int(data["places"]), str(data["version"]), str(data["command"])
     except ScenarioError as error:
         raise ScenarioError(*(f"{path}: {fault}" for fault in error.faults)) from None
@@ -64,14 +65,15 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         raise ResultsError(f"{path}: no envelope: {said}; {EXPECTED}") from None
     inputs = inputs_of(scenario, file)
     profiles = profiles_of(scenario)
-    states = _states(figures, governing)
+    still = [one for one in figures if governing[one.id] not in moving]
+    states = _states(still, governing)
     done = on_state(len(states))
     found: dict[Governing, Snapshot] = {}
     by_id = {one.id: one for one in cases}
     for one in states:
         found[one] = _state(scenario, by_id[one.case], one.place, places)
         done()
-    ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
+    ropes, towers = _courses(scenario, found), _towers(scenario, still, governing, found)
     notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
     return Results(
         scenario.name,
@@ -86,7 +88,7 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         towers or [],
         cases=cases,
         sources=[
-            ("envelope", f"{path}: {len(cases)} load cases at rest, {places} places of the vehicle"),
+            ("envelope", f"{path}: {len(cases) - len(moving)} load cases at rest, {places} places of the vehicle"),
             ("envelope made by", f"cable_twin {version}: {command}"),
             ("drawn", f"{len(found)} states at rest that govern tensions, sags and tower loads"),
         ],

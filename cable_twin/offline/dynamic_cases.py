@@ -1,0 +1,305 @@
+"""Runs of load cases: a script from rest, and the emergency stop at the worst moment of it, found by search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cable_twin.frame.records import Command
+from cable_twin.frame.snapshot import Snapshot
+from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
+from cable_twin.offline.script import ScriptedCommand, ScriptError, read_script
+from cable_twin.offline.scripted_run import simulate
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.checks.fault import show
+from cable_twin.simulation import Simulation, SolverError
+
+KEYS, OF_STOP = ("script", "duration", "stop"), ("from", "to", "points", "settle", "figures")
+AFTER = 60.0  # s of a run after its last command
+FRAME = 0.02  # s, between two looks at the key figures, and of a moment of a stop
+POINTS, SETTLE = 40, 15.0  # moments of the coarse grid, and s after each stop
+BRACKETS, CLOSE = 3, 0.9  # places refined by search: at most so many, as bad as that share of the worst
+
+
+class Stop(NamedTuple):
+    """Search for the worst moment of an emergency stop within a run.
+
+    Attributes:
+        first: s, earliest moment.
+        last: s, latest one.
+        points: moments of the coarse grid.
+        settle: s of simulated time after each stop.
+        figures: ids of the key figures whose worst moment is sought.
+    """
+
+    first: float
+    last: float
+    points: int
+    settle: float
+    figures: tuple[str, ...]
+
+
+class Dynamic(NamedTuple):
+    """Run of a load case.
+
+    Attributes:
+        script: its commands.
+        duration: s.
+        stop: search for the worst emergency stop; None for the run as it is.
+    """
+
+    script: tuple[ScriptedCommand, ...]
+    duration: float
+    stop: Stop | None
+
+    @property
+    def inputs(self) -> list[Any]:
+        """What the result depends on besides the scenario, for a hash."""
+        commands = [[one.time, repr(one.command), one.at] for one in self.script]
+        return [commands, self.duration, self.stop]
+
+
+class DynamicError(ValueError):
+    """Unusable run of a load case; the text is a line a fault."""
+
+
+def read_dynamic(given: Any, directory: Path, scenario: Scenario) -> Dynamic:
+    """Run of a load case from its mapping in a file.
+
+    Args:
+        given: the mapping.
+        directory: of the file, where paths begin.
+        scenario: of the case.
+
+    Raises:
+        DynamicError: it cannot be used.
+    """
+    if not isinstance(given, Mapping) or not isinstance(given.get("script"), str):
+        raise DynamicError(f"dynamic: given {show(given)}; allowed: a mapping with script, and {', '.join(KEYS[1:])}")
+    _known("dynamic", given, KEYS)
+    try:
+        script = tuple(read_script(directory / given["script"], scenario))
+    except ScriptError as error:
+        raise DynamicError("\n".join(f"dynamic.script: {line}" for line in str(error).splitlines())) from None
+    end = (script[-1].time if script else 0.0) + AFTER
+    duration = _number("dynamic.duration", given.get("duration", end), 0.0)
+    stop = given.get("stop")
+    if stop is None:
+        return Dynamic(script, duration, None)
+    if not isinstance(stop, Mapping) or not isinstance(stop.get("figures"), list) or not stop["figures"]:
+        raise DynamicError(f"dynamic.stop: given {show(stop)}; allowed: a mapping with figures, a list of their ids")
+    _known("dynamic.stop", stop, OF_STOP)
+    try:
+        statistics = {str(one): FigureId.of_text(str(one)).statistic for one in stop["figures"]}
+    except ValueError as error:
+        raise DynamicError(f"dynamic.stop.figures: {error}") from None
+    if other := [one for one, statistic in statistics.items() if statistic not in ("highest", "lowest")]:
+        raise DynamicError(f"dynamic.stop.figures: given {other[0]!r}; allowed: ids that end in highest or lowest")
+    first = _number("dynamic.stop.from", stop.get("from", 0.0), 0.0)
+    last = _number("dynamic.stop.to", stop.get("to", duration), first)
+    points = _number("dynamic.stop.points", stop.get("points", POINTS), 3)
+    settle = _number("dynamic.stop.settle", stop.get("settle", SETTLE), 0.0)
+    if last <= first or settle <= 0.0 or points != int(points):
+        raise DynamicError("dynamic.stop: allowed: from below to, settle above 0 s, whole points")
+    return Dynamic(script, duration, Stop(first, last, int(points), settle, tuple(map(str, stop["figures"]))))
+
+
+def _known(path: str, given: Mapping[str, Any], keys: Sequence[str]) -> None:
+    if unknown := [key for key in given if key not in keys]:
+        raise DynamicError(f"{path}.{unknown[0]}: this key does not exist; allowed: {', '.join(keys)}")
+
+
+def _number(path: str, given: Any, least: float) -> float:
+    if isinstance(given, bool) or not isinstance(given, int | float) or not least <= given < np.inf:
+        raise DynamicError(f"{path}: given {show(given)}; allowed: a number from {least:g}")
+    return float(given)
+
+
+class Course(NamedTuple):
+    """Times (s) and places (m) of the vehicle of a run."""
+
+    times: list[float]
+    places: list[float]
+
+    def place(self, time: float) -> float:
+        """Place (m) at a time (s)."""
+        return float(np.interp(time, self.times, self.places))
+
+
+def run_dynamic(scenario: Scenario, dynamic: Dynamic) -> tuple[list[KeyFigure], str]:
+    """Key figures of the run of a case, or of the worst stops within it, and the reason of an early end.
+
+    The time of a figure is the place of the vehicle, as in a line at rest; its place has the time.
+
+    Args:
+        scenario: of the case.
+        dynamic: its run.
+
+    Raises:
+        EquilibriumError: it has no rest to begin at.
+    """
+    if dynamic.stop is not None:
+        search = StopSearch(scenario, dynamic, dynamic.stop)
+        return search.figures(), search.fault
+    simulation, figures, course = Simulation(scenario, on_demand=True), KeyFigures(scenario), Course([], [])
+    fault = _go(simulation, dynamic.script, dynamic.duration, figures, course, lambda _: None)
+    return [_at(one, course, "") for one in figures.figures()], fault
+
+
+def _go(
+    simulation: Simulation,
+    script: Sequence[ScriptedCommand],
+    duration: float,
+    figures: KeyFigures | None,
+    course: Course,
+    on_frame: Callable[[float], object],
+) -> str:
+    """Run a simulation with a script for a duration (s); returns the reason of an early end."""
+
+    def look(time: float) -> None:
+        course.times.append(time)
+        course.places.append(_place(simulation.snapshot))
+        on_frame(time)
+
+    steps = max(round(FRAME / simulation.step), 1)
+    outcome = simulate(
+        simulation, script, duration=duration, frame_steps=steps, epoch_ns=0, figures=figures, on_frame=look
+    )
+    return outcome.fault or "; ".join(outcome.refused[:1])
+
+
+def _place(snapshot: Snapshot) -> float:
+    """Place (m) of the drive of a moving cable, else of the first vehicle."""
+    columns = snapshot.columns
+    if columns.drive_position.size:
+        return float(columns.drive_position[0])
+    return float(columns.arc_length[0]) if columns.arc_length.size else 0.0
+
+
+def _at(figure: KeyFigure, course: Course, what: str) -> KeyFigure:
+    """Figure with the place of the vehicle for its time, and its time among its places."""
+    words = ", ".join(filter(None, (figure.place, f"at {figure.time:.2f} s", what)))
+    return replace(figure, time=course.place(figure.time), place=words)
+
+
+class StopSearch:
+    """Search for the worst moments of an emergency stop: a coarse grid, then a bounded search about its worst points.
+
+    The run goes once up to the last moment, and its state is kept at each moment of the grid; a stop begins from the
+    state before it.
+
+    Args:
+        scenario: of the case.
+        dynamic: its run.
+        stop: what is sought.
+
+    Attributes:
+        moments: key figures by moment (s) of the stop.
+        fault: reason of an early end of a run; empty for none.
+    """
+
+    def __init__(self, scenario: Scenario, dynamic: Dynamic, stop: Stop) -> None:
+        self._scenario, self._script, self._stop = scenario, dynamic.script, stop
+        self.moments: dict[float, Mapping[str, KeyFigure]] = {}
+        self.fault = ""
+        self._simulation = Simulation(scenario, on_demand=True)
+        self._frame = max(round(FRAME / self._simulation.step), 1) * self._simulation.step
+        self._course, self._states = Course([], []), {0.0: self._simulation.capture()}
+        grid = sorted({self._moment(time) for time in np.linspace(stop.first, stop.last, stop.points).tolist()})
+        due = list(grid)
+
+        def keep(time: float) -> None:
+            if due and time >= due[0] - 0.5 * self._frame:
+                self._states[due.pop(0)] = self._simulation.capture()
+
+        self.fault = _go(self._simulation, self._script, stop.last + self._frame, None, self._course, keep)
+        for time in grid:
+            self._stopped_at(time)
+        for figure in stop.figures:
+            self._refine(figure, grid)
+
+    def figures(self) -> list[KeyFigure]:
+        """Extreme of each key figure over all stops that were tried."""
+        found: dict[str, KeyFigure] = {}
+        for _, figures in sorted(self.moments.items()):
+            for key, one in figures.items():
+                sense = -1.0 if one.id.statistic == "lowest" else 1.0
+                if key not in found or sense * one.value > sense * found[key].value:
+                    found[key] = one
+        return list(found.values())
+
+    def worst(self, figure: str) -> tuple[float, float]:
+        """Worst moment (s) of a stop for a key figure by id, and the figure there.
+
+        Raises:
+            ValueError: no stop has it; one line.
+        """
+        tried = [(time, found[figure].value) for time, found in self.moments.items() if figure in found]
+        if not tried:
+            raise ValueError(f"dynamic.stop.figures: {figure}: no stop has it; allowed: ids of key figures of a run")
+        return max(tried, key=lambda item: _sense(figure) * item[1])
+
+    def _moment(self, time: float) -> float:
+        """Moment (s) of a frame next to a time."""
+        return round(round(time / self._frame) * self._frame, 9)
+
+    def _refine(self, figure: str, grid: Sequence[float]) -> None:
+        """Search between the neighbours of the worst points of the grid."""
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415 - a while
+
+        worst = self.worst(figure)[1]
+        values = [
+            _sense(figure) * self._stopped_at(time)[figure].value if figure in self._stopped_at(time) else -np.inf
+            for time in grid
+        ]
+        floor = _sense(figure) * worst - (1.0 - CLOSE) * abs(worst)
+        order = sorted(range(len(grid)), key=lambda row: -values[row])
+        peaks = [
+            row
+            for row in order
+            if values[row] >= max(values[max(row - 1, 0)], values[min(row + 1, len(grid) - 1)]) and values[row] >= floor
+        ]
+        for row in peaks[:BRACKETS]:
+            for low, high in ((row - 1, row), (row, row + 1)):
+                if low < 0 or high >= len(grid) or grid[high] - grid[low] <= self._frame:
+                    continue
+                minimize_scalar(
+                    lambda time: -self._value(figure, time),
+                    bounds=(grid[low], grid[high]),
+                    method="bounded",
+                    options={"xatol": self._frame, "maxiter": 12},
+                )
+
+    def _value(self, figure: str, time: float) -> float:
+        found = self._stopped_at(self._moment(time)).get(figure)
+        return -np.inf if found is None else _sense(figure) * found.value
+
+    def _stopped_at(self, time: float) -> Mapping[str, KeyFigure]:
+        """Key figures after a stop at a moment (s), by id."""
+        if time in self.moments:
+            return self.moments[time]
+        simulation = self._simulation
+        before = max(one for one in self._states if one <= time + 1e-9)
+        simulation.restore(self._states[before])
+        here, aside = simulation.time, Course([], [])
+        if time - here > 0.5 * simulation.step:
+            self.fault = self.fault or _go(simulation, self._script, time - here, None, aside, lambda _: None)
+        figures, stopped = (
+            KeyFigures(self._scenario),
+            ScriptedCommand(simulation.time, Command("emergency_stop", {}), "", ""),
+        )
+        try:
+            self.fault = self.fault or _go(simulation, [stopped], self._stop.settle, figures, aside, lambda _: None)
+        except SolverError as error:
+            self.fault = self.fault or str(error)
+        what = f"stop at {time:.2f} s, {self._course.place(time):.1f} m"
+        self.moments[time] = {str(one.id): _at(one, aside, what) for one in figures.figures()}
+        return self.moments[time]
+
+
+def _sense(figure: str) -> float:
+    return -1.0 if figure.endswith("/lowest") else 1.0
