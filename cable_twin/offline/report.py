@@ -1,4 +1,4 @@
-"""Command `report`: one HTML page of a recorded run, or of load cases."""
+"""Command `report`: one HTML page, and a PDF where wanted, of a recorded run, of load cases, or of a study."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from rich.console import Console
 from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.from_log import read_results
+from cable_twin.offline.reporting.from_study import is_study, read_study
 from cable_twin.offline.reporting.printing import PrintError, find_printer
 from cable_twin.offline.reporting.results import Results, ResultsError
 from cable_twin.offline.reporting.texts import LANGUAGES, Texts
@@ -55,14 +56,15 @@ examples:
 def parser() -> OneLineParser:
     """Parser of the options of `report`."""
     result = OneLineParser(
-        "report", "Write a report of a run or of load cases as one HTML page.", EPILOG, failure=CANNOT
+        "report", "Write a report of a run, load cases or a study as one HTML page.", EPILOG, failure=CANNOT
     )
     result.add_argument(
         "source",
         type=Path,
         nargs="?",
         metavar="SOURCE",
-        help=f"directory of a run, or its .mcap, or a .json of `envelope --json`; default: the newest run in {RUNS}",
+        help="directory of a run, or its .mcap, or a .json of `envelope --json`, or the directory of `study --out`; "
+        f"default: the newest run in {RUNS}",
     )
     result.add_argument(
         "--output", type=_page, metavar="PAGE.html", help="the page; default: SCENARIO_report.html in this directory"
@@ -155,9 +157,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _read(options: argparse.Namespace, console: Console) -> Results:
     """Results of the source that is given; a further kind of source is a further reader here."""
+    of_study = is_study(options.source)
+    if (of_study or options.source.suffix == ".json") and (options.profile or options.fact):
+        raise ResultsError(f"{options.source}: --profile and --fact are for a log; allowed: those of its scenario")
+    if of_study:
+        return read_study(options.source, options.scenario)
     if options.source.suffix == ".json":
-        if options.profile or options.fact:
-            raise ResultsError(f"{options.source}: --profile and --fact are for a log; give them to `envelope --set`")
         with left_at_once("report"), ExitStack() as bars:
 
             def on_state(count: int) -> Callable[[], object]:

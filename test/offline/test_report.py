@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
@@ -16,7 +17,7 @@ from matplotlib.image import imread
 from cable_twin.frame.plotted_signals import PLOTS, SIGNALS
 from cable_twin.key_figures import QUANTITIES, FigureId
 from cable_twin.key_figures.rules import STATES
-from cable_twin.offline import envelope, report, reporting, review, simulate
+from cable_twin.offline import envelope, report, reporting, review, simulate, study
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting import german, printing
 from cable_twin.offline.reporting.chart import LOOKS, Chart, span, ticks
@@ -119,6 +120,27 @@ def test_states_that_govern_are_found_again(cases):
     text = (cases / "all.html").read_text(encoding="utf-8")
     assert "sheaves.return.counterweight.mass: 36000.0" in text
     assert "envelope chairlift --cases cases.yaml" in text
+
+
+def test_a_study_has_its_ranges_and_indices(tmp_path):
+    pytest.importorskip("distributed")
+    options = "seed_example --vary gravity=9:10 --vary cable.mass_per_length=1:3 --method sobol --cases 8 --duration 0"
+    out = tmp_path / "study"
+    assert study.main([*options.split(), "--workers", "1", "--out", str(out)]) == 0
+    page = tmp_path / "study.html"
+    assert report.main([str(out), "--language", "de", "--output", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    with (out / "results.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    figures = [(id_, float(value)) for kind, id_, value, _ in DATA.findall(text) if kind == "figure"]
+    assert len(figures) > 10
+    for id_, value in figures:
+        assert value == (min if id_.endswith("/lowest") else max)(float(row[id_]) for row in rows), id_
+    with (out / "indices.csv").open(newline="") as file:
+        indices = [float(row[key]) for row in csv.DictReader(file) for key in ("first", "total")]
+    assert [float(one) for one in re.findall(r'<data class="index" value="([^"]*)">', text)] == indices
+    (out / "manifest.json").write_text("{}")
+    assert report.main([str(out)]) == 2
 
 
 @pytest.mark.parametrize(

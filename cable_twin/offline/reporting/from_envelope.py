@@ -81,6 +81,7 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         figures,
         inputs,
         governing,
+        "load cases at rest",
         ("vehicle at", "m"),
         profiles,
         verdicts,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.key_figures import FigureId, KeyFigure
@@ -75,6 +76,38 @@ class Case:
     fault: str = ""
 
 
+class StudyRange(NamedTuple):
+    """Range of a key figure over the cases of a study.
+
+    Attributes:
+        extreme: the end that its statistic is about.
+        case: id of the case with that.
+        low: lowest value, in the unit of the figure, with the id of its case.
+        high: highest value with the id of its case.
+        having: number of cases that have the figure.
+    """
+
+    extreme: KeyFigure
+    case: str
+    low: tuple[float, str]
+    high: tuple[float, str]
+    having: int
+
+
+class SobolIndex(NamedTuple):
+    """First-order and total index of a key for a key figure, each with the ends of its interval of confidence."""
+
+    figure: str  # id
+    name: str  # printed, of the figure
+    key: str
+    first: float
+    first_low: float
+    first_high: float
+    total: float
+    total_low: float
+    total_high: float
+
+
 @dataclass(slots=True)
 class Results:
     """All that the sections of a report show.
@@ -85,6 +118,7 @@ class Results:
         figures: key figures, or extremes of load cases.
         inputs: of the scenario, with remarks.
         governing: id of the load case that governs a figure; empty for a run.
+        kind: what the report is of, in English.
         at: what the time of a figure is, and its unit.
         profiles: rule profiles, with their verdicts on the figures.
         ropes: courses of the ropes.
@@ -94,6 +128,9 @@ class Results:
         lives: counts for the life of each rope, of a run.
         trips: trips in a year; None where not given.
         cases: load cases.
+        factors: key and values of what a study varies.
+        ranges: of key figures over the cases of a study.
+        indices: of a study.
         sources: name and content of each input and of what made the results.
         notes: of what the reader has to know, as a log that is damaged.
     """
@@ -103,6 +140,7 @@ class Results:
     figures: Sequence[KeyFigure]
     inputs: Inputs
     governing: Mapping[FigureId, str] = field(default_factory=dict)
+    kind: str = "a run"
     at: tuple[str, str] = ("at", "s")
     profiles: Sequence[Profile] = ()
     verdicts: Sequence[RuleVerdict] = ()
@@ -113,5 +151,8 @@ class Results:
     lives: Sequence[RopeLife] = ()
     trips: float | None = None
     cases: Sequence[Case] = ()
+    factors: Sequence[tuple[str, str]] = ()
+    ranges: Sequence[StudyRange] = ()
+    indices: Sequence[SobolIndex] = ()
     sources: Sequence[tuple[str, str]] = ()
     notes: Sequence[str] = ()

@@ -12,11 +12,13 @@ from cable_twin.offline.reporting.sections.profile import LineProfile
 from cable_twin.offline.reporting.sections.rope_life import RopeLifeCounts
 from cable_twin.offline.reporting.sections.rules import Rules
 from cable_twin.offline.reporting.sections.section import Section
+from cable_twin.offline.reporting.sections.study import Study
 from cable_twin.offline.reporting.sections.tension import TensionDiagram
 from cable_twin.offline.reporting.sections.time_plots import TimePlots
 from cable_twin.offline.reporting.sections.tower_loads import TowerLoads
 
 SECTIONS: Sequence[Section] = (  # in the order of the page
+    Study(),
     LineProfile(),
     TensionDiagram(),
     TowerLoads(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from math import isnan
 from typing import Any, NamedTuple, Protocol
 
 from cable_twin.basics.units import rounded, shown_unit
@@ -62,7 +63,9 @@ def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
     if figure.limit is not None:
         limit = f"{texts(figure.bound)} {rounded(figure.limit * scale)}{'' if unit == '-' else f' {unit}'}"
     word, unit_at = results.at
-    when = f"{figure.time:.2f} {unit_at}" if word == "at" else f"{texts(word)} {figure.time:.2f} {unit_at}"
+    when = ""
+    if not isnan(figure.time):
+        when = f"{figure.time:.2f} {unit_at}" if word == "at" else f"{texts(word)} {figure.time:.2f} {unit_at}"
     return Row(
         texts.figure(figure),
         cell_of(figure),

@@ -1,0 +1,116 @@
+"""Results of a study: range of each key figure over all cases, and the indices that say which keys matter."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
+from cable_twin.offline.reporting.remarks import inputs_of
+from cable_twin.offline.reporting.results import Case, Results, ResultsError, SobolIndex, StudyRange
+from cable_twin.offline.studies.record import MANIFEST, TABLE
+from cable_twin.scenario import ScenarioError, load_scenario
+
+INDICES = "indices.csv"
+EXPECTED = "allowed: a directory that `study --out` has written"
+
+
+def is_study(path: Path) -> bool:
+    """Whether a path is the directory of a study, or its manifest."""
+    return path.name == MANIFEST or (path / MANIFEST).is_file()
+
+
+def read_study(path: Path, file: Path | None = None) -> Results:
+    """Results of a study.
+
+    Args:
+        path: directory of the study, or its manifest.
+        file: of the scenario with its remarks; None for the shipped one of its name.
+
+    Raises:
+        ResultsError: the study has no results, or they are damaged.
+        ScenarioError: its scenario is invalid.
+    """
+    directory = path.parent if path.name == MANIFEST else path
+    try:
+        manifest = json.loads((directory / MANIFEST).read_text(encoding="utf-8"))
+        scenario = load_scenario(manifest["scenario"])
+        vary, program = manifest["vary"], manifest["program"]
+        rows = list(_rows(directory / TABLE))
+        cases = [_case(row, vary) for row in rows]
+        ranges = [_range(FigureId.of_text(key), one, rows) for key, one in manifest["figures"].items()]
+        indices = [_index(row, manifest["figures"]) for row in _rows(directory / INDICES)]
+        design = f"{manifest['method']}, {manifest['cases']} cases, {manifest['finished']} finished"
+        design += f", {manifest['with_fault']} with a fault; {manifest['duration']:g} s each, seed {manifest['seed']}"
+        made = f"cable_twin {program['package_version']}, numpy {program['numpy_version']}, "
+        made += f"numba {program['numba_version']}, {program['machine']}"
+    except ScenarioError as error:
+        raise ScenarioError(*(f"{directory / MANIFEST}: {fault}" for fault in error.faults)) from None
+    except OSError as error:
+        raise ResultsError(f"{error.filename}: {(error.strerror or str(error)).lower()}; {EXPECTED}") from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        said = f"{error} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise ResultsError(f"{directory}: no study: {said}; {EXPECTED}") from None
+    found = [one for one in ranges if one is not None]
+    figures = [one.extreme for one in found]
+    return Results(
+        scenario.name,
+        scenario,
+        figures,
+        inputs_of(scenario, file),
+        {one.extreme.id: one.case for one in found},
+        kind="a study",
+        cases=cases,
+        ranges=found,
+        indices=indices,
+        factors=[(key, _factor(values)) for key, values in vary.items()],
+        sources=[("study", f"{directory}: {design}"), ("study made by", made)],
+    )
+
+
+def _rows(file: Path) -> Iterator[dict[str, str]]:
+    """Rows of a table; none where there is no such file of indices, as of a grid."""
+    if file.name == INDICES and not file.exists():
+        return
+    with file.open(encoding="utf-8", newline="") as stream:
+        yield from csv.DictReader(stream)
+
+
+def _case(row: Mapping[str, str], vary: Mapping[str, Any]) -> Case:
+    exceeded = row["limits_exceeded"]
+    name = f"limits exceeded: {exceeded}" if exceeded not in ("", "0") else ""
+    return Case(row["case"], name, {key: _number(row[key]) for key in vary}, row["fault"])
+
+
+def _number(text: str) -> object:
+    try:
+        return float(f"{float(text):.6g}")
+    except ValueError:
+        return text
+
+
+def _range(id_: FigureId, said: Mapping[str, str], rows: list[dict[str, str]]) -> StudyRange | None:
+    """Range of a key figure over all cases that have it; None where none has it."""
+    if id_.quantity not in QUANTITIES:
+        raise ValueError(f"id {str(id_)!r}: no such quantity")
+    found = [(float(row[str(id_)]), row["case"]) for row in rows if row.get(str(id_))]
+    found = [one for one in found if math.isfinite(one[0])]
+    if not found:
+        return None
+    low, high = (pick(found, key=lambda one: one[0]) for pick in (min, max))
+    value, case = low if id_.statistic == "lowest" else high
+    extreme = KeyFigure(id_, said["name"], value, said["unit"], math.nan)
+    return StudyRange(extreme, case, low, high, len(found))
+
+
+def _index(row: Mapping[str, str], figures: Mapping[str, Any]) -> SobolIndex:
+    numbers = [float(row[key]) for key in ("first", "first_low", "first_high", "total", "total_low", "total_high")]
+    return SobolIndex(row["figure"], str(figures[row["figure"]]["name"]), row["key"], *numbers)
+
+
+def _factor(values: Any) -> str:
+    return ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in values)

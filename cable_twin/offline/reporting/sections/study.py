@@ -1,0 +1,48 @@
+"""Study: keys that were varied, the range of each key figure over all cases, and Sobol indices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from cable_twin.basics.units import shown_unit
+from cable_twin.offline.figure_table import shown
+from cable_twin.offline.reporting.results import Results, StudyRange
+from cable_twin.offline.reporting.texts import Texts
+
+
+class RangeRow(NamedTuple):
+    """Row of the table of ranges, numbers in a readable unit."""
+
+    name: str
+    low: str
+    low_case: str
+    high: str
+    high_case: str
+    unit: str
+    having: int
+
+
+class Study:
+    """Section with the results of a study."""
+
+    title = "Study"
+    template = "study.html"
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Factors, ranges and indices; None without a study."""
+        if not results.factors:
+            return None
+        by_id = {str(one.extreme.id): texts.figure(one.extreme) for one in results.ranges}
+        return {
+            "factors": results.factors,
+            "ranges": [_row(one, texts) for one in results.ranges],
+            "indices": [(by_id.get(one.figure, one.name), one) for one in results.indices],
+        }
+
+
+def _row(one: StudyRange, texts: Texts) -> RangeRow:
+    unit, scale = shown_unit(one.extreme.unit, max(abs(one.low[0]), abs(one.high[0])))
+    low, high = (shown(value, scale) for value in (one.low[0], one.high[0]))
+    unit = "" if unit == "-" else unit
+    return RangeRow(texts.figure(one.extreme), low, one.low[1], high, one.high[1], unit, one.having)
