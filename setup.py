@@ -52,7 +52,7 @@ setup(
         ("share/cable_twin/launch", glob("launch/*.launch.py")),
         ("share/cable_twin/ros2_control", glob("examples/ros2_control/*.*")),
         ("share/cable_twin/rviz", glob("rviz/*.rviz")),
-        ("share/cable_twin/survey", glob("examples/survey/*.csv")),
+        ("share/cable_twin/survey", glob("examples/survey/*.*")),
         ("share/cable_twin/security", glob("security/*.xml")),
         ("share/cable_twin/docs", ["docs/scenario.schema.json"]),  # where the first line of each scenario looks for it
         *behind_ros2_run(),

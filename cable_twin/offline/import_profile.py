@@ -16,6 +16,7 @@ from rich.console import Console
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.line import Line, calculate
 from cable_twin.offline.simulate_options import add_changes
+from cable_twin.offline.survey.geodata import SUFFIXES, is_geodata, read_geodata
 from cable_twin.offline.survey.jig_back import jig_back_scenario
 from cable_twin.offline.survey.lift import CHAIRLIFT, GONDOLA, lift_scenario
 from cable_twin.offline.survey.marked import as_file, assumptions, plain, with_changes
@@ -39,12 +40,15 @@ KINDS: dict[str, Build] = {
 EPILOG = """\
 TERRAIN has columns x and z, TOWERS has x and the height of the rope, z_rope or rope_above_ground; name, contacts,
 length, radius and hold_down where the survey has them. Rows named start and end are the stations. Lengths are metres,
-or in the unit of the header, as in x [ft]. Ropes, vehicles, drives and what else the survey does not say are assumed:
+or in the unit of the header, as in x [ft]. GPX, GeoJSON and GeoPackage have a line of the ground with heights, and
+points of towers with these as attributes, or as KEY=VALUE in the description of a waypoint; they need the extra
+survey. Ropes, vehicles, drives and what else the survey does not say are assumed:
 each has a comment in the file, and is listed. The scenario is brought to rest once, unless --no-rest is given.
 
 exit codes: 0 done, 1 the line has no equilibrium (the file is written) or cannot be written, 2 wrong survey or option
 
 examples:
+  import_profile examples/survey/line.geojson --output my_lift.yaml
   import_profile examples/survey/terrain.csv examples/survey/towers.csv \\
                  --type fixed_grip_chairlift --output my_lift.yaml
   import_profile examples/survey/terrain.csv examples/survey/towers.csv \\
@@ -58,7 +62,9 @@ def parser() -> OneLineParser:
         "import_profile", "Make a scenario of surveyed terrain and towers.", EPILOG, failure=UNUSABLE
     )
     result.add_argument("terrain", type=Path, metavar="TERRAIN", help="file of the ground under the line")
-    result.add_argument("towers", type=Path, metavar="TOWERS", help="file of the towers")
+    result.add_argument(
+        "towers", type=Path, nargs="?", metavar="TOWERS", help="file of the towers; default: that of the terrain"
+    )
     result.add_argument(
         "--type",
         choices=KINDS,
@@ -110,7 +116,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if argv is None else list(argv)
     options = parser().parse_args(given)
     try:
-        survey = read_survey(options.terrain, options.towers, options.units, options.rope_above_ground)
+        survey = _read(options)
         changes = dict(options.set)
         tree = KINDS[options.type](survey, ends_of(survey, options.start, options.end), changes)
         scenario = load_scenario({"name": options.output.stem, **plain(tree)}, changes)
@@ -119,8 +125,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for note in survey.notes:
         tell("import_profile", note)
     found = assumptions(tree)
+    files = [one for one in (options.terrain, options.towers) if one is not None]
     heading = [
-        f"{options.type} from {options.terrain.name} and {options.towers.name}, made by import_profile.",
+        f"{options.type} from {' and '.join(one.name for one in files)}, made by import_profile.",
         "Values are of the survey, or have their origin beside them; what is assumed has to be looked at.",
     ]
     try:
@@ -132,6 +139,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     for line in found:
         print(f"  {line}")
     return DONE if options.no_rest else _rest(scenario)
+
+
+def _read(options: argparse.Namespace) -> Survey:
+    """Survey of the given files, all geodata or all tables."""
+    towers = options.towers or options.terrain
+    kinds = {is_geodata(options.terrain), is_geodata(towers)}
+    if len(kinds) == 2 or (options.towers is None and kinds == {False}):
+        raise SurveyError(
+            f"{options.terrain}, {towers}: allowed: two CSV files, or one or two of {', '.join(SUFFIXES)} with one "
+            "coordinate system"
+        )
+    read = read_geodata if kinds == {True} else read_survey
+    return read(options.terrain, towers, options.units, options.rope_above_ground)
 
 
 def _rest(scenario: Scenario) -> int:

@@ -117,7 +117,7 @@ def test_wrong_options_and_files_end_with_2(tmp_path, capsys):
 
 
 def test_a_tramway_of_two_spans_is_as_modelled_by_hand(tmp_path):
-    """With the rope of the model by hand, loads within 1 kN; its length puts the counterweight at 1 m, not at 1.9 m."""
+    """With the rope of the model by hand, loads within 1 %; its length puts the counterweight nearer the middle."""
     rope = {"mass_per_length": 26.0, "axial_stiffness": 504e6, "bending_stiffness": 1e5, "breaking_force": 5e6}
     options = [f"--set=cable.{key}={value}" for key, value in rope.items()]
     terrain, towers = (SURVEY / f"tramway_{name}.csv" for name in ("terrain", "towers"))
@@ -127,7 +127,7 @@ def test_a_tramway_of_two_spans_is_as_modelled_by_hand(tmp_path):
     given, by_hand = (Simulation(load_scenario(str(one))).snapshot for one in (file, TRAMWAY_BY_HAND))
     for name, support in by_hand.supports.items():
         assert given.supports[name].force == pytest.approx(support.force, rel=0.01, abs=1000.0), name
-    assert given.supports["start"].travel == pytest.approx(0.99, abs=0.05)
+    assert given.supports["start"].travel == pytest.approx(0.91, abs=0.05)
 
 
 def test_a_jig_back_downwards_rests_with_its_counterweights_inside_their_travel(tmp_path):

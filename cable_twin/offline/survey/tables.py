@@ -197,7 +197,8 @@ def read_survey(terrain: Path, towers: Path, units: str | None = None, above_gro
     stations: dict[str, tuple[float, float]] = {}
     found = []
     for number, row in table.rows:
-        tower = _tower(table.file, number, row, bare, above_ground)
+        name = str(row.get("name") or f"T{number - 1}")
+        tower = tower_of(table.file, f"line {number}", name, row, bare, above_ground)
         if tower.name.lower() in ("start", "end"):
             stations[tower.name.lower()] = (tower.x, tower.z)
         else:
@@ -207,12 +208,23 @@ def read_survey(terrain: Path, towers: Path, units: str | None = None, above_gro
     return check_towers(str(towers), Survey(profile, tuple(named), stations, notes))
 
 
-def _tower(
-    file: str, number: int, row: Mapping[str, str | float], bare: Survey, above_ground: float | None
+def tower_of(
+    file: str, where: str, name: str, row: Mapping[str, str | float], bare: Survey, above_ground: float | None
 ) -> SurveyedTower:
-    """Tower of a row of a table."""
-    x, where = float(row["x"]), f"line {number}"
-    assumed = False
+    """Tower of a row of data.
+
+    Args:
+        file: of the data, for faults.
+        where: place in it.
+        name: of the tower.
+        row: texts, and numbers in metres, by the names of `NAMES`.
+        bare: terrain.
+        above_ground: m, assumed height of the rope over the ground without one; None: refuse it.
+
+    Raises:
+        SurveyError: one line.
+    """
+    x, assumed = float(row["x"]), False
     if "z_rope" in row:
         z = float(row["z_rope"])
     elif "rope_above_ground" in row:
@@ -220,7 +232,10 @@ def _tower(
     elif above_ground is not None:
         z, assumed = bare.ground(x) + above_ground, True
     else:
-        raise SurveyError(f"{file}: {where}: given no height of the rope; allowed: z_rope or rope_above_ground, in m")
+        raise SurveyError(
+            f"{file}: {where}: given no height of the rope; allowed: z_rope or rope_above_ground, in m, or "
+            "--rope-above-ground for all"
+        )
     hold = str(row.get("hold_down", "")).lower()
     if hold not in (*TRUE, *FALSE):
         raise SurveyError(f"{file}: {where}: hold_down: given {hold!r}; allowed: 1 or 0")
@@ -229,12 +244,12 @@ def _tower(
         raise SurveyError(f"{file}: {where}: contacts: given {contacts:g}; allowed: a whole number from 1 to 100")
     sizes = {key: float(row[key]) if key in row else None for key in ("length", "radius")}
     return SurveyedTower(
-        name=str(row.get("name") or f"T{number - 1}"),
+        name=name,
         x=x,
         z=z,
         where=where,
         contacts=None if contacts is None else int(contacts),
-        hold_down=hold in TRUE if "hold_down" in row and hold else None,
+        hold_down=hold in TRUE if hold else None,
         rope_assumed=assumed,
         **sizes,
     )
