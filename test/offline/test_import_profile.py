@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_twin.offline import envelope, import_profile, simulate
+from cable_twin.offline import envelope, import_profile, report, simulate
 from cable_twin.offline.line import Line, calculate
 from cable_twin.offline.survey.profile import SurveyError
 from cable_twin.offline.survey.tables import read_survey
@@ -149,13 +149,22 @@ CASES = Path(__file__).resolve().parents[2] / "examples" / "load_cases.yaml"
 
 
 @pytest.mark.long
-def test_the_nine_towers_go_from_survey_to_scenario_run_and_envelope(tmp_path, capsys):
+def test_the_nine_towers_go_from_survey_to_scenario_run_envelope_and_report(tmp_path, capsys):
+    pytest.importorskip("jinja2")
     file, code = imported(tmp_path, *ENDS, "--no-rest")
     assert code == 0
-    run = [file, "--script", written(tmp_path, "stop.yaml", SCRIPT), "--duration", 30, "--record", "off"]
+    run = [file, "--script", written(tmp_path, "stop.yaml", SCRIPT), "--duration", 30, "--record", "bag"]
+    run += ["--output", tmp_path / "runs"]
     assert simulate.main([*map(str, run), "--json", str(tmp_path / "run.json")]) == 0
     assert envelope.main([*map(str, (file, "--cases", CASES, "--places", 1, "--json", tmp_path / "cases.json"))]) == 0
     told = capsys.readouterr().out
     assert "25 load cases" in told
     cases = json.loads((tmp_path / "cases.json").read_text())
     assert all(one["fault"] == "" for one in cases["cases"])
+    for source in (next((tmp_path / "runs").iterdir()), tmp_path / "cases.json"):
+        page = tmp_path / "page.html"
+        assert report.main([*map(str, (source, "--scenario", file, "--output", page))]) == 0
+        text = page.read_text(encoding="utf-8")
+        assert "T9_up" in text
+        assert "closed form: the counterweight is then near the middle of its travel" in text
+        assert 'class="note"' not in text  # the states at rest are found again

@@ -25,6 +25,7 @@ from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
 from cable_twin.offline.reporting.sections import SECTIONS
 from cable_twin.scenario import load_scenario
+from cable_twin.scenario.files import config_directory
 
 pytest.importorskip("jinja2")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -231,6 +232,15 @@ def test_inputs_have_the_remarks_of_their_file():
     assert rows["ropes.up.ice"].value == "2"
     assert not rows["carriers.count"].assumed
     assert {"limits.acceleration", "limits.roller_load"} <= {one.key for one in inputs.defaults}
+
+
+def test_remarks_of_lists_stand_above_their_items(tmp_path):
+    file = tmp_path / "level.yaml"
+    text = (config_directory() / "single_span.yaml").read_text(encoding="utf-8")
+    file.write_text(f"{text}\nterrain:  # survey of 2026\n- [0.0, -9.0]\n- [1000.0, 200.0]  # map\n", encoding="utf-8")
+    rows = {one.key: one for one in inputs_of(load_scenario(file), file).rows}
+    assert (rows["terrain.0"].remark, rows["terrain.1"].remark) == ("survey of 2026", "map")
+    assert not rows["terrain.0"].assumed
 
 
 def test_lines_differ_without_colours_and_gaps_stay():

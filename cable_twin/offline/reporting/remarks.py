@@ -204,7 +204,9 @@ def _heads(lines: Sequence[str], row: int) -> Iterator[str]:
 
 
 def _indent(line: str) -> int:
-    return len(line) - len(line.lstrip())
+    """Indentation of a line; an item of a list is within its key also where both begin in one column."""
+    plain = line.lstrip()
+    return len(line) - len(plain) + (2 if plain.startswith("- ") else 0)
 
 
 def _group(lines: Sequence[str], row: int, step: int) -> str:
