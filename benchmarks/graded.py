@@ -1,9 +1,9 @@
 """Cost of graded meshes over uniform ones, and the differences of key figures and rope shapes.
 
 What they cost is measured on one strand where the unit has one: the scenarios of `test/one_strand`, with the elements
-and kinks of the lifts. The trip: under way from rest, an emergency stop, and what comes after it. What all meshes
+of the lifts. The trip: under way from rest, an emergency stop, and what comes after it. What all meshes
 differ by from the even one of twice as many elements is shown beside, as the measure of what each is worth itself, also
-that of the even one whose elements round off the kinks under vehicles.
+that of the even one with the joint of the paper, whose elements round off the bends under vehicles.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def run(effort: Effort, progress: Progress) -> Part:
             even_ones = (
                 {"elements": EVEN[name]},
                 {"elements": 2 * EVEN[name]},
-                {"elements": EVEN[name], "kinks": "rounded"},
+                {"elements": EVEN[name], "joint": "paper"},
             )
             for changes in ({}, *even_ones):
                 trips.append(_trip(name, changes, 0.1 if effort.quick else 1.0))
@@ -74,15 +74,15 @@ def run(effort: Effort, progress: Progress) -> Part:
                 found,
                 _difference(name, "graded, from twice as fine", graded, fine),
                 _difference(name, "even, from twice as fine", even, fine),
-                _difference(name, "even with rounded kinks, from twice as fine", rounded, fine),
-                _difference(name, "graded, from even with rounded kinks", graded, rounded),
+                _difference(name, "even with the joint of the paper, from twice as fine", rounded, fine),
+                _difference(name, "graded, from even with the joint of the paper", graded, rounded),
             ]
             faults += [] if effort.quick else _faults(row, found)
     notes = [
         note,
         "`chairlift` and `gondola` are loops of two strands now, where the unit has one strand of each: the cost is "
-        "that of one strand too (`test/one_strand`), with the elements and the kinks of the lifts.",
-        "All meshes have the kinks that the scenario has, sharp ones, but where rounded ones are named.",
+        "that of one strand too (`test/one_strand`), with the elements of the lifts.",
+        "All meshes have nodes at loads, but where the joint of the paper is named.",
         "Key figures are those of the ropeway: what the solver says of its own losses is left out.",
         f"The trip: drive at the speed of the part `frame` from rest, emergency stop at {STOP:g} s, until {END:g} s. "
         f"Shapes are compared at {POINTS} places every {FRAME:g} s.",

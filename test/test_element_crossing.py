@@ -9,7 +9,8 @@ from cable_twin.simulation import Simulation
 from cable_twin.simulation.start_checks import growing_steps, highest_speed
 
 # waves of about 220 m/s, so 0.1 of an element of 10.4 m in 5 ms: only what is as fast as 130 m/s is too fast
-FAST = {"carriages.cabin.drive.limits.speed": 150.0}
+PAPER = {"cable.joint": "paper", "cable.elements": 100}
+FAST = {"carriages.cabin.drive.limits.speed": 150.0} | PAPER
 WARNING = r"solver\.step of 0\.005 s is above 0\.0044\d* s, the longest for a vehicle at 150 m/s on elements of 10\.4 m"
 
 
@@ -18,7 +19,12 @@ def test_such_a_step_is_warned_of():
         Simulation(load_scenario("single_span", FAST))
 
 
-@pytest.mark.parametrize("changes", [{}, {**FAST, "solver.step": 0.004}, {**FAST, "solver.spectral_radius": 0.6}])
+NODE = {"cable.joint": "node"}  # which goes along with the vehicle
+
+
+@pytest.mark.parametrize(
+    "changes", [PAPER, FAST | NODE, {**FAST, "solver.step": 0.004}, {**FAST, "solver.spectral_radius": 0.6}]
+)
 def test_others_are_not(changes):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

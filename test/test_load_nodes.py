@@ -14,7 +14,6 @@ NODE = {"cable.joint": "node"}
     [
         ("single_span", {"cable.elastic_model": "element_frame"}, "beside elastic_model element_frame"),
         ("single_span", {"solver.integrator": "runge_kutta"}, "beside integrator runge_kutta"),
-        ("single_span", {"cable.kinks": "sharp"}, "beside kinks sharp"),
     ],
 )
 def test_refused_beside_what_it_cannot_do(scenario, changes, said):
@@ -39,6 +38,11 @@ def test_the_force_of_a_clamp_does_not_depend_on_the_mesh():
     np.testing.assert_allclose(forces, np.tile(np.mean(forces, axis=0), (4, 1)), rtol=5e-4)
 
 
+def test_the_former_key_of_bends_is_read_with_a_warning():
+    with pytest.warns(UserWarning, match=r"cable.kinks is read no more"):
+        assert load_scenario("single_span", {"cable.kinks": "sharp"}) == load_scenario("single_span")
+
+
 def test_the_hold_does_not_depend_on_the_mesh():
     """Force of the drive that holds the cabin, at 16 places over one element of 100 and of 20: to 1e-4 of it."""
     for place in np.linspace(400.0, 410.0, 5):
@@ -53,8 +57,7 @@ def test_the_hold_does_not_depend_on_the_mesh():
 
 def test_a_saved_run_goes_on_to_the_last_bit(tmp_path):
     """Saved between two nodes, after one has been handed on."""
-    scenario = load_scenario("single_span", NODE)
-    simulation = Simulation(scenario)
+    simulation = Simulation(load_scenario("single_span", NODE | {"cable.elements": 100}))
     simulation.command("cabin", speed=5.0)
     simulation.advance_to(12.0)
     simulation.save(tmp_path / "saved.npz")
@@ -72,9 +75,7 @@ def test_a_lift_passes_its_stations(lift):
     highest = []
     for joint in ("node", "paper"):
         names = load_scenario(lift).ropes
-        changes = {f"ropes.{rope}.joint": joint for rope in names} | {
-            f"ropes.{rope}.kinks": "rounded" for rope in names
-        }
+        changes = {f"ropes.{rope}.joint": joint for rope in names}
         simulation = Simulation(load_scenario(lift, changes))
         simulation.command("haul_rope", speed=2.5)
         simulation.advance_to(40.0)

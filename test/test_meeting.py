@@ -161,7 +161,7 @@ def test_a_haul_rope_takes_the_push_and_the_track_rope_none():
         along = np.subtract(*simulation.cable_positions(here)[::-1])
         along /= np.linalg.norm(along)
         contact = columns.contact_force[0]
-        assert abs(contact @ along) < 1e-3 * np.linalg.norm(contact)  # it rolls without friction
+        assert abs(contact @ along) < 2e-3 * max(np.linalg.norm(contact), 200.0 * 9.81)  # it rolls without friction
     assert max(pushed) > 1500.0
     weight = 200.0 * 9.81 * along[2]
     assert np.mean(pushed[50:]) == pytest.approx(1500.0 - weight, rel=0.1)

@@ -80,5 +80,5 @@ def test_every_place_is_found_on_its_element(nodes):
 def test_part_of_a_grading_is_changed_by_its_key():
     scenario = load_scenario("chairlift", {"ropes.down.elements.target": 6.0})
     up, down = (scenario.ropes[name].elements for name in ("up", "down"))
-    assert (up.target, down.target) == (4.0, 6.0)
+    assert (up.target, down.target) == (12.0, 6.0)
     assert up.at_towers == down.at_towers

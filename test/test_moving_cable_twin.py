@@ -209,10 +209,11 @@ def test_vertical_support_forces_are_all_weight_at_rest():
 
 
 @needs_jit
+@pytest.mark.parametrize(("joint", "most"), [("paper", 0.05), ("node", 0.2)])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
+def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign, joint, most):
     """800 m at 2.5 m/s: accelerations of others in steps with and without a change."""
-    simulation = chairlift()
+    simulation = Simulation(load_scenario(chairlift().scenario.resolved(), {"cable.joint": joint}))
     state = simulation.state
     simulation.command("haul_rope", speed=2.5 * sign)
     simulation.advance_to(60.0)
@@ -226,8 +227,8 @@ def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign):
         (changes if np.array_equal(attached, state.attached) else swaps).append(change)
         accelerations, attached = state.bodies.acceleration[:, :2].copy(), state.attached.copy()
     assert len(swaps) == 4  # 125 m go by: two leave and two enter
-    assert max(swaps) < 0.05
-    assert max(swaps) < 2.0 * np.percentile(changes, 99)
+    assert max(swaps) < most
+    assert max(changes) < 3.0
 
 
 @needs_jit

@@ -413,13 +413,13 @@ def test_a_count_of_carriers_that_is_none_is_one_fault(name, count):
     source = load_scenario(name).resolved()
     source["carriers"]["count"] = count
     assert paths_of(source) == ["carriers.count"]
-    cable = {**source["ropes"][next(iter(source["ropes"]))], "kinks": "sharp"}
+    cable = source["ropes"][next(iter(source["ropes"]))]
     assert "carriers.count" in paths_of({"carriers": source["carriers"], "cable": cable})
 
 
-@pytest.mark.parametrize("kinks", ["rounded", "sharp"])
-def test_carriers_without_bodies_are_a_fault_whatever_the_kinks(kinks):
-    assert "carriers.bodies" in paths_of("chairlift", {"carriers.bodies": {}, "ropes.up.kinks": kinks})
+@pytest.mark.parametrize("joint", ["paper", "node"])
+def test_carriers_without_bodies_are_a_fault_whatever_the_joint(joint):
+    assert "carriers.bodies" in paths_of("chairlift", {"carriers.bodies": {}, "ropes.up.joint": joint})
 
 
 # Files

@@ -41,12 +41,12 @@ def test_a_load_between_nodes_leaves_no_spike(model):
 
 
 @pytest.mark.parametrize("scenario", [TRAMWAY, IN_SPACE], ids=["plane", "space"])
-@pytest.mark.parametrize("kinks", ["rounded", "sharp"])
-def test_the_tension_of_a_rope_is_that_of_a_finer_mesh_and_of_what_pulls_it(scenario, kinks):
+@pytest.mark.parametrize("joint", ["paper", "node"])
+def test_the_tension_of_a_rope_is_that_of_a_finer_mesh_and_of_what_pulls_it(scenario, joint):
     """Cabin with haul rope beside a tower; counterweight along the rope."""
     found = []
     for elements in (40, 320):
-        changes = {"cable.elements": elements, "cable.kinks": kinks, "carriages.cabin.arc_length": 71.3}
+        changes = {"cable.elements": elements, "cable.joint": joint, "carriages.cabin.arc_length": 71.3}
         changes["carriages.cabin.payload.mass"] = 400.0
         found.append(Simulation(load_scenario(scenario, changes)))
     places = np.linspace(0.0, 121.5, 244)

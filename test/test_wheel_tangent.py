@@ -71,7 +71,6 @@ def under_way(name, *, joint, turned=(), slipping=0, **changes):
     """Simulation of a shipped scenario under way, of which some wheels are turned by their forces, or slip."""
     scenario = load_scenario(name)
     joints = {f"ropes.{rope}.joint": joint for rope in scenario.ropes}
-    joints |= {f"ropes.{rope}.kinks": "rounded" for rope in scenario.ropes}
     simulation = Simulation(load_scenario(name, joints | changes))
     simulation.advance_to(1.3)
     motion = simulation._engine.moving.sheaves

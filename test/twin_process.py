@@ -83,7 +83,7 @@ def write_quick_scenario(directory: Path, space: int = 2) -> Path:
     """Write a single span of low cost, whose drive reaches its speed in a second or two, in wind or calm."""
     yaml = YAML()
     content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
-    content["cable"].update(elements=20, kinks="rounded", start={"position": [0.0, 0.0]})
+    content["cable"].update(elements=20, start={"position": [0.0, 0.0]})
     del content["towers"]
     cabin = content["carriages"]["cabin"]
     cabin["arc_length"] = 60.0

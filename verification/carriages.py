@@ -38,6 +38,7 @@ def light_rope(carriages: dict[str, Any], *, elements: int = 192, step: float = 
         end=(SPAN, 0.0),
         supports=("pinned", "pinned"),
         shape="equilibrium",
+        cable={"joint": "paper"},
         carriages=carriages,
         step=step,
         tolerance=1e-9,
@@ -103,6 +104,7 @@ def on_string(share: float, *, mass: float, step: float, **changes: Any) -> tupl
         end=(LENGTH, 0.0),
         supports=("pinned", "pinned"),
         shape="equilibrium",
+        cable={"joint": "paper"},  # a node that follows the particle would leave the load of its place between nodes
         carriages={"car": car},
         loads=loads,
         step=step,

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eig
 
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import dot, scale, subtract
 from cable_twin.mechanics.parameters import FloatArray, System
 from cable_twin.mechanics.readout.sections import end_force
-from cable_twin.mechanics.rope.element import add_cable
+from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
+from cable_twin.mechanics.rope.elastic_models import elastic_force
+from cable_twin.mechanics.rope.element import rates_of_strain
+from cable_twin.mechanics.rope.patch import beside_load, motion_of_rope
 from cable_twin.mechanics.solution.equations_of_motion import assemble
 from cable_twin.mechanics.solution.equilibrium import catenary, settled
-from cable_twin.mechanics.state import allocate_workspace
+from cable_twin.mechanics.state import State, allocate_workspace
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import chairlift, changing, for_kernels, moving
@@ -211,21 +215,29 @@ def swing_of_a_stop() -> Iterator[Result]:
     yield Result("way to rest", "m", 5.0**2 / 3.0, way, 1e-9)
 
 
-@lru_cache(maxsize=1)
-def undamped(simulation: Simulation) -> System:
-    """Its system with a cable without damping: one record for all calls, as a new one takes 2 ms to hand over."""
-    system = simulation.system
-    return system._replace(cable=system.cable._replace(damping_time=0.0))
+@kernel
+def damping_power(system: System, state: State) -> float:
+    """Power (W) that Kelvin-Voigt damping takes from a rope, by the rates of strain of all elements."""
+    cable, like, total = system.cable, system.cable.gravity, 0.0
+    stretch, dilution = rest_stretch(cable, state), mesh_dilution_rate(cable, state)
+    for element in range(cable.element_count):
+        length = state.mesh.length[element]
+        e, v = nodal_vectors(state.nodes.position, element, like), nodal_vectors(state.nodes.velocity, element, like)
+        if beside_load(cable, state, element):
+            e, v, _ = motion_of_rope(system, state, element, state.nodes.acceleration)
+        shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
+        rates = subtract(v[2], v[0]), scale(length, v[1]), scale(length, v[3])
+        still, strained = scale(0.0, shape[0]), rates_of_strain(dilution, shape, rates)
+        damped = elastic_force(cable, stretch * length, *shape, *strained, 0.0, 0.0)[:3]
+        elastic = elastic_force(cable, stretch * length, *shape, still, still, still, 0.0, 0.0)[:3]
+        for i in range(3):
+            total += dot(subtract(damped[i], elastic[i]), rates[i])
+    return total
 
 
 def viscous_power(simulation: Simulation) -> float:
     """Power (W) that Kelvin-Voigt damping takes now."""
-    state, work = for_kernels(simulation)
-    powers = []
-    for system in (simulation.system, undamped(simulation)):
-        add_cable(system, state, 0.0, 0.0, 0.0, work)
-        powers.append(float(np.sum(work.right_side[:, :2] * state.nodes.velocity[:, :2])))
-    return powers[1] - powers[0]
+    return float(damping_power(simulation.system, for_kernels(simulation)[0]))
 
 
 def carrier_energies(simulation: Simulation) -> FloatArray:

@@ -207,7 +207,7 @@ def inclined_catenary() -> Iterator[Result]:
 
 @case("elastic catenary, 5000 kg at half length", "Irvine 1981, two catenaries")
 def loaded_catenary() -> Iterator[Result]:
-    """The load is a carriage, held at half length, which is a node.
+    """The load is a carriage with the joint of the paper, held at half length, which is a node.
 
     The slope of a cubic element is continuous, so it rounds the kink off over its length: the error is of first order.
     """
@@ -218,7 +218,7 @@ def loaded_catenary() -> Iterator[Result]:
     errors = []
     meshes = (64, 512) if JIT else (32, 64)
     for elements in meshes:
-        changes = {"carriages": hung(0.5 * length, 5000.0), "cable.elements": elements}
+        changes = {"carriages": hung(0.5 * length, 5000.0), "cable.elements": elements, "cable.joint": "paper"}
         simulation = Simulation(load_scenario(LEVEL_SPAN, changes))
         start = simulation.snapshot.supports["start"].force
         carriage = simulation.snapshot.carriages["carriage"]
@@ -277,17 +277,17 @@ def taut_readout() -> Iterator[Result]:
 def carriage_readout() -> Iterator[Result]:
     """The rope has a kink at the carriage, within an element: no spike beside it, and a jump there.
 
-    Where elements round the kink off, the whole rope hangs higher by that, and has less tension.
+    Where elements round the kink off, as with the joint of the paper, the whole rope hangs higher and has less tension.
     """
-    for kinks, off, jump in (("rounded", 6e-4, 3e-3), ("sharp", 6e-5, 3e-4)):
-        simulation, tension, place = taut_inclined(12_000.0, {"cable.kinks": kinks})
+    for joint, off, jump in (("paper", 6e-4, 3e-3), ("node", 6e-5, 3e-4)):
+        simulation, tension, place = taut_inclined(12_000.0, {"cable.joint": joint})
         arc_lengths = np.linspace(0.0, 1044.25, 501)
         error = np.abs(simulation.cable_tension(arc_lengths) / tension(arc_lengths) - 1.0)
-        yield Result(f"{kinks} kinks, worst of 501 points", "-", 0.0, float(error.max()), off)
+        yield Result(f"joint {joint}, worst of 501 points", "-", 0.0, float(error.max()), off)
         beside = np.array([place - 1e-6, place + 1e-6])
         before, after = simulation.cable_tension(beside)
         exact = float(np.diff(tension(beside))[0])
-        yield Result(f"{kinks} kinks, jump at the carriage", "N", exact, float(after - before), jump * exact)
+        yield Result(f"joint {joint}, jump at the carriage", "N", exact, float(after - before), jump * exact)
     arc_lengths = np.array([0.0, 1044.25])
     forces = [float(np.linalg.norm(simulation.snapshot.supports[end].force)) for end in ("start", "end")]
     for end, force, got in zip(("start", "end"), forces, simulation.cable_tension(arc_lengths), strict=True):
@@ -318,7 +318,7 @@ def balance() -> Iterator[Result]:
     )
     at = simulation.cable_positions(np.array([55.0]))[0]
     point = at[0] * 7000.0 + at[2] * 3000.0
-    yield Result("moment of the end reaction", "N m", rope + carried + point, 100.0 * end[2], 0.1)
+    yield Result("moment of the end reaction", "N m", rope + carried + point, 100.0 * end[2], 0.2)
 
 
 def cantilever(changes: dict[str, Any], *, force: float = 0.0, moment: float = 0.0) -> Simulation:

@@ -12,6 +12,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.entries import call_integrator, call_reader, take_number
 from cable_twin.mechanics.language.memory import copy_array
+from cable_twin.mechanics.on_rope.buffer import CLOSEST
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
 from cable_twin.mechanics.solution.bundle.records import SYSTEM
@@ -142,9 +143,9 @@ def take_outcome(members, member, outcome):
 
 @kernel
 def are_pressed(looks, state):
-    """Return whether any two vehicles that can meet have exchanged their order on the rope."""
+    """Return whether any two vehicles that can meet are pressed through each other."""
     for pair in range(looks.before.size):
-        if state.joints.position[looks.after[pair]] <= state.joints.position[looks.before[pair]]:
+        if state.joints.position[looks.after[pair]] - state.joints.position[looks.before[pair]] < CLOSEST:
             return True
     return False
 

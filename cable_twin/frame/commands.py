@@ -9,9 +9,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from cable_twin.frame.records import AppliedCommand
+if TYPE_CHECKING:
+    from cable_twin.frame.records import AppliedCommand
 
 JOINT_COMMANDS = "joint_commands"
 JOINT_STATE, VECTOR = "sensor_msgs/msg/JointState", "geometry_msgs/msg/Vector3Stamped"

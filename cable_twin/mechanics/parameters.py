@@ -45,9 +45,6 @@ class Cable(NamedTuple):
     cell_element: IntArray  # (cells,) element at the start of each cell
     unstrained_length: float  # L, m
     load_nodes: bool  # whether a node of the mesh follows every joint on the cable
-    rounding: FloatArray  # (elements, 3, 9) of x / l, powers falling: c_0 m/N, d_0 m/N³, k m/N of `joint_compliance`
-    rounding_limit: float  # b_0 of it, 1/N²
-    rounding_tension: FloatArray  # T_0 of it, (elements,) N
     mass_per_length: float  # rho A, kg/m
     axial_stiffness: float  # EA, N
     bending_stiffness: float  # EI, N m^2
@@ -79,9 +76,6 @@ def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
         "cell_element": np.clip(np.searchsorted(node_arc_length, starts, side="right") - 1, 0, lengths.size - 1),
         "unstrained_length": whole,
         "load_nodes": False,
-        "rounding": np.zeros((0, 3, 1)),
-        "rounding_limit": 0.0,
-        "rounding_tension": np.zeros(0),
     }
 
 

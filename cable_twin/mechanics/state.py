@@ -140,10 +140,6 @@ class State(NamedTuple):
     ]  # by which the rope on the mesh was longer than before any had gone by
     loop_start: Annotated[FloatArray, Of(1, unit="m")]  # place on the loop of the start of the mesh then
     rope_drive: Annotated[Drives, Of(1)]  # of a moving cable
-    kink_length: Annotated[FloatArray, Of("element", unit="m")]  # rope of each that sharp kinks take in this step
-    # (`on_rope.sliding_joint`)
-    slackness: Annotated[FloatArray, Of(1, first=1.0)]  # mean tension of the rope at rest over that in this step, where
-    # kinks are sharp
     contact_arc_length: Annotated[FloatArray, Of("contact", unit="m"), PLACE]  # of the rope nearest to each contact
     contact_deflection: Annotated[FloatArray, Of("contact"), SHARE]  # share -1..1 of its friction that is mobilised
     contact_origin: Annotated[
@@ -235,15 +231,6 @@ class Workspace(NamedTuple):
     ]  # increment of the moment that holds in space, by the place
     held_by_above: Annotated[FloatArray, Of("body", "turn²")]
     held_right: Annotated[FloatArray, Of("body", "turn")]
-    pivot_by_joint: Annotated[
-        FloatArray, Of("vehicle", "dim²")
-    ]  # A of `vehicle_impedance`: place of the pivot by that of the joint
-    pivot_by_turn: Annotated[FloatArray, Of("vehicle", "turn dim")]  # B of it: by the turn of the cable
-    pivot_right: Annotated[FloatArray, Of("vehicle", "dim", unit="m")]  # a of it
-    joint_along: Annotated[
-        FloatArray, Of("vehicle", "dim")
-    ]  # unit tangent of the cable, across which a joint yields in this step
-    joint_by_s: Annotated[FloatArray, Of("vehicle", "dim")]  # r_x - ∂δ/∂s: place of the pivot by the arc length
     grip_row: Annotated[
         FloatArray, Of("vehicle", 4, "turn dim")
     ]  # turn of the cable as the hinge sees it, by the nodal coordinates

@@ -24,6 +24,7 @@ from cable_twin.scenario.overrides import (
     without_aliases,
 )
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.line import KINKS, warn_of_kinks
 
 LONGEST_DESCRIPTION = 400  # characters in a list
 LONGEST_NAME = 200  # characters of the name of a file that becomes that of a scenario
@@ -74,6 +75,16 @@ def parse_scenario(text: str) -> Scenario:
     return _build("text", "custom", *_parse(text, "text"), {})
 
 
+def _without_kinks(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield overrides but those of the former key `kinks` of ropes, which are warned of."""
+    for key, value in given.items():
+        parts = key.split(".")
+        if parts[-1] == "kinks" and value in KINKS and (parts[0], len(parts)) in (("cable", 2), ("ropes", 3)):
+            warn_of_kinks()
+        else:
+            yield key, value
+
+
 def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: Mapping[str, Any]) -> Scenario:
     """Scenario from parsed content, with `label` as its name in faults; raises ScenarioError with all faults."""
     try:
@@ -83,7 +94,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         data, aliases, both = without_aliases(data)
         faults += both
         written = Written(data, aliases)
-        given = {full_key(str(key)): value for key, value in overrides.items()}
+        given = dict(_without_kinks({full_key(str(key)): value for key, value in overrides.items()}))
         values = {key: _plain(value, tuple(key.split(".")), faults) for key, value in given.items()}
         # whole sections before keys in them
         values = dict(sorted(values.items(), key=lambda one: written.depth(one[0])))

@@ -43,6 +43,7 @@ R = TypeVar("R")
 Integrator: Any = Literal[INTEGRATORS]  # type: ignore[valid-type]  # those of the mechanics
 
 CABLE = "cable"  # name of the rope of a scenario that has one cable and no `ropes`
+CARRIERS_APART = 2  # elements, from where on those of a loop are at nodes
 CLAMPS_APART = 4  # elements, from where on nodes of vehicles that are clamped to another rope do not meet
 ACROSS = 1e-9  # of its length: a track that goes less than that along x goes along y
 
@@ -228,13 +229,33 @@ class Scenario(Section):
         return alone
 
     @property
+    def joint(self) -> Literal["paper", "node"]:
+        """Joint of vehicles on the one rope of this scenario: as given; else at nodes, where that works and suits it.
+
+        A rope that begins straight, or has a free end, may lack the tension beside which its bending moment at a
+        vehicle, which a node with two slopes does not pass on, counts for little. Carriers that are closer than two
+        elements would leave hardly a node to the rope.
+        """
+        unsuited = self.cable.initial_shape == "straight" or "free" in self.cable.supports
+        if self.carriers and not self._whole.riding:
+            loop = self._whole.strand.loop_length if self._whole.strand else inf
+            apart = min(self.carriers.spacing or inf, loop / self.carriers.count)
+            unsuited |= apart < CARRIERS_APART * self._longest_element
+        return self.cable.joint or ("paper" if unsuited or self.paper_reason else "node")
+
+    @property
+    def _longest_element(self) -> float:
+        """Length (m) of the longest element of the one rope of this scenario, about."""
+        elements = self.cable.elements
+        return self.cable.unstrained_length / elements if isinstance(elements, int) else elements.target
+
+    @property
     def paper_reason(self) -> str | None:
         """Reason why vehicles on the one rope of this scenario cannot be at nodes, None if they can."""
-        model, integrator, kinks = self.cable.elastic_model, self.solver.integrator, self.cable.kinks
+        model, integrator = self.cable.elastic_model, self.solver.integrator
         reasons = {
             f"beside elastic_model {model}": model != "continuum",
             f"beside integrator {integrator}": integrator != "generalized_alpha",
-            f"beside kinks {kinks}, which mend the joint of the paper": kinks != "rounded",
             "beside connectors or pantographs on the same rope": self._whole.joined,
             "beside mass_damping or tension_damping": self.cable.mass_damping > 0.0 or self.cable.tension_damping > 0.0,
             f"beside clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
@@ -243,13 +264,12 @@ class Scenario(Section):
 
     def _clamps_are_close(self) -> bool:
         """Return whether vehicles on the rope of this scenario are clamped to another one too near to each other."""
-        elements = self.cable.elements
-        longest = self.cable.unstrained_length / elements if isinstance(elements, int) else elements.target
         apart, riding = inf, self._whole.riding
         if riding and self.carriers and self.carriers.count > 1:
             apart = riding.loop_length / self.carriers.count
         held = sorted(place for one in self.carriages.values() for place in list(one.clamped_to.values())[:1])
-        return min([apart, *(after - before for before, after in pairwise(held))]) < CLAMPS_APART * longest
+        nearest = min([apart, *(after - before for before, after in pairwise(held))])
+        return nearest < CLAMPS_APART * self._longest_element
 
     def _riding(self, rope: str) -> Riding | None:
         """Hauling strand and its loop for the carriers on a track rope; None for other ropes."""

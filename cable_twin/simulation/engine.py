@@ -44,13 +44,7 @@ from cable_twin.simulation.rope_couplings import (
     observe_clamps,
 )
 from cable_twin.simulation.ropeway import Ropeway, of_rope
-from cable_twin.simulation.same_model import (
-    check_same_meshes,
-    check_same_parts,
-    check_same_structure,
-    sharing,
-    with_rest_of,
-)
+from cable_twin.simulation.same_model import check_same_meshes, check_same_parts, check_same_structure, sharing
 from cable_twin.simulation.snapshot_file import FullState
 from cable_twin.simulation.vehicle_contacts import with_buffers
 from cable_twin.simulation.vehicles import Vehicles, VehicleSettings, with_all_vehicles
@@ -181,7 +175,7 @@ class Engine:
                     part.check_bare(loaded=name in self._hung_from)
 
     def find_rest(self, near: tuple[Kept, BundleState] | None = None) -> None:
-        """Find the equilibrium of all ropes, twice where the first one sets the compliance of joints.
+        """Find the equilibrium of all ropes.
 
         Args:
             near: states of ropes and couplings at the rest of like ropes, where the search begins; None for from
@@ -207,9 +201,6 @@ class Engine:
             self._find_rest()
 
         self._find_rest()
-        sharpened = [self._sharpen(name, part) for name, part in self._by_name()]
-        if any(sharpened):
-            again()
         for name, part in self._by_name():
             with self._naming(name):
                 part.check_travel(self.parts, again)
@@ -225,10 +216,6 @@ class Engine:
 
     def _by_name(self) -> Iterator[tuple[str, Ropeway]]:
         return zip(self._names, self.parts, strict=True)
-
-    def _sharpen(self, name: str, part: Ropeway) -> bool:
-        with self._naming(name):
-            return part.sharpen(self._scenario.rope_key(name))
 
     def _find_rest(self) -> None:
         """Find the equilibrium of each rope by itself, then of all ropes together."""
@@ -452,8 +439,6 @@ class Engine:
 
     def rest_of(self, like: Engine) -> None:
         """Take over the start of another engine, and what depends on its rest, in place of an own search for rest."""
-        for part, other in zip(self.parts, like.parts, strict=True):
-            part.system = with_rest_of(part.system, other.system)
         self.bundle.wires.tension[:] = like.bundle.wires.tension
         own = tuple((part.system, part.packed_system) for part in self.parts)
         settings = like.settings()

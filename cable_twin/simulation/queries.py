@@ -16,7 +16,7 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.readout.clearances import Surroundings, look_around
 from cable_twin.mechanics.readout.columns import observe
 from cable_twin.mechanics.readout.energies import energies
-from cable_twin.mechanics.readout.samples import places_on, sample_positions, sample_shape
+from cable_twin.mechanics.readout.samples import places_on, sample_positions
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions
 from cable_twin.scenario import Scenario
 from cable_twin.simulation.engine import Engine
@@ -57,7 +57,9 @@ class Queries:
         """
         part, arc_lengths = self._places(rope, arc_lengths)
         positions = np.empty((arc_lengths.size, 3))
-        sample_shape(part.system, part.state, places_on(part.system.cable, part.state, arc_lengths), positions)
+        sample_positions(
+            part.system.cable, part.state, places_on(part.system.cable, part.state, arc_lengths), positions
+        )
         return positions
 
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:

@@ -24,16 +24,13 @@ from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import DRUM, FORCE, FREE, SPEED, TRACK_ROPE, FloatArray, System
 from cable_twin.mechanics.readout.sections import Sections, allocate_sections
 from cable_twin.mechanics.rope.element import element_tensions
-from cable_twin.mechanics.rope.joint_compliance import joint_compliance_table, smoothed
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
 from cable_twin.mechanics.solution.newmark import Coefficients
 from cable_twin.mechanics.state import State, Workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.vehicles import Carriage
-from cable_twin.simulation.start_checks import warn_of_bends
 
-LEAST_STRAIN = 1e-7  # of a rope under tension at rest, above rounding
 DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
 
@@ -119,30 +116,6 @@ class Ropeway:
         else:
             moved = self.system.cable if ends is None else self.system.cable._replace(end_position=ends)
             settle(self.system._replace(cable=moved), self.state, work, coupled=coupled)
-
-    def sharpen(self, key: str = "cable") -> bool:
-        """Set the joint compliance of sharp kinks by the present tension; returns whether the rope has sharp kinks.
-
-        Args:
-            key: where the scenario has the rope.
-
-        Raises:
-            EquilibriumError: it has none.
-        """
-        if self.scenario.cable.kinks == "rounded":
-            return False
-        cable = self.system.cable
-        tensions = smoothed(cable, self._element_tensions())
-        if not tensions.mean() > LEAST_STRAIN * cable.axial_stiffness:
-            raise EquilibriumError(
-                f"cable.kinks: given 'sharp' where the rope rests with {with_unit(tensions.mean(), 'N', 3)}; "
-                "allowed: rounded, or a "
-                f"tension above {with_unit(LEAST_STRAIN * cable.axial_stiffness, 'N', 3)}"
-            )
-        warn_of_bends(self.scenario, self.system, self.state.nodes.position[:, 1], tensions, key)
-        table = joint_compliance_table(cable, tensions)
-        self.system = self.system._replace(cable=cable._replace(**table))
-        return True
 
     def take_over_rest(self) -> None:
         """Initialise drives and haul ropes with the holding forces of the equilibrium.
@@ -253,7 +226,7 @@ class Ropeway:
         return float(np.average(self._element_tensions(), weights=self.state.mesh.length))
 
     def _element_tensions(self) -> FloatArray:
-        """Mean tensions (elements,) in N of the elements from their strains, for the compliance of sharp kinks."""
+        """Mean tensions (elements,) in N of the elements from their strains."""
         count = self.system.cable.element_count
         tensions = np.empty((-(-count // WIDTH), WIDTH))
         element_tensions(self.system.cable, self.state, tensions)

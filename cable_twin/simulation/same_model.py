@@ -8,11 +8,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cable_twin.mechanics.language.by_reference import Known
-from cable_twin.mechanics.parameters import FloatArray, System
+from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 
 MAY_SWITCH = {"drive_stops", "tensioning", "cell_element"}  # conditions and numbers that are no structure
-OF_REST = ("rounding", "rounding_limit", "rounding_tension")  # joint compliance, which depends on the tension at rest
 R = TypeVar("R")
 
 
@@ -65,8 +64,7 @@ def _differences(record: Any, like: Any, name: str = "") -> Iterator[str]:
     """Names of fields that differ in type, size or index."""
     if isinstance(record, tuple) and hasattr(record, "_fields"):
         for field, own, other in zip(record._fields, record, like, strict=True):
-            if field not in OF_REST:
-                yield from _differences(own, other, field)
+            yield from _differences(own, other, field)
     elif isinstance(record, np.ndarray):
         fixed = record.dtype != np.float64 and name not in MAY_SWITCH
         if record.shape != like.shape or record.dtype != like.dtype or (fixed and not np.array_equal(record, like)):
@@ -96,9 +94,3 @@ def _is_equal_number(own: Any, other: Any) -> bool:
     if not isinstance(own, bool | int | float | tuple) or hasattr(own, "_fields"):
         return False
     return type(own) is type(other) and bool(own == other)
-
-
-def with_rest_of(system: System, like: System) -> System:
-    """System with the joint compliance of another one, which depends on its tension at rest."""
-    table = {name: getattr(like.cable, name) for name in OF_REST}
-    return system._replace(cable=system.cable._replace(**table))

@@ -1,7 +1,7 @@
-"""Checks of a start: compression, sharp bends under vehicles, slack elements, element crossings in too few steps.
+"""Checks of a start: compression, slack elements, element crossings in too few steps.
 
 A rope without bending stiffness under compression is in an unstable equilibrium and is refused; the others warn
-(theory.md: sharp kinks, element frames, crossing of nodes).
+(theory.md: element frames, crossing of nodes).
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import CableSamples
-from cable_twin.mechanics.parameters import ELEMENT_FRAME, FloatArray, System
-from cable_twin.mechanics.rope.joint_compliance import MEASURED
+from cable_twin.mechanics.parameters import ELEMENT_FRAME, System
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.scenario import Scenario
 
@@ -38,51 +37,6 @@ def check_pressure(system: System, rope: CableSamples) -> None:
             "cable.bending_stiffness: given 0, but the cable starts under a pressure of "
             f"{with_unit(pressure, 'N')}, which only "
             "a strut bears; allowed: a number above 0 in N m^2, a shorter cable, or gravity"
-        )
-
-
-def worst_bend(
-    scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray
-) -> tuple[float, str, float]:
-    """Largest EA F² / T³ (-), its vehicle, and F (N): weight of the fully loaded vehicle across the rope.
-
-    Looked at is each element to which the vehicle may come, with the tension that it has now.
-
-    Args:
-        scenario: of one rope.
-        system: its parameters.
-        slopes: (nodes, dim) of the rope at its nodes.
-        tensions: (elements,) N.
-    """
-    cable = system.cable
-    gravity = np.array(cable.gravity)
-    along = slopes[:-1] + slopes[1:]
-    along /= np.linalg.norm(along, axis=1)[:, None]
-    across = np.sqrt(np.maximum(gravity @ gravity - (along @ gravity) ** 2, 0.0))  # m/s², of each element
-    bends = cable.axial_stiffness * across**2 / np.maximum(tensions, 1e-9 * cable.axial_stiffness) ** 3
-    worst = 0.0, "", 0.0
-    for name, vehicle in scenario.vehicles.items():
-        mass = sum(body.mass for body in vehicle.bodies.values())
-        mass += vehicle.payload.capacity if vehicle.payload else 0.0
-        where = slice(None)
-        if vehicle.joint == "fixed":
-            after = int(np.searchsorted(cable.node_arc_length[1:-1], vehicle.arc_length, side="right"))
-            where = slice(after, after + 1)
-        element = int(np.argmax(bends[where])) + (where.start or 0)
-        worst = max(worst, (mass * mass * float(bends[element]), name, mass * float(across[element])))
-    return worst
-
-
-def warn_of_bends(scenario: Scenario, system: System, slopes: FloatArray, tensions: FloatArray, key: str) -> None:
-    """Warn of a bend beyond the validated range; `key` is the key of the rope, other arguments as in `worst_bend`."""
-    bend, name, force = worst_bend(scenario, system, slopes, tensions)
-    if bend > MEASURED:
-        warnings.warn(
-            f"{key}.kinks: given 'sharp' where {name!r} may bend the rope by EA F^2 / T^3 = {bend:.3g}, with a weight "
-            f"of {with_unit(force, 'N')} across it; measured up to {MEASURED:g}: beyond, the solver may fail; "
-            "allowed: rounded "
-            "with shorter elements, a tighter rope, or less weight",
-            stacklevel=2,
         )
 
 
@@ -135,6 +89,8 @@ def highest_speed(vehicles: Scenario, drives: Scenario) -> float:
 
 def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope: CableSamples) -> None:
     """Warn of a step size with which joint forces may grow on the shortest elements, at the least tension of `rope`."""
+    if vehicles.joint == "node":  # whose joint goes along with the vehicle
+        return
     step, radius = system.solver.step, system.solver.spectral_radius
     speed, length = highest_speed(vehicles, drives), float(system.cable.element_length.min())
     wave = sqrt(max(float(rope.tensions.min()), 0.0) / system.cable.mass_per_length)

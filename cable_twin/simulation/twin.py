@@ -97,8 +97,8 @@ class Simulation(Queries):
 
         Args:
             scenario: with the same ropes, vehicles, supports and drives, meshes and solver.
-            rest: find its own static equilibrium; else it begins at the present state of this one, with the joint
-                compliance and the start of this one.
+            rest: find its own static equilibrium; else it begins at the present state of this one, and with its
+                start.
 
         Raises:
             OtherModelError: the scenario needs another mesh, other parts or another solver.

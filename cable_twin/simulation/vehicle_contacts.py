@@ -9,6 +9,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.geometry.bodies import body_outline
+from cable_twin.mechanics.on_rope.buffer import CLOSEST
 from cable_twin.mechanics.parameters import IntArray, System, VehicleBuffers
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.mechanics.state import State
@@ -64,7 +65,7 @@ class VehicleContacts:
         if not self.possible:
             return ""
         places, push = state.joints.position, state.push[:, 0]
-        for number in np.flatnonzero(places[self._after] <= places[self._before])[:1].tolist():
+        for number in np.flatnonzero(places[self._after] - places[self._before] < CLOSEST)[:1].tolist():
             one, other = int(self._before[number]), int(self._after[number])
             return (
                 f"'{self._names[one]}' and '{self._names[other]}' are pressed through each other at "

@@ -109,12 +109,14 @@ def test_rest_is_rest():
         assert not array.any()
 
 
-def test_held_joint_reports_its_drive_force():
-    """Holding force equal to the weight along the cable, to 1e-6."""
-    simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed"}))
-    a, b = simulation.cable_positions(np.array([40.0 - 1e-4, 40.0 + 1e-4]))
-    along = (b - a) / np.linalg.norm(b - a)
-    exact = 1200.0 * 9.81 * along[2]
+@pytest.mark.parametrize("joint", ["paper", "node"])
+def test_held_joint_reports_its_drive_force(joint):
+    """Holding force equal to the weight along the mean of both sides of the rope, by the cosine of half its bend."""
+    simulation = Simulation(loaded_span(**{"carriages.one.joint": "fixed", "cable.joint": joint}))
+    places = simulation.cable_positions(np.array([40.0 - 1e-4, 40.0, 40.0 + 1e-4]))
+    before, after = (side / np.linalg.norm(side) for side in np.diff(places, axis=0))
+    along = (before + after) / np.linalg.norm(before + after)
+    exact = 1200.0 * 9.81 * along[2] / (along @ after)
     assert simulation.snapshot.carriages["one"].drive_force == pytest.approx(exact, rel=1e-6)
 
 

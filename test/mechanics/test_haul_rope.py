@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from systems import changed, difference, disturbed_state, make_system, put
-from test_equations_of_motion import ELASTIC, ROUGH, check_newton_step, rows, yielded
-from test_kink import YIELDING
+from test_equations_of_motion import ELASTIC, ROUGH, check_newton_step, rows
 
 from cable_twin.mechanics.drives.haul_rope import (
     direct_haul,
@@ -87,7 +86,7 @@ def hauled_residual(system, work):
             axes = np.reshape(orientation(state.bodies.position[body], (0.0, 0.0)), (2, 2))
             turn = cross((1.0,), tuple(axes @ carriages.upper_pivot[body]))
             bodies[body] -= [*pulls[k], pulls[k] @ turn]
-            place = np.array(joint_position(system.cable, state, k)) - yielded(system, borne, k, work)[0]
+            place = np.array(joint_position(system.cable, state, k))
             gaps.append(state.hauled.position[k] - work.haul_origin[k] - work.haul_direction[k] @ place)
         return np.concatenate([bare, on_u, gaps])
 
@@ -115,13 +114,6 @@ def test_newton_step_of_a_slack_rope(sheave):
 
 def test_newton_step_of_several_carriages():
     system, state, work = setup((1, 2))
-    check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
-
-
-@pytest.mark.parametrize("sheave", [FORCE, SPEED], ids=["force", "speed"])
-def test_newton_step_of_joints_that_yield(sheave):
-    """Pull at the pivot instead of the joint's place on the cable."""
-    system, state, work = setup((1, 2), sheave=sheave, cable=ELASTIC | YIELDING)
     check_newton_step(system, state, work, 3e-8, hauled_residual(system, work))
 
 

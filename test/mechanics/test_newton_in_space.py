@@ -18,14 +18,13 @@ from systems import (
     second_difference,
     with_moving_cable,
 )
-from test_kink import YIELDING, way_and_push
 
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.hinge import Above
-from cable_twin.mechanics.on_rope.sliding_joint import freeze_compliance, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import place_joint
 from cable_twin.mechanics.on_rope.tower import add_towers
 from cable_twin.mechanics.on_rope.wind import drag_bodies, set_wind
 from cable_twin.mechanics.parameters import FORCE, FREE, SPEED, Air, MovingCable
@@ -276,22 +275,7 @@ def chain(system, state, work=None):
     still = np.zeros((system.carriages.mass.size, 6))
     tangent, spin, *_ = direction(system, state)
     place = weights(system, state, shape_functions) @ nodal_vectors(state.nodes.position)
-    return Moved(system, state, still, tangent, spin, np.zeros(3), place - yielded(system, state, work)[0])
-
-
-def yielded(system, state, work):
-    """Displacement (3,) in m of a compliant joint, and its reaction (N) along the cable."""
-    if work is None or not system.cable.rounding.size:
-        return np.zeros(3), 0.0
-    element = int(state.joint_element[0])
-    return way_and_push(
-        system.cable,
-        element,
-        state.joints.position[0],
-        state.multipliers[0],
-        work.joint_along[0],
-        state.slackness[0],
-    )
+    return Moved(system, state, still, tangent, spin, np.zeros(3), place)
 
 
 def rows(system, state, holding, work):
@@ -314,7 +298,7 @@ def rows(system, state, holding, work):
     else:
         pull = state.drives.force[0] + stop_force(carriages, system.cable, 0, s, s_dot)[0]
         pull += friction_force(carriages, state, 0, np.linalg.norm(force - along * r_x / norm))[0]
-        sliding = norm * (along - pull) + moment @ turn @ r_xx - yielded(system, state, work)[1]
+        sliding = norm * (along - pull) + moment @ turn @ r_xx
     for end, node in ((0, 0), (1, -2)):
         for slot in range(2):
             on_cable[node + slot] = system.cable.end_projector[end, slot].reshape(3, 3) @ on_cable[node + slot]
@@ -366,7 +350,6 @@ def dense_newton_step(system, state, work):
 
 def check_newton_step(system, state, work, tolerance=1e-5):
     """`assemble` and `solve` against the dense step, relative to the largest entry of each kind of unknown."""
-    freeze_compliance(system, state, work)
     exact = dense_newton_step(system, state, work)
     exact[0] = from_nodal_vectors(exact[0], 3).ravel()
     before, start = state.multipliers.copy(), chain(system, state)
@@ -398,13 +381,6 @@ def test_newton_step(mode, bodies, held):
 def test_newton_step_with_hinges_and_friction(mode, laws):
     """Springs against rope and bodies, dampers of pitch and roll between bodies."""
     check_newton_step(*setup(3, mode, turning=laws is SPRINGS, **laws, **ROUGH))
-
-
-@pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "driven"])
-def test_newton_step_with_kinks(mode):
-    """Compliant joint with springs, dampers and friction."""
-    laws = SPRINGS | DAMPERS
-    check_newton_step(*setup(3, mode, turning=False, cable=ELASTIC | YIELDING, **laws, **ROUGH))
 
 
 @pytest.mark.parametrize("place", [0.05, 2.04], ids=["start", "end"])

@@ -22,11 +22,10 @@ from math import sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load, scale, store
-from cable_twin.mechanics.on_rope.chain import carriage_mass, pivot_position
+from cable_twin.mechanics.on_rope.chain import carriage_mass
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, END, SPEED
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
 
@@ -107,9 +106,6 @@ def leave_place(system, state, work):
     for carriage in range(state.axis.size):
         if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             place = joint_position(system.cable, state, carriage)
-            if has_joint_compliance(system.cable):
-                first = system.carriages.body_offset[carriage]
-                place = pivot_position(state, first, system.carriages.upper_pivot[first], place)
             store(place, work.haul_place[carriage])
             work.haul_origin[carriage] = state.hauled.position[carriage]
 

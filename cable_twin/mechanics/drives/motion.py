@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.haul_rope import drum_force
 from cable_twin.mechanics.drives.moving_rope import move_rope
-from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.drives.reference import advance_reference, follow, force_limit
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import add_scaled, scale, store
+from cable_twin.mechanics.language.vectors import scale, store
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
-    compliance_of_joint,
     driven_force,
     joint_velocity,
     place_joint,
 )
 from cable_twin.mechanics.parameters import DRUM, FORCE, SPEED
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.patch import at_node, mean_slope
 from cable_twin.mechanics.rope.point import R
 
@@ -121,8 +118,5 @@ def set_going(system, state, carriage, speed):
         node = state.joint_node[carriage]
         store(scale(speed, mean_slope(state.nodes.position, node, cable.gravity)), state.nodes.velocity[node, R])
     velocity = joint_velocity(cable, state, carriage)
-    if has_joint_compliance(cable):  # what the joint yields changes on the way
-        bent = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0])
-        velocity = add_scaled(-speed, bent.by_place, velocity)
     # the rope is bent there by the vehicle itself, and the bend goes along with it: no v²/r of that
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, scale(0.0, velocity))

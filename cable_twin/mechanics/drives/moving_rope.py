@@ -13,12 +13,11 @@ from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load
 from cable_twin.mechanics.on_rope.presence import belongs, rides
-from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint, joint_tangent, tangent_moment
+from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import START
 from cable_twin.mechanics.rope.ale import transport_velocity
 from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import point_at, slope
 
 
@@ -40,8 +39,6 @@ def moving_rope_force(system, state):
             r_x = joint_tangent(cable, state, carriage)
             pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
             force += dot(pull, r_x)
-            if has_joint_compliance(cable):
-                force -= compliance_of_joint(cable, state, carriage, pull).along
             force += tangent_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state, state.contact_arc_length[contact]), cable.gravity)

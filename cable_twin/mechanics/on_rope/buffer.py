@@ -24,6 +24,8 @@ from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.rope.patch import at_node, mean_slope
 from cable_twin.mechanics.rope.point import R, point_on, slope, value
 
+CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they are pressed through each other
+
 
 @kernel
 def buffer_force(stiffness, toe, damping, depth, depth_rate):

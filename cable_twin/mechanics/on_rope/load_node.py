@@ -34,7 +34,6 @@ from cable_twin.mechanics.on_rope.tangent_hinge import (
 from cable_twin.mechanics.on_rope.vehicle_impedance import impedance_at_pivot
 from cable_twin.mechanics.rope.following_nodes import (
     give_back,
-    go_along,
     put_node,
     shift_train,
     stand_still,
@@ -44,6 +43,7 @@ from cable_twin.mechanics.rope.patch import mean_slope, pull_at_node
 from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, clamp_row, element_at
 
 LEAST = 0.015  # of the shortest element: room that a node keeps to its neighbours
+AT_END = 0.5  # of the element at an end of a moving rope: room that a node keeps to the end
 
 
 @inlined_kernel
@@ -175,15 +175,16 @@ def update_load_nodes(system, state):
             elif state.node_follows[number]:
                 ahead = room + system.solver.step * abs(state.joints.velocity[number])  # so that no step takes it there
                 near = s - places[node - 1] < ahead or places[node + 1] - s < ahead
+                near = near or is_at_end(system, s)
                 if state.clamp_holds[number] and (near or beside_other(state, node)):
                     give_back(system, state, node)
                 elif near:
                     stand_still(system, state, node)
             elif s < places[node - 1] or s > places[node + 1]:
                 give_back(system, state, node)
-            elif places[node - 1] + 2.0 * room <= s <= places[node + 1] - 2.0 * room:
+            elif not is_at_end(system, s) and places[node - 1] + 2.0 * room <= s <= places[node + 1] - 2.0 * room:
                 if abs(s - places[node]) < room:
-                    go_along(system, state, node)
+                    take_node(system, state, number, node, s, True)
                 else:
                     give_back(system, state, node)
     for node in range(last - 2, 0, -1):
@@ -195,6 +196,40 @@ def update_load_nodes(system, state):
     for carriage in range(state.joint_node.size):
         if rides(system, state, carriage) and state.joint_node[carriage] < 0:
             find_node(system, state, carriage)
+
+
+@kernel
+def follow_moved_joints(system, state):
+    """Assign nodes anew, on the rope as it is, if loads have been put to other places than their nodes; returns it."""
+    last, moved = state.node_load.size - 1, False
+    for node in range(1, last):
+        number = state.node_load[node]
+        if number >= 0 and state.node_follows[number]:
+            moved |= abs(state.joints.position[number] - state.mesh.arc_length[node]) > 0.0
+    for node in range(1, last):
+        if moved and state.node_load[node] >= 0:
+            give_back(system, state, node)
+    for carriage in range(state.joint_node.size):
+        if moved and rides(system, state, carriage):
+            find_node(system, state, carriage)
+    return moved
+
+
+@inlined_kernel
+def is_at_end(system, s):
+    """Return whether a load at an arc length (m) of a rope that moves is too near an end for a node to follow it.
+
+    The exact load would give up its bend, and the rope its speed across, in no time at the end. Here its node stands in
+    the middle of the last element, and the load goes on over one short cubic.
+    """
+    homes, last = system.cable.node_arc_length, system.cable.node_arc_length.size - 1
+    return system.moving_cable.moving and (s < end_room(homes, 0) or s > homes[last] - end_room(homes, last - 1))
+
+
+@inlined_kernel
+def end_room(homes, element):
+    """Room (m) to the end of a moving rope in its first or last element, where no node follows a load."""
+    return AT_END * (homes[element + 1] - homes[element])
 
 
 @inlined_kernel
@@ -225,7 +260,9 @@ def find_node(system, state, carriage):
     s, last, homes = state.joints.position[carriage], state.node_load.size - 1, system.cable.node_arc_length
     element = element_at(system.cable, state, s)
     state.joint_element[carriage] = element
-    room = LEAST * system.cable.cell_length
+    room, follow = LEAST * system.cable.cell_length, not is_at_end(system, s)
+    if not follow:
+        s = max(min(s, homes[last] - end_room(homes, last - 1)), end_room(homes, 0))
     nearest = element if s - homes[element] < homes[element + 1] - s else element + 1
     nearest = min(max(nearest, 1), last - 1)
     way = 1
@@ -238,7 +275,7 @@ def find_node(system, state, carriage):
         if state.node_load[node] < 0:
             free = not (state.clamp_holds[carriage] and beside_other(state, node))
             if free and state.mesh.arc_length[node - 1] + room < s < state.mesh.arc_length[node + 1] - room:
-                take_node(system, state, carriage, node)
+                take_node(system, state, carriage, node, s, follow)
             return
         if way * (state.joints.position[state.node_load[node]] - s) > 0.0:
             return

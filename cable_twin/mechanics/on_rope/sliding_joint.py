@@ -1,24 +1,16 @@
-"""Sliding joint of cable and vehicle (paper, eq. 14, 15): constraint, friction, drive force, end stops, compliance.
+"""Sliding joint of cable and vehicle (paper, eq. 14, 15): constraint, friction, drive force, end stops.
 
 Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
 f_t is the force of the cable on the vehicle along itself (the paper has f_t = 0). A driven joint has s given instead,
 and its drive force follows from that row. A haul rope pulls the vehicle and not the cable: λ is its pull's remainder.
-
-Where elements round off the kink of the rope, r_p is beside S(s) e by δ, and row s has λ·r_x - ∂E/∂s
-(`rope.joint_compliance`). Frozen in a step, from the predicted rope, are the tangent that δ is across, the slackness of
-the rope, and the rope in its kinks: that under the weight of the vehicle and the mean tension of the rope. Rope that
-came and went with the forces beside it would be a compliance, which gives energy to waves along the rope where Newton's
-method does not know of it.
 """
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.memory import clear_array
 from cable_twin.mechanics.language.rotations import along_track, no_turn
-from cable_twin.mechanics.language.simd import WIDTH, spread
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     block,
@@ -35,17 +27,14 @@ from cable_twin.mechanics.on_rope.buffer import push_on, stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, hinge_angle, hinge_energy, is_hinged
 from cable_twin.mechanics.on_rope.load_node import direction_at_node, hang_at_node, pull_along
-from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.tangent_hinge import (
     add_tangent_hinge,
     spin_rate_by_velocities,
     tangent_orientation,
     turn_by_slope,
 )
-from cable_twin.mechanics.on_rope.vehicle_impedance import contact_force, impedance_at_joint, impedance_at_pivot
+from cable_twin.mechanics.on_rope.vehicle_impedance import contact_force, impedance_at_pivot
 from cable_twin.mechanics.parameters import JOINT
-from cable_twin.mechanics.rope.element import group_tension
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance, kink_length, shares
 from cable_twin.mechanics.rope.patch import at_node, mean_slope
 from cable_twin.mechanics.rope.point import R, add_block, add_to, bend, coordinate, element_at, point_on, slope, value
 
@@ -66,7 +55,9 @@ def joint_point(cable, state, carriage):
 
 @kernel
 def joint_position(cable, state, carriage):
-    """Position S(n) e (dim,) in m of the joint on the cable."""
+    """Position S(n) e (dim,) in m of the joint on the cable, or that of the node that follows it."""
+    if at_node(cable, state, carriage):
+        return load(state.nodes.position[state.joint_node[carriage], R], cable.gravity)
     return value(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
 
 
@@ -76,20 +67,6 @@ def joint_tangent(cable, state, carriage):
     if at_node(cable, state, carriage):
         return mean_slope(state.nodes.position, state.joint_node[carriage], cable.gravity)
     return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
-
-
-@inlined_kernel
-def joint_along(cable, state, carriage):
-    """Unit tangent (dim,) of the cable at a joint."""
-    r_x = joint_tangent(cable, state, carriage)
-    return scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
-
-
-@inlined_kernel
-def compliance_of_joint(cable, state, carriage, force):
-    """Displacement of a compliant joint under a force (dim,) in N, see `rope.joint_compliance`."""
-    element, place = state.joint_element[carriage], state.joints.position[carriage]
-    return joint_compliance(cable, element, place, force, joint_along(cable, state, carriage), state.slackness[0])
 
 
 @kernel
@@ -198,9 +175,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
     point = joint_point(cable, state, carriage)
     r_x, r_xx = slope(state.nodes.position, point, like), bend(state.nodes.position, point, like)
     first = carriages.body_offset[carriage]
-    vehicle, by_s, pushed, pushed_by_s = impedance_at_joint(
-        cable, state, point, impedance_at_pivot(system, state, carriage, work), r_x, carriage, work
-    )
+    vehicle = impedance_at_pivot(system, state, carriage, work)
     force = vehicle.force
 
     norm, tangential, normal_force, normal = along_and_across(force, r_x)
@@ -209,7 +184,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         carriages, state, carriage, normal
     )
 
-    d_r_x = product(vehicle.by_place, by_s)
+    d_r_x = product(vehicle.by_place, r_x)
     if work.driven[carriage]:
         pivot, right = 1.0, work.sliding_increment[carriage]
         along, d_along, across = scale(0.0, like), scale(0.0, like), scale(0.0, like)
@@ -217,13 +192,12 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         f_t = work.given_force[carriage] + f_friction + f_stop
         across = add_scaled(-f_t / norm, r_x, force)
         by_direction = friction_by_normal / max(normal, 1e-12)  # ∂f_t/∂λ is this times the normal force
-        along = add_scaled(-norm * by_direction, normal_force, by_s)
+        along = add_scaled(-norm * by_direction, normal_force, r_x)
         across = add_scaled(tangential * by_direction, normal_force, across)  # as r_x turns, so does the normal
         d_along = product(transpose(vehicle.by_place), along)
         pivot = dot(along, d_r_x) + stiffness_factor * (dot(across, r_xx) - norm * (stop_by_s + friction_by_s))
         pivot -= norm * rate_factor * (friction_by_s_dot + stop_by_s_dot)
-        pivot -= stiffness_factor * pushed_by_s
-        right = norm * f_t - dot(force, r_x) + pushed - dot(along, vehicle.left)
+        right = norm * f_t - dot(force, r_x) - dot(along, vehicle.left)
 
     shape, shape_x = point.shape, point.shape_x
     rows, columns = work.sliding_row[carriage], work.sliding_column[carriage]
@@ -232,7 +206,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
         store(add_scaled(shape[i], d_r_x, scale(stiffness_factor * shape_x[i], force)), columns[i])
     if is_hinged(carriages, first):
         joint = tangent_hinge(system, state, carriage, stiffness_factor, rate_factor)
-        more = add_tangent_hinge(cable, state, carriage, joint, vehicle, point, by_s, along, stiffness_factor, work)
+        more = add_tangent_hinge(cable, state, carriage, joint, vehicle, point, r_x, along, stiffness_factor, work)
         pivot, right = pivot + more[0], right + more[1]
     work.sliding_pivot[carriage], work.sliding_right[carriage] = pivot, right
     store(along, work.sliding_along[carriage])
@@ -275,8 +249,6 @@ def driven_force(system, state, carriage):
     f_stop, _, _ = stop_force(carriages, cable, carriage, s, s_dot)
     f_friction, _, _, _ = friction_force(carriages, state, carriage, normal)
     _, turning = tangent_moment(system, state, carriage)
-    if has_joint_compliance(cable):
-        turning -= compliance_of_joint(cable, state, carriage, force).along
     return tangential + turning / norm - f_friction - f_stop
 
 
@@ -289,8 +261,6 @@ def recover_joint(system, state, carriage, work):
         return load(work.right_side[state.joint_node[carriage], R], like)
     point = joint_point(cable, state, carriage)
     by_s = slope(state.nodes.position, point, like)
-    if has_joint_compliance(cable):
-        by_s = load(work.joint_by_s[carriage], like)
     moved = scale(0.0, like)
     right = work.sliding_right[carriage]
     for i in range(4):
@@ -318,45 +288,3 @@ def recover_turn(system, state, carriage, work):
         vehicle = product(load(work.grip_row[carriage, i], rows), coordinate(work.right_side, element, i, like))
         turned = add_scaled(1.0, vehicle, turned)
     return turned
-
-
-SLACKEST = 1.5  # τ, also of a rope that has less tension: c is worked out around 1, and a slack rope is no string
-
-
-@kernel
-def freeze_compliance(system, state, work):
-    """Freeze tangent, slackness and rope length in the kinks for a step, if joints are compliant."""
-    if has_joint_compliance(system.cable):
-        state.slackness[0] = slackness(system.cable, state, work)
-        clear_array(state.kink_length)
-        for carriage in range(system.carriages.fixed.size):
-            if belongs(system, state, carriage):
-                along = joint_along(system.cable, state, carriage)
-                store(along, work.joint_along[carriage])
-                if rides(system, state, carriage):
-                    take_kink_length(system, state, carriage, along)
-
-
-@kernel
-def slackness(cable, state, work):
-    """Mean tension of the rope at rest over the present one (-), a single number for the whole rope."""
-    now, rest = 0.0, 0.0
-    for first in range(0, cable.element_count, WIDTH):
-        spread((group_tension(cable, state, first),), work.group, 0)
-        for lane in range(min(WIDTH, cable.element_count - first)):
-            now += state.mesh.length[first + lane] * work.group[0, lane]
-            rest += state.mesh.length[first + lane] * cable.rounding_tension[first + lane]
-    return rest / max(now, rest / SLACKEST)
-
-
-@kernel
-def take_kink_length(system, state, carriage, along):
-    """Take the rope in the kink of a joint from three elements, at the unit tangent `along` (dim,)."""
-    cable, carriages, gravity, mass = system.cable, system.carriages, system.cable.gravity, 0.0
-    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
-        mass += carriages.mass[body]
-    weight = mass * sqrt(max(dot(gravity, gravity) - dot(gravity, along) ** 2, 0.0))
-    element, place = state.joint_element[carriage], state.joints.position[carriage]
-    length = kink_length(cable, element, place, weight, state.slackness[0])
-    for number, share in shares(cable, element, place):
-        state.kink_length[number] += share * length

@@ -18,7 +18,7 @@ from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.parameters import DRUM, FORCE, NO_RATIO, SPEED, FloatArray
-from cable_twin.mechanics.readout.samples import joint_place, sample_shape, store_beside, store_in_space
+from cable_twin.mechanics.readout.samples import joint_place, sample_positions, store_beside, store_in_space
 from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions, tension_range, tower_force
 
 STOPPING = 3  # beside the modes FREE, FORCE and SPEED, in `command_kind`: an emergency stop
@@ -124,7 +124,7 @@ def observe(system, state, sections, places, rest_loads, lateral, columns):
         lateral: m, y of a planar rope and its vehicles.
         columns: result; of samples, supports and ropes only the rows of this rope.
     """
-    sample_shape(system, state, places, columns.rope_position)
+    sample_positions(system.cable, state, places, columns.rope_position)
     if lateral != 0.0:
         columns.rope_position[:, 1] = lateral
     recover_sections(system, state, sections)

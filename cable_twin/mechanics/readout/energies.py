@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from cable_twin.mechanics.drives.haul_rope import haul_energies
-from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.rotations import inertia_of
 from cable_twin.mechanics.language.vectors import dot, load, product
@@ -11,12 +10,11 @@ from cable_twin.mechanics.on_rope.buffer import buffers_energy
 from cable_twin.mechanics.on_rope.chain import axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_energies
 from cable_twin.mechanics.on_rope.presence import rides
-from cable_twin.mechanics.on_rope.sliding_joint import joint_along, spring_energy
+from cable_twin.mechanics.on_rope.sliding_joint import spring_energy
 from cable_twin.mechanics.on_rope.tower import contact_energy
 from cable_twin.mechanics.rope.ale import nodal_vectors, rest_stretch
-from cable_twin.mechanics.rope.elastic_models import elastic_energy, tension_of
+from cable_twin.mechanics.rope.elastic_models import elastic_energy
 from cable_twin.mechanics.rope.flow import flow_energy
-from cable_twin.mechanics.rope.joint_compliance import compliance_energy, has_joint_compliance
 from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
 from cable_twin.mechanics.rope.point import coordinate
 from cable_twin.mechanics.rope.shape_functions import MASS
@@ -34,8 +32,6 @@ def energies(system, state):
     gravitational = 0.0
     for element in range(cable.element_count):
         elastic += elastic_energy(cable, state, element)
-        if state.kink_length[element] > 0.0:  # rope that the tension has given to kinks
-            elastic -= tension_of(cable, state, element) * state.kink_length[element]
         length = state.mesh.length[element]
         rates = nodal_vectors(state.nodes.velocity, element, like)
         if beside_load(cable, state, element):
@@ -62,10 +58,6 @@ def energies(system, state):
             kinetic += 0.5 * dot(spin, product(inertia, spin))
             elastic += spring_energy(system, state, carriage, body)
             gravitational -= carriages.mass[body] * dot(like, centre(state, body, like))
-        if has_joint_compliance(cable):
-            contact, place = joint_forces(system, state, carriage)[0], state.joints.position[carriage]
-            along, element = joint_along(cable, state, carriage), state.joint_element[carriage]
-            elastic += compliance_energy(cable, element, place, contact, along, state.slackness[0])
         if system.buffers.present:
             elastic += buffers_energy(system, state, carriage)
     for contact in range(system.towers.stiffness.size):

@@ -6,17 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cable_twin.mechanics.drives.pull import joint_forces
 from cable_twin.mechanics.language.by_reference import by_reference
-from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import dot, load, scale, store, subtract
-from cable_twin.mechanics.on_rope.presence import rides
-from cable_twin.mechanics.on_rope.sliding_joint import compliance_of_joint
+from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.vectors import load, store
 from cable_twin.mechanics.parameters import Cable, FloatArray, IntArray
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.point import interpolate, point_at, position_on_cable
-
-KINK_REACH = 0.25  # of an element: a parabola from there to the joint has the slope that is lacking there
 
 
 @kernel
@@ -43,7 +37,6 @@ class Places(NamedTuple):
     element: IntArray  # (n,) that holds each
     shape: FloatArray  # (n, 4) S there: - for positions, m for slopes
     share: FloatArray  # (n,) from 0 at the first node of the element to 1 at the second one
-    rising: bool  # whether none is before the one that it comes after
 
 
 def places_on(cable: Cable, state: Any, arc_lengths: FloatArray) -> Places:
@@ -54,7 +47,6 @@ def places_on(cable: Cable, state: Any, arc_lengths: FloatArray) -> Places:
         element=np.zeros(count, dtype=np.int64),
         shape=np.zeros((count, 4)),
         share=np.zeros(count),
-        rising=bool(np.all(np.diff(arc_lengths) >= 0.0)),
     )
     find_places(cable, state, places)
     return places
@@ -82,55 +74,6 @@ def sample_positions(cable, state, places, positions):
 
 
 @kernel
-def sample_shape(system, state, places, positions):
-    """Fill `positions` (n, 3) in m at all places, with sharp kinks under vehicles if joints are compliant."""
-    cable, arc_lengths, rising = system.cable, places.arc_length, places.rising
-    sample_positions(cable, state, places, positions)
-    for carriage in range(system.carriages.fixed.size if has_joint_compliance(cable) else 0):
-        if rides(system, state, carriage):
-            way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
-            place, reach = (
-                state.joints.position[carriage],
-                KINK_REACH * state.mesh.length[state.joint_element[carriage]],
-            )
-            for k in range(first_from(arc_lengths, place - reach) if rising else 0, arc_lengths.size):
-                off = arc_lengths[k] - place
-                if abs(off) < reach:
-                    share = 1.0 - abs(off) / reach
-                    bend_down(cable, state, arc_lengths[k], scale(share * share, way), positions[k])
-                elif rising and off > 0.0:
-                    break
-
-
-@inlined_kernel
-def first_from(numbers, least):
-    """Index of the first of rising numbers not below `least`."""
-    low, high = 0, numbers.size
-    while low < high:
-        middle = (low + high) // 2
-        if numbers[middle] < least:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@kernel
-def bend_down(cable, state, arc_length, way, position):
-    """Displace a sample (3,) in m by the kink `way` (dim,) in m from its element, unless displaced further already."""
-    like, base = cable.gravity, position_on_cable(cable, state, arc_length)
-    now = load(position, like) if len(like) == 3 else (position[0], position[2])
-    moved = subtract(base, now)
-    if dot(way, way) > dot(moved, moved):
-        store_in_space(subtract(base, way), position)
-
-
-@kernel
 def joint_place(system, state, carriage):
-    """Position (dim,) in m of the joint of a vehicle, at its sharp kink on the rope."""
-    cable = system.cable
-    place = position_on_cable(cable, state, state.joints.position[carriage])
-    if has_joint_compliance(cable) and rides(system, state, carriage):
-        way = compliance_of_joint(cable, state, carriage, joint_forces(system, state, carriage)[0]).displacement
-        place = subtract(place, way)
-    return place
+    """Position (dim,) in m of the joint of a vehicle on the rope."""
+    return position_on_cable(system.cable, state, state.joints.position[carriage])

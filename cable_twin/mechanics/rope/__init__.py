@@ -1,1 +1,1 @@
-"""Rope finite elements: elastic models, loads along the element, joint compliance, points on the rope."""
+"""Rope finite elements: elastic models, loads along the element, nodes at loads, points on the rope."""

@@ -36,8 +36,8 @@ def rest_stretch(cable, state):
 
 @inlined_kernel
 def rest_length(cable, state, element):
-    """Unstrained length (m) of the rope on an element, less the rope taken by sharp kinks."""
-    return rest_stretch(cable, state) * state.mesh.length[element] - state.kink_length[element]
+    """Unstrained length (m) of the rope on an element."""
+    return rest_stretch(cable, state) * state.mesh.length[element]
 
 
 @inlined_kernel

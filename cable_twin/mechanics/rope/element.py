@@ -73,7 +73,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
         inert = inertia(cable, length, stretch, r_a, slope_a, r_b, slope_b)
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
-        at_rest = stretch * length - gather_numbers(state.kink_length, first)
+        at_rest = stretch * length
         elastic = elastic_force(cable, at_rest, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
         if system.moving_cable.moving and flowing:
@@ -98,7 +98,7 @@ def group_tension(cable, state, first):
     r_a, slope_a, r_b, slope_b = gather(state.nodes.velocity, first, like)
     rates = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
     rates = rates_of_strain(mesh_dilution_rate(cable, state), (d, a, b), rates)
-    at_rest = rest_stretch(cable, state) * length - gather_numbers(state.kink_length, first)
+    at_rest = rest_stretch(cable, state) * length
     return mean_tension(cable, at_rest, d, a, b, *rates)
 
 
@@ -144,7 +144,6 @@ def forces_of_elements(system, state, strand, first, row):
         strand,
         gather_numbers(state.mesh.length, first),
         gather_numbers(state.mesh.arc_length, first),
-        gather_numbers(state.kink_length, first),
         gather(state.nodes.position, first, like),
         gather(state.nodes.velocity, first, like),
         gather(state.nodes.acceleration, first, like),
@@ -163,7 +162,6 @@ def force_of_element(system, state, element, row):
         strand_now(system, state),
         state.mesh.length[element],
         state.mesh.arc_length[element],
-        state.kink_length[element],
         nodal_vectors(state.nodes.position, element, like),
         nodal_vectors(state.nodes.velocity, element, like),
         nodal_vectors(state.nodes.acceleration, element, like),
@@ -173,7 +171,7 @@ def force_of_element(system, state, element, row):
 
 
 @inlined_kernel
-def along_element(system, state, strand, length, place, kink_length, e, e_dot, e_ddot, wind, row):
+def along_element(system, state, strand, length, place, e, e_dot, e_ddot, wind, row):
     """Elastic force less inertia, weight and flow, with the drag of the air: (dim,) in N on r_A (row 0) or r_B (2).
 
     All is of one element, or of `WIDTH`.
@@ -184,7 +182,6 @@ def along_element(system, state, strand, length, place, kink_length, e, e_dot, e
         strand: `strand_now`.
         length: m.
         place: arc length of the first node, m.
-        kink_length: rope that sharp kinks take, m.
         e: the four nodal vectors, r in m and r_x.
         e_dot: their rates.
         e_ddot: their accelerations.
@@ -195,7 +192,7 @@ def along_element(system, state, strand, length, place, kink_length, e, e_dot, e
     shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
     rates = subtract(e_dot[2], e_dot[0]), scale(length, e_dot[1]), scale(length, e_dot[3])
     strain_rates = rates_of_strain(taken_in, shape, rates)
-    elastic = chord_force(cable, stretch * length - kink_length, *shape, *strain_rates)
+    elastic = chord_force(cable, stretch * length, *shape, *strain_rates)
     inert = inertia(cable, length, stretch, *e_ddot)[row]
     total = subtract(scale(1.0 if row == 0 else -1.0, elastic), inert)
     if system.moving_cable.moving and flowing:

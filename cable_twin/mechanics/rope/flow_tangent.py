@@ -127,7 +127,7 @@ def add_flow_tangent(system, state, end, mass_factor, rate_factor, group, column
         shape = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         rates = gather(state.nodes.velocity, first, like)
         shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
-        at_rest = stretch * length - gather_numbers(state.kink_length, first)
+        at_rest = stretch * length
         longer = change.stretch * length / at_rest
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
         elastic = elastic_change(cable, at_rest, *shape, *strain_rates, longer, change.dilution + 0.0 * length)

@@ -86,7 +86,21 @@ def put_node(state, node, arc_length):
 
 @kernel
 def give_back(system, state, node):
-    """Put a node that has followed a load back to its place on the mesh, on the rope as it is there."""
+    """Put a node that has followed a load back to its place on the mesh, and before it those that are in its way."""
+    homes, places, last, first = system.cable.node_arc_length, state.mesh.arc_length, node, node
+    while homes[last] >= places[last + 1]:
+        last += 1
+    while homes[first] <= places[first - 1]:
+        first -= 1
+    for moved in range(last, node, -1):
+        put_back(system, state, moved)
+    for moved in range(first, node + 1):
+        put_back(system, state, moved)
+
+
+@kernel
+def put_back(system, state, node):
+    """Put a node that has followed a load back to its place, which is between its neighbours, on the rope as it is."""
     home, number = system.cable.node_arc_length[node], state.node_load[node]
     element = node if home >= state.mesh.arc_length[node] else node - 1
     write_field(field_at(system, state, element, home), state.nodes, node)
@@ -134,42 +148,70 @@ def bend_of_one(way, length, far, place, slope):
     return bends(length, (far[0], far[1], place, slope))[1]
 
 
+class Rest(NamedTuple):
+    """Nodal vectors of an element, and their rates at places of the mesh that stand still."""
+
+    position: Any  # r_A, slope A, r_B, slope B (dim,)
+    velocity: Any
+    acceleration: Any
+    algorithmic: Any
+
+
+@inlined_kernel
+def at_rest(system, state, element):
+    """Nodal vectors of an element and their rates, as `Rest`."""
+    cable, nodes, joints = system.cable, state.nodes, state.joints
+    e, v, a = motion_at_rest(cable, state, element, nodes.acceleration, joints.acceleration)
+    return Rest(e, v, a, motion_at_rest(cable, state, element, nodes.algorithmic, joints.algorithmic)[2])
+
+
 @kernel
 def leave_out(system, state, node, way):
-    """Make one cubic of the two ahead of a load: gives the slope of its node on that side, and the rates of that.
+    """Make one cubic of the two elements ahead of a load, as `merge`."""
+    near, far = (node, node + 1) if way > 0 else (node - 1, node - 2)
+    lengths = state.mesh.length[near], state.mesh.length[far]
+    merge(state, node, way, lengths, at_rest(system, state, near), at_rest(system, state, far), system.cable.gravity)
+
+
+@inlined_kernel
+def merge(state, node, way, lengths, near, far, like):
+    """Make one cubic of two ahead of a load: gives the slope of its node on that side, and the rates of that.
 
     The slope is that of the nearest cubic in mean square, of the shape and of velocities and accelerations alike, which
     passes on no wave shorter than the element that is left.
+
+    Args:
+        state: with the load's node, whose slope it takes.
+        node: of the load.
+        way: 1 where the cubics are after the load, -1 where they are before it.
+        lengths: of the near cubic and of the far one, m.
+        near: the cubic beside the load, `Rest`.
+        far: the other one.
+        like: any vector of the space.
     """
-    cable, like, nodes, joints = system.cable, system.cable.gravity, state.nodes, state.joints
-    number = state.node_load[node]
-    near, far = (node, node + 1) if way > 0 else (node - 1, node - 2)
-    lengths = state.mesh.length[near], state.mesh.length[far]
-    whole = lengths[0] + lengths[1]
-    e, v, a = motion_at_rest(cable, state, near, nodes.acceleration, joints.acceleration)
-    e_far, v_far, a_far = motion_at_rest(cable, state, far, nodes.acceleration, joints.acceleration)
-    _, _, mean = motion_at_rest(cable, state, near, nodes.algorithmic, joints.algorithmic)
-    _, _, mean_far = motion_at_rest(cable, state, far, nodes.algorithmic, joints.algorithmic)
+    nodes, joints = state.nodes, state.joints
+    number, whole = state.node_load[node], lengths[0] + lengths[1]
     speed = joints.velocity[number] if state.node_follows[number] else 0.0
     place = load(nodes.position[node, R], like)
-    slope = slope_of_one(way, lengths, e, e_far, place)
-    bend = bend_of_one(way, whole, e_far, place, slope)
+    slope = slope_of_one(way, lengths, near.position, far.position, place)
+    bend = bend_of_one(way, whole, far.position, place, slope)
     moving = add_scaled(-speed, slope, load(nodes.velocity[node, R], like))
-    turning = slope_of_one(way, lengths, v, v_far, moving)
-    bending = bend_of_one(way, whole, v_far, moving, turning)
+    turning = slope_of_one(way, lengths, near.velocity, far.velocity, moving)
+    bending = bend_of_one(way, whole, far.velocity, moving, turning)
     row = AFTER if way > 0 else BEFORE
-    rates = slope, add_scaled(speed, bend, turning)
     convected = add_scaled(2.0 * speed, turning, scale(speed * speed, bend))
     for kind in range(2):
         along = joints.acceleration[number] if kind == 0 else joints.algorithmic[number]
         whole_rate = load(nodes.acceleration[node, R] if kind == 0 else nodes.algorithmic[node, R], like)
         along = along if state.node_follows[number] else 0.0
         there = subtract(whole_rate, add_scaled(along, slope, convected))
-        turned = slope_of_one(way, lengths, a if kind == 0 else mean, a_far if kind == 0 else mean_far, there)
+        beside = near.acceleration if kind == 0 else near.algorithmic
+        beyond = far.acceleration if kind == 0 else far.algorithmic
+        turned = slope_of_one(way, lengths, beside, beyond, there)
         turned = add_scaled(along, bend, add_scaled(2.0 * speed, bending, turned))
         store(turned, nodes.acceleration[node, row] if kind == 0 else nodes.algorithmic[node, row])
-    store(rates[0], nodes.position[node, row])
-    store(rates[1], nodes.velocity[node, row])
+    store(slope, nodes.position[node, row])
+    store(add_scaled(speed, bend, turning), nodes.velocity[node, row])
 
 
 @kernel
@@ -224,41 +266,54 @@ def stand_still(system, state, node):
 
 
 @kernel
-def go_along(system, state, node):
-    """Let a node that stands go along with its load again, which has come back to it."""
-    number, like = state.node_load[node], system.cable.gravity
-    s, place = state.joints.position[number], state.mesh.arc_length[node]
-    element = node - 1 if s < place else node
-    outer_row = AFTER if s < place else BEFORE
-    nodes = state.nodes
-    kept = (
-        load(nodes.position[node, outer_row], like),
-        load(nodes.velocity[node, outer_row], like),
-        load(nodes.acceleration[node, outer_row], like),
-        load(nodes.algorithmic[node, outer_row], like),
+def take_node(system, state, number, node, s, follow):
+    """Put a node to an arc length s (m) on an element beside it, on the rope as it is there, for a load.
+
+    The two elements on the other side of its former place become one cubic, as by `leave_out`.
+
+    Args:
+        system: parameters.
+        state: of the rope.
+        number: of the load.
+        node: free, or with a load that comes back to it.
+        s: m, of the load if the node follows it.
+        follow: whether it does, or stands there.
+    """
+    home, like = state.mesh.arc_length[node], system.cable.gravity
+    element, way = (node - 1, 1) if s < home else (node, -1)
+    field = field_at(system, state, element, s)
+    cut, far = at_rest(system, state, element), at_rest(system, state, element + way)
+    near = Rest(
+        part_of(way, field.position, cut.position),
+        part_of(way, field.velocity, cut.velocity),
+        part_of(way, field.acceleration, cut.acceleration),
+        part_of(way, field.algorithmic, cut.algorithmic),
     )
-    state.node_load[node] = -1
-    take_at(system, state, number, node, element)
-    store(kept[0], nodes.position[node, outer_row])
-    store(kept[1], nodes.velocity[node, outer_row])
-    store(kept[2], nodes.acceleration[node, outer_row])
-    store(kept[3], nodes.algorithmic[node, outer_row])
-
-
-@kernel
-def take_node(system, state, number, node):
-    """Let a free node follow the joint of a load, on the rope as it is there."""
-    element = node - 1 if state.joints.position[number] < state.mesh.arc_length[node] else node
-    take_at(system, state, number, node, element)
+    length = state.mesh.length[element + way]
+    lengths = max(way * (home - s), 1e-6 * length), length
+    write_field(going_along(state, number, element, s, field, follow, like), state.nodes, node)
+    state.node_load[node], state.joint_node[number], state.node_follows[number] = number, node, follow
+    put_node(state, node, s)
+    state.joint_element[number] = node - 1 if follow or state.joints.position[number] < s else node
+    merge(state, node, way, lengths, near, far, like)
 
 
 @inlined_kernel
-def take_at(system, state, number, node, element):
-    """Put a node to the joint of a load on an element beside it, on the rope as it is there, to follow it."""
-    s, speed, like = state.joints.position[number], state.joints.velocity[number], system.cable.gravity
-    field = field_at(system, state, element, s)
-    bend = interpolate(state.nodes.position, element, point_on(state, element, s).shape_xx, like)
-    bend_rate = interpolate(state.nodes.velocity, element, point_on(state, element, s).shape_xx, like)
+def part_of(way, at_load, vectors):
+    """Nodal vectors of the part of an element from a load on (`way` 1), or up to it (-1)."""
+    if way > 0:
+        return at_load[0], at_load[1], vectors[2], vectors[3]
+    return vectors[0], vectors[1], at_load[0], at_load[1]
+
+
+@inlined_kernel
+def going_along(state, number, element, s, field, follow, like):
+    """Motion of a node at an arc length s (m), from that of the rope there, if the node follows a load."""
+    if not follow:
+        return field
+    speed, point = state.joints.velocity[number], point_on(state, element, s)
+    bend = interpolate(state.nodes.position, element, point.shape_xx, like)
+    bend_rate = interpolate(state.nodes.velocity, element, point.shape_xx, like)
     slope, turning = field.position[1], field.velocity[1]
     moved = add_scaled(speed, slope, field.velocity[0]), add_scaled(speed, bend, turning)
     convected = (
@@ -274,7 +329,4 @@ def take_at(system, state, number, node, element):
         add_scaled(1.0, field.algorithmic[0], add_scaled(mean, slope, convected[0])),
         add_scaled(1.0, field.algorithmic[1], add_scaled(mean, bend, convected[1])),
     )
-    write_field(Field(field.position, moved, true, auxiliary), state.nodes, node)
-    state.node_load[node], state.joint_node[number], state.node_follows[number] = number, node, True
-    put_node(state, node, s)
-    state.joint_element[number] = node - 1
+    return Field(field.position, moved, true, auxiliary)

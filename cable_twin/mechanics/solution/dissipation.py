@@ -9,7 +9,7 @@ of the method, the difference is the change of a function of the state, which co
 which is never given back; a is the auxiliary acceleration. It is 0 with the trapezoidal rule, and needs no forces, so
 that it knows nothing of drives, brakes, friction, wind, buffers or loads. Beside it stands the error of the trapezoidal
 rule where that is large: on the tension of a rope that turns, and on the forces of joints, which do no work at all.
-Left out is that on forces of dampers, contacts and kinks.
+Left out is that on forces of dampers and contacts.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from cable_twin.mechanics.on_rope.chain import arm_to, axes_of
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.elastic_models import combine
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance
 from cable_twin.mechanics.rope.patch import at_node
 from cable_twin.mechanics.rope.point import point_on, slope, value
 from cable_twin.mechanics.rope.shape_functions import AXIAL_POINTS, AXIAL_SLOPES, AXIAL_WEIGHT, MASS
@@ -114,10 +113,7 @@ def spun(carriages, bodies, body, like):
 
 @kernel
 def joint_work(system, at, before, after, carriage):
-    """Work (J) of the joint forces of a carriage `at` one end of a step over the displacement of the whole step.
-
-    Joints that yield (`rope.joint_compliance`) have some of their own on the cable.
-    """
+    """Work (J) of the joint forces of a carriage `at` one end of a step over the displacement of the whole step."""
     cable, like = system.cable, system.cable.gravity
     place, element = at.joints.position[carriage], at.joint_element[carriage]
     point = point_on(at, element, place)
@@ -135,7 +131,7 @@ def joint_work(system, at, before, after, carriage):
 @inlined_kernel
 def chain_work(system, at, before, after, carriage, above):
     """Work (J) of the joint forces of a carriage over a displacement `above` (dim,) in m of the rope at its joint."""
-    cable, carriages, like, work = system.cable, system.carriages, system.cable.gravity, 0.0
+    carriages, like, work = system.carriages, system.cable.gravity, 0.0
     first = carriages.body_offset[carriage]
     for body in range(first, carriages.body_offset[carriage + 1]):
         way = subtract(load(after.bodies.position[body], like), load(before.bodies.position[body], like))
@@ -146,7 +142,7 @@ def chain_work(system, at, before, after, carriage, above):
         upper = add_scaled(1.0, cross(turn, arm_to(axes, carriages.upper_pivot[body], like)), way)
         if body > first:
             work += dot(load(at.multipliers[body], like), subtract(upper, above))
-        elif not has_joint_compliance(cable):
+        else:
             work += dot(joint_forces(system, at, carriage)[0], subtract(upper, above))
         above = add_scaled(1.0, cross(turn, arm_to(axes, carriages.lower_pivot[body], like)), way)
     return work

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.pull import (
     condense_drive,
-    joint_forces,
     recover_drive,
     reference_acceleration,
     reference_gap,
@@ -29,7 +28,6 @@ from cable_twin.mechanics.language.vectors import (
     load,
     outer,
     product,
-    scale,
     store,
     subtract,
     symmetric,
@@ -51,11 +49,9 @@ from cable_twin.mechanics.on_rope.sliding_joint import (
     velocity_turning,
 )
 from cable_twin.mechanics.on_rope.tower import add_towers
-from cable_twin.mechanics.on_rope.vehicle_impedance import pivot_displacement
 from cable_twin.mechanics.on_rope.wind import drag_bodies
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
-from cable_twin.mechanics.rope.joint_compliance import has_joint_compliance, joint_compliance
 from cable_twin.mechanics.rope.patch_assembly import add_patches, begin_patches
 from cable_twin.mechanics.rope.point import add_force, point_at
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
@@ -66,7 +62,7 @@ from cable_twin.mechanics.solution.patch_elimination import condense_patches, re
 def measure_gaps(system, state, work, place):
     """Measure the residual of all constraints at position level, in m: carriage joints and driven joints.
 
-    With `place` true, joints are first put on the element that holds them. What a joint yields is a part of its gap.
+    With `place` true, joints are first put on the element that holds them.
     """
     if place and system.cable.load_nodes:
         follow_joints(state)
@@ -83,16 +79,11 @@ def measure_gaps(system, state, work, place):
 
 @inlined_kernel
 def largest_gap(system, state, work, place):
-    """Largest constraint gap (m) of a joint, less its compliance; measures all gaps like `measure_gaps`."""
+    """Largest constraint gap (m) of a joint; measures all gaps like `measure_gaps`."""
     measure_gaps(system, state, work, place)
-    cable, worst = system.cable, 0.0
+    worst = 0.0
     for carriage in range(system.carriages.fixed.size):
         first = system.carriages.body_offset[carriage]
-        if has_joint_compliance(cable) and rides(system, state, carriage):
-            contact, along = joint_forces(system, state, carriage)[0], load(work.joint_along[carriage], cable.gravity)
-            element, place = state.joint_element[carriage], state.joints.position[carriage]
-            bent = joint_compliance(cable, element, place, contact, along, state.slackness[0])
-            accumulate(scale(-1.0, bent.displacement), work.joint_gap[first])
         for body in range(first, system.carriages.body_offset[carriage + 1]):
             for axis in range(work.joint_gap.shape[1]):
                 worst = max(worst, abs(work.joint_gap[body, axis]))
@@ -255,8 +246,6 @@ def recover(system, state, work):
         if rides(system, state, carriage):
             moved = recover_joint(system, state, carriage, work)
             turned = recover_turn(system, state, carriage, work)
-            if has_joint_compliance(system.cable):
-                moved = pivot_displacement(carriage, moved, turned, work)
             recover_chain(system.carriages, state, carriage, moved, turned, work)
             recover_drive(state, carriage, moved, work)
 

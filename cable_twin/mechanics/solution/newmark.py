@@ -14,7 +14,6 @@ from cable_twin.mechanics.language.memory import flat
 from cable_twin.mechanics.language.rotations import grow_turn, turn_row
 from cable_twin.mechanics.language.vectors import load
 from cable_twin.mechanics.on_rope.presence import belongs
-from cable_twin.mechanics.on_rope.sliding_joint import freeze_compliance
 
 
 class Coefficients(NamedTuple):
@@ -177,7 +176,6 @@ def predict_rope(c, h, system, state, work):
     predict(c, h, state.nodes)
     predict_vehicles(c, h, system, state, work)
     prescribe(system, state)
-    freeze_compliance(system, state, work)
     direct_haul(system, state, work)
 
 

@@ -13,9 +13,9 @@ from cable_twin.mechanics.language.memory import combine_arrays, copy_array
 from cable_twin.mechanics.language.rotations import move_body
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.load_node import follow_joints, update_load_nodes
+from cable_twin.mechanics.on_rope.load_node import follow_joints, follow_moved_joints, update_load_nodes
 from cable_twin.mechanics.on_rope.presence import belongs
-from cable_twin.mechanics.on_rope.sliding_joint import driven_force, freeze_compliance, joint_point, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_point, place_joint
 from cable_twin.mechanics.on_rope.tower import begin_extremes, settle_towers
 from cable_twin.mechanics.on_rope.wind import update_wind
 from cable_twin.mechanics.rope.ale import rope_before
@@ -60,11 +60,10 @@ def store_equilibrium(system, state):
 
 
 @kernel
-def begin_relaxation(system, state, work):
-    """Prepare one rope for an iteration: present wind, and frozen quantities of joint compliance."""
+def begin_relaxation(system, state):
+    """Prepare one rope for an iteration: present wind."""
     if system.air.varies:
         update_wind(system, state, 0.0)
-    freeze_compliance(system, state, work)
 
 
 @kernel
@@ -115,10 +114,12 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         Number of iterations used, the last increment (m), and the mass factor to go on with; 0 at rest.
     """
     ropes, like = bundle.records.shape[0], system.cable.gravity
-    if mass_factor == 0.0:
-        mass_factor = first
-        if ropes == 1:
-            own, here, _ = rope_of(bundle, 0, system, state, work)
+    begun = mass_factor > 0.0
+    mass_factor = mass_factor if begun else first
+    for rope in range(ropes):
+        own, here, _ = rope_of(bundle, rope, system, state, work)
+        moved = own.cable.load_nodes and follow_moved_joints(own, here)
+        if moved or (ropes == 1 and not begun):
             hang_carriages(own, here)
     smallest, increment = LAST * first, 0.0
     for iteration in range(iterations):
@@ -127,8 +128,8 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             copy_array(moving.memory, good.memory)
         copy_ropes(bundle, STATE, GOOD, state)
         for rope in range(ropes):
-            own, here, room = rope_of(bundle, rope, system, state, work)
-            begin_relaxation(own, here, room)
+            own, here, _ = rope_of(bundle, rope, system, state, work)
+            begin_relaxation(own, here)
         solvable, increment, changed = solve_increments(
             bundle, moving, scratch, system, state, work, mass_factor, 0.0, 1.0
         )

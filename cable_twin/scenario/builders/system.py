@@ -49,7 +49,7 @@ def build_system(
         nodes = nodes_of(scenario, system)
     if marks is not None:
         nodes = with_marks(nodes, marks)
-    mesh = parameters.mesh_fields(nodes) | {"load_nodes": scenario.cable.joint == "node"}
+    mesh = parameters.mesh_fields(nodes) | {"load_nodes": scenario.joint == "node"}
     return system._replace(cable=system.cable._replace(**mesh))
 
 

@@ -29,7 +29,6 @@ def line_faults(scenario: Scenario) -> Iterator[Fault]:
     """Faults of one rope with its ends, mesh, towers, loads and terrain; the paths are those of a `cable`."""
     yield from _dimensions(scenario)
     yield from _grading(scenario.cable)
-    yield from _kinks(scenario)
     yield from _joint(scenario)
     yield from _supports(scenario)
     yield from _span(scenario)
@@ -77,26 +76,10 @@ def _grading(cable: Cable) -> Iterator[Fault]:
             yield refuse(path, at_towers, f"at least {least:g} m for {show(length)} m of rope")
 
 
-def _kinks(scenario: Scenario) -> Iterator[Fault]:
-    """Fault of sharp kinks beside a key with which the joints have no compliance, or no tension."""
-    cable = scenario.cable
-    if cable.kinks == "rounded":
-        return
-    clamped = next((name for name, vehicle in scenario.vehicles.items() if vehicle.clamped_to), None)
-    reasons = {
-        f"beside elastic_model {cable.elastic_model}": cable.elastic_model != "continuum",
-        f"beside integrator {scenario.solver.integrator}": scenario.solver.integrator != "generalized_alpha",
-        f"beside initial_shape {cable.initial_shape}, which has no tension": cable.initial_shape != "equilibrium",
-        "beside an end that is free": "free" in cable.supports,
-        f"beside {clamped!r}, which is clamped to another rope": clamped is not None,
-    }
-    yield from [refuse(("cable", "kinks"), cable.kinks, "rounded", why) for why, holds in reasons.items() if holds][:1]
-
-
 def _joint(scenario: Scenario) -> Iterator[Fault]:
     """Fault of nodes that follow loads beside a key with which they do not work."""
     if scenario.cable.joint == "node" and (reason := scenario.paper_reason):
-        yield refuse(("cable", "joint"), "node", "paper", reason)
+        yield refuse(("cable", "joint"), "node", "paper, or null", reason)
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:

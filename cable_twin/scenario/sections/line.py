@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from cable_twin.mechanics.parameters import COLDEST, ELASTIC_MODELS, HOTTEST
 from cable_twin.scenario.sections.quantities import FromList, Place, Section, Vector, quantity
@@ -49,6 +50,15 @@ class Load(Section):
     arc_length: float = quantity("m", "unstrained arc length from the start", ge=0)
     force: Place = quantity("N", "force on the cable as x, z, in space as x, y, z", (0.0, 0.0))
     moment: float = quantity("N m", "moment on an end of the cable, right-handed about y", 0.0)
+
+
+KINKS = ("rounded", "sharp")  # of the former key `kinks` of a rope
+
+
+def warn_of_kinks() -> None:
+    """Warn that the former key `kinks` of a rope does nothing."""
+    text = "cable.kinks is read no more: the rope has a bend at each vehicle with joint: node, the default"
+    warnings.warn(text, stacklevel=2)
 
 
 class Grading(Section):
@@ -98,15 +108,11 @@ class Cable(Section):
         description="strain energy on the arc itself, or in the frame of each element's chord, which needs at least "
         "four times the elements on slack ropes",
     )
-    kinks: Literal["rounded", "sharp"] = Field(
-        default="rounded",
-        description="bend of the rope under a vehicle: rounded by the elements, or sharp, with the missing deflection "
-        "as a compliance of the joint",
-    )
-    joint: Literal["paper", "node"] = Field(
-        default="paper",
+    joint: Literal["paper", "node"] | None = Field(
+        default=None,
         description="joint of a vehicle: at a place of an element, as in the paper, or at a node of the mesh that "
-        "follows it, with a slope of the rope on either side",
+        "follows it, with a slope of the rope on either side; null: node, and paper beside element_frame, runge_kutta, "
+        "connectors, pantographs, close carriers, a free end and a straight start",
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
     mass_damping: float = quantity("1/s", "damping per mass, of one of several ropes", 0.0, ge=0)
@@ -139,6 +145,15 @@ class Cable(Section):
     reference_temperature: float = quantity(
         "degC", "temperature at which the unstrained length was measured", 20.0, ge=COLDEST, le=HOTTEST
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_kinks(cls, data: Any) -> Any:
+        """Leave out the former key `kinks`, with a warning that it does nothing."""
+        if isinstance(data, dict) and data.get("kinks") in KINKS:
+            warn_of_kinks()
+            return {key: value for key, value in data.items() if key != "kinks"}
+        return data
 
     def free_stretch(self, temperature: float) -> float:
         """Length without tension at a temperature (degC), over the unstrained one."""

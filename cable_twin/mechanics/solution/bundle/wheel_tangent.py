@@ -34,7 +34,7 @@ from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
 from cable_twin.mechanics.rope.patch import at_node, beside_load
 from cable_twin.mechanics.rope.patch_assembly import add_patch_differences
-from cable_twin.mechanics.rope.point import element_at, point_at, slope
+from cable_twin.mechanics.rope.point import element_at, patch_row, point_at, slope
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
     missing_rope,
@@ -114,9 +114,10 @@ def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_
     """Add to the columns of loads at nodes what rope over one end changes on the elements beside them.
 
     That of their elements is a central difference, with `PART` of a metre of rope; a load that is clamped to the rope
-    goes along with it.
+    goes along with it, on such an element too.
     """
-    cable, dim, count = system.cable, len(system.cable.gravity), work.patch_count[0]
+    cable, like, count = system.cable, system.cable.gravity, work.patch_count[0]
+    dim = len(like)
     for way in (PART, -PART):
         kept = shift_rope(state, end, way, mass_factor, rate_factor)
         add_patch_differences(system, state, count, -0.5 / way, patch_columns, slot, work)
@@ -125,6 +126,20 @@ def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_
         if at_node(cable, state, carriage) and work.along_held[carriage] and rides(system, state, carriage):
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
             patch_columns[carriage, 5 * dim, slot] = -way if system.carriages.clamped[carriage] else 0.0
+        elif goes_along(system, state, carriage) and beside_load(cable, state, state.joint_element[carriage]):
+            way = place_by_flow(cable, state, end, state.joints.position[carriage])
+            element = state.joint_element[carriage]
+            number, right = work.patch_of[element], work.patch_right[element]
+            for i in range(4):
+                force = scale(way, load(work.sliding_column[carriage, i], like))
+                accumulate(force, patch_columns[number, patch_row(right, i, dim) :, slot])
+
+
+@inlined_kernel
+def goes_along(system, state, carriage):
+    """Return whether a vehicle is clamped to the rope at a place of an element."""
+    clamped, riding = system.carriages.clamped[carriage], rides(system, state, carriage)
+    return clamped and riding and not at_node(system.cable, state, carriage)
 
 
 @inlined_kernel
@@ -183,11 +198,8 @@ def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
     """Add to a column what rope over one end changes at vehicles clamped to the strand, and at tower friction."""
     cable, towers, like = system.cable, system.towers, system.cable.gravity
     for carriage in range(system.carriages.fixed.size):
-        if (
-            system.carriages.clamped[carriage]
-            and rides(system, state, carriage)
-            and not at_node(cable, state, carriage)
-        ):
+        beside = beside_load(cable, state, state.joint_element[carriage])
+        if goes_along(system, state, carriage) and not beside:
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
             for i in range(4):
                 force = scale(way, load(work.sliding_column[carriage, i], like))
