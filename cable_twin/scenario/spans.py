@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # loads `optimize` where it is used
 
+from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.solution.catenary import elastic_catenary
 
@@ -85,8 +86,10 @@ def spans_under_tension(
         span = high - low
         pull, length = _span(span, here, weight, stiffness, free_stretch)
         if not length > 0.0:
-            text = f"a tension of {here / 1e3:.4g} kN does not carry {weight:.4g} N/m over span {number} of"
-            raise SpanError(f"{text} {span[0]:.4g} m; allowed: more tension, or shorter spans")
+            text = (
+                f"a tension of {with_unit(here, 'N')} does not carry {with_unit(weight, 'N/m')} over span {number} of"
+            )
+            raise SpanError(f"{text} {with_unit(float(span[0]), 'm')}; allowed: more tension, or shorter spans")
         pulls.append(pull)
         lengths.append(length)
         here = float(np.hypot(pull[0], pull[1] + weight * length))

@@ -116,9 +116,9 @@ def design_sag(model: LineModel, span: int, sag: float) -> Designed:
     try:
         tension = float(scipy.optimize.brentq(miss, _carrying(model, strength), TAUTEST * strength, rtol=1e-9))
     except (ValueError, SpanError):
-        taut = model.spans(TAUTEST * strength, which).sags()[row]
+        taut = with_unit(float(model.spans(TAUTEST * strength, which).sags()[row]), "m", 3)
         raise DesignError(
-            f"--sag: given {sag:g} m in span {span}; allowed: above {taut:.3g} m, which the rope has near its breaking "
+            f"--sag: given {sag:g} m in span {span}; allowed: above {taut}, which the rope has near its breaking "
             "force, and below that of a slack rope"
         ) from None
     return for_tension(model, tension, f"a sag of {sag:g} m in span {span}")

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.marked import Marked, assumed, derived
 from cable_twin.offline.survey.profile import Survey, SurveyError
@@ -266,7 +267,7 @@ def choose_tension(
     if touches < 0.0:
         why = f"no tension keeps the rope on it, this misses by {-touches:.0f} N"
     elif presses < 0.0:
-        why = f"no tension keeps {LEAST_LOAD:g} N on each sheave, this misses by {-presses:.0f} N on the tower"
+        why = f"no tension keeps {with_unit(LEAST_LOAD, 'N')} on each sheave, this misses by {-presses:.0f} N in all"
     return best[0], f"least load of {name}: {why}"
 
 
