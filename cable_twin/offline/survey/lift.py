@@ -267,7 +267,8 @@ def choose_tension(
     if touches < 0.0:
         why = f"no tension keeps the rope on it, this misses by {-touches:.0f} N"
     elif presses < 0.0:
-        why = f"no tension keeps {with_unit(LEAST_LOAD, 'N')} on each sheave, this misses by {-presses:.0f} N in all"
+        least = with_unit(LEAST_LOAD, "N")
+        why = f"no tension keeps {least} on each sheave, this misses by {-presses:.0f} N on the tower"
     return best[0], f"least load of {name}: {why}"
 
 
