@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_twin.offline import envelope, import_profile, report, simulate
+from cable_twin.offline import design, envelope, import_profile, report, simulate
 from cable_twin.offline.line import Line, calculate
 from cable_twin.offline.survey.profile import SurveyError
 from cable_twin.offline.survey.tables import read_survey
@@ -149,10 +149,12 @@ CASES = Path(__file__).resolve().parents[2] / "examples" / "load_cases.yaml"
 
 
 @pytest.mark.long
-def test_the_nine_towers_go_from_survey_to_scenario_run_envelope_and_report(tmp_path, capsys):
+def test_the_nine_towers_go_from_survey_to_design_run_envelope_and_report(tmp_path, capsys):
     pytest.importorskip("jinja2")
-    file, code = imported(tmp_path, *ENDS, "--no-rest")
+    surveyed, code = imported(tmp_path, *ENDS, "--no-rest")
     assert code == 0
+    file = tmp_path / "higher.yaml"
+    assert design.main([*map(str, (surveyed, "--for", "towers", "--output", file))]) == 0
     run = [file, "--script", written(tmp_path, "stop.yaml", SCRIPT), "--duration", 30, "--record", "bag"]
     run += ["--output", tmp_path / "runs"]
     assert simulate.main([*map(str, run), "--json", str(tmp_path / "run.json")]) == 0
@@ -166,5 +168,22 @@ def test_the_nine_towers_go_from_survey_to_scenario_run_envelope_and_report(tmp_
         assert report.main([*map(str, (source, "--scenario", file, "--output", page))]) == 0
         text = page.read_text(encoding="utf-8")
         assert "T9_up" in text
-        assert "closed form: the counterweight is then near the middle of its travel" in text
+        assert "raised by 4.61 m for least load of the sheaves of T3" in text
         assert 'class="note"' not in text  # the states at rest are found again
+
+
+@pytest.mark.long
+def test_the_tramway_goes_from_survey_to_run_and_report(tmp_path):
+    pytest.importorskip("jinja2")
+    terrain, towers = (SURVEY / f"tramway_{name}.csv" for name in ("terrain", "towers"))
+    file, code = imported(tmp_path, "--type", "aerial_tramway", "--no-rest", terrain=terrain, towers=towers)
+    assert code == 0
+    script = written(
+        tmp_path, "stop.yaml", "- {time: 0, name: cabin, speed: 7.0}\n- {time: 20, event: emergency_stop}\n"
+    )
+    run = [file, "--script", script, "--duration", 30, "--record", "bag", "--output", tmp_path / "runs"]
+    assert simulate.main([*map(str, run)]) == 0
+    page = tmp_path / "page.html"
+    options = [next((tmp_path / "runs").iterdir()), "--scenario", file, "--output", page]
+    assert report.main([*map(str, options)]) == 0
+    assert "safety factor 3.47 of 4950 kN" in page.read_text(encoding="utf-8")

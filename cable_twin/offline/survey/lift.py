@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -22,6 +24,7 @@ PER_SHEAVE = 0.0225  # rad, by which the rope bends on one
 LEAST_LOAD, LEAST_BARE = 500.0, 200.0  # N on each sheave with empty vehicles, on a tower with the bare rope; assumed
 SHARPEST = 2.5  # -, bend of the rope under a vehicle up to which it is taken as sharp
 LEAST_SHARE, TRIED = 0.4, 61  # of the tension that the rope can bear
+PLACED = 41  # places of the vehicles, of which the worst for a tower is taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,9 +138,11 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
     holds = [tower.hold_down for tower in survey.towers][:: 1 if upwards else -1]
     sheaves = [tower.contacts or kind.sheaves[0] for tower in survey.towers][:: 1 if upwards else -1]
     names = [tower.name for tower in survey.towers][:: 1 if upwards else -1]
+    heavy = GRAVITY * (kind.empty + kind.capacity), GRAVITY * kind.empty
+    towers = Assemblies(names, holds, sheaves, rough / count, *heavy)
     mass_key = "sheaves.return.counterweight.mass"
     try:
-        tension, why = choose_tension(corner, rope, weights, Assemblies(names, holds, sheaves))
+        tension, why = choose_tension(corner, rope, weights, towers)
         mass = derived(round(2.0 * tension / GRAVITY, -2), f"kg, both strands: {why}")
         if mass_key in changes:
             mass = derived(float(changes[mass_key]), "given")
@@ -224,6 +229,19 @@ class Assemblies(NamedTuple):
     names: Sequence[str]
     hold_down: Sequence[bool | None]  # None: not known
     sheaves: Sequence[int]
+    spacing: float = 0.0  # m, of the vehicles; 0: their weight is taken as even
+    full: float = 0.0  # N, weight of a full vehicle
+    empty: float = 0.0  # N, of an empty one
+
+    def excess(self, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Most and least load (towers,) of vehicles of weight 1, over that of even weight, at all their places."""
+        if self.spacing == 0.0:
+            return np.zeros(len(self.names)), np.zeros(len(self.names))
+        lengths = np.linalg.norm(np.diff(corner, axis=0), axis=1).tolist()
+        spans = pairwise([round(length, 1) for length in lengths])
+        pairs = [_excess(before, after, self.spacing) for before, after in spans]
+        most, least = np.array(pairs).T
+        return most, least
 
 
 def choose_tension(
@@ -272,6 +290,16 @@ def choose_tension(
     return best[0], f"least load of {name}: {why}"
 
 
+@lru_cache(maxsize=4096)
+def _excess(before: float, after: float, spacing: float) -> tuple[float, float]:
+    """Most and least sum of the shares that a tower has of loads at a spacing, over its mean, by both spans (m)."""
+    first = np.linspace(0.0, spacing, PLACED)[:, None] - spacing * ceil(before / spacing)
+    places = first + spacing * np.arange(ceil(before / spacing) + ceil(after / spacing) + 1)
+    shares = np.where(places < 0.0, 1.0 + places / before, 1.0 - places / after).clip(min=0.0).sum(axis=1)
+    mean = 0.5 * (before + after) / spacing
+    return float(shares.max() - mean), float(shares.min() - mean)
+
+
 class Margin(NamedTuple):
     """Least margins (N) of the loads of towers, in order of importance, and the tower with the least one."""
 
@@ -318,6 +346,8 @@ def tower_margins(
         SpanError: the rope does not reach.
     """
     full, empty, bare = (-spans_under_tension(corner, tension, weight, stiffness).loads()[:, 1] for weight in weights)
+    most, least = towers.excess(corner)
+    full, empty = full + towers.full * most, empty + towers.empty * least
     holds = np.array([load < 0.0 if one is None else one for one, load in zip(towers.hold_down, full, strict=True)])
     touches = np.where(holds, -full, bare) - LEAST_BARE
     presses = np.where(holds, -full, empty) - LEAST_LOAD * np.array(towers.sheaves)

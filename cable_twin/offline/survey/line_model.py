@@ -210,7 +210,14 @@ def _lift(scenario: Scenario) -> LineModel:
     return LineModel(
         scenario,
         corner,
-        Assemblies(plain, [one.hold_down for one in towers], [one.contacts for one in towers]),
+        Assemblies(
+            plain,
+            [one.hold_down for one in towers],
+            [one.contacts for one in towers],
+            scenario.spacing,
+            scenario.gravity * (empty + capacity) * scenario.spacing,
+            scenario.gravity * empty * scenario.spacing,
+        ),
         rope,
         (weights[0], weights[1], weights[2]),
         0.0,
