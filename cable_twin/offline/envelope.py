@@ -130,8 +130,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.results is not None:
             options.results.mkdir(parents=True, exist_ok=True)
         results = _calculated([Job(case, options.places) for case in cases], options.results, console)
-        verdicts = worst_verdicts([judge(one.scenario, result.figures, at_rest=not one.moves) for one, result in
-                                   zip(cases, results, strict=True)])  # fmt: skip
+        verdicts = worst_verdicts(
+            [
+                in_case(one.id, judge(one.scenario, result.figures, at_rest=not one.moves))
+                for one, result in zip(cases, results, strict=True)
+            ]
+        )
         extremes = envelope(results)
         with redirect_stdout(sys.stderr if STDOUT in (options.csv, options.json) else sys.stdout):
             moving = sum(case.moves for case in cases)
@@ -232,6 +236,23 @@ def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
             if one.id not in found or sense * one.value > sense * found[one.id][1].value:
                 found[one.id] = result.id, one
     return list(found.values())
+
+
+def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
+    """Verdicts of a load case, with its id in the place of each figure.
+
+    Args:
+        case: id of the case.
+        verdicts: on its figures.
+    """
+
+    def told(one: RuleVerdict) -> RuleVerdict:
+        if one.figure is None:
+            return one
+        place = ", ".join(filter(None, (f"case {case}", one.figure.place)))
+        return replace(one, figure=replace(one.figure, place=place))
+
+    return [told(one) for one in verdicts]
 
 
 def worst_verdicts(of_cases: Sequence[Sequence[RuleVerdict]]) -> list[RuleVerdict]:

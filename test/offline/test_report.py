@@ -144,6 +144,21 @@ def test_a_study_has_its_ranges_and_indices(tmp_path):
     assert report.main([str(out)]) == 2
 
 
+def test_what_a_case_in_motion_governs_has_no_drawing(cases, tmp_path):
+    """Line at rest and figures are there; loads of towers without arrows."""
+    data = json.loads((cases / "all.json").read_text())
+    for one in data["cases"]:
+        one["dynamic"] = True
+    (tmp_path / "moving.json").write_text(json.dumps(data))
+    found = read_envelope(tmp_path / "moving.json", lambda count: lambda: None)
+    assert (found.kind, len(found.ropes), len(found.towers)) == ("load cases at rest and in motion", 2, 12)
+    assert np.isnan([one.force for one in found.towers]).all()
+    assert report.main([str(tmp_path / "moving.json"), "--output", str(tmp_path / "page.html")]) == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "nan" not in text.partition("<svg")[2]
+    assert " Line profile</h2>" in text
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [

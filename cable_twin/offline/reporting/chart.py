@@ -113,7 +113,7 @@ class Chart:
         left, top = self._at(x, y)
         right, bottom = left + along, top - up
         size = math.hypot(along, up)
-        if size < 1.0:
+        if not size >= 1.0:  # NaN, too
             return
         self._parts.append(f'<line x1="{left:.1f}" y1="{top:.1f}" x2="{right:.1f}" y2="{bottom:.1f}"{_stroke(look)}/>')
         cos, sin = along / size, -up / size

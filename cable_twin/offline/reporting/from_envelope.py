@@ -55,8 +55,8 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         governing = {one.id: str(row["case"]) for one, row in zip(figures, data["envelope"], strict=True)}
         names = {str(one.id): one.name for one in figures}
         verdicts = [verdict_of_columns(one, names) for one in data["rules"]]
-        cases = [Case(one["id"], one["name"], one["changes"], one["fault"]) for one in data["cases"]]
-        moving = {str(one["id"]) for one in data["cases"] if one.get("dynamic")}
+        cases = [_case(one) for one in data["cases"]]
+        moving = {one.id for one in cases if one.moves}
         places, version, command = int(data["places"]), str(data["version"]), str(data["command"])
     except ScenarioError as error:
         raise ScenarioError(*(f"{path}: {fault}" for fault in error.faults)) from None
@@ -73,7 +73,11 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
     for one in states:
         found[one] = _state(scenario, by_id[one.case], one.place, places)
         done()
-    ropes, towers = _courses(scenario, found), _towers(scenario, still, governing, found)
+    if not states:  # all is governed by cases in motion
+        found[Governing("", 0.0)] = at_place(Line(scenario, "", np.zeros(1)), 0.0).snapshot
+    ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
+    told = f"{len(cases) - len(moving)} load cases at rest, {places} places of the vehicle, {len(moving)} in motion"
+    drawn = f"{len(states)} states at rest that govern tensions, sags and tower loads" if states else "line at rest"
     notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
     return Results(
         scenario.name,
@@ -81,7 +85,7 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         figures,
         inputs,
         governing,
-        "load cases at rest",
+        "load cases at rest and in motion" if moving else "load cases at rest",
         ("vehicle at", "m"),
         profiles,
         verdicts,
@@ -89,12 +93,16 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         towers or [],
         cases=cases,
         sources=[
-            ("envelope", f"{path}: {len(cases) - len(moving)} load cases at rest, {places} places of the vehicle"),
+            ("envelope", f"{path}: {told}"),
             ("envelope made by", f"cable_twin {version}: {command}"),
-            ("drawn", f"{len(found)} states at rest that govern tensions, sags and tower loads"),
+            ("drawn", drawn),
         ],
         notes=notes,
     )
+
+
+def _case(one: Mapping[str, Any]) -> Case:
+    return Case(one["id"], one["name"], one["changes"], one["fault"], bool(one.get("dynamic")))
 
 
 def _content(path: Path) -> Mapping[str, Any]:
@@ -152,8 +160,12 @@ def _towers(
     towers = []
     for row, subject in enumerate(supports_of(scenario)):
         load = loads.get(subject.key)
-        snapshot = found.get(Governing(governing[load.id], load.time)) if load is not None else None
-        if load is None or snapshot is None or row not in snapshot.layout.tower_rows:
+        if load is None or subject.name not in scenario.towers:
+            continue
+        snapshot = found.get(Governing(governing[load.id], load.time))
+        if snapshot is None:  # of a case in motion, or beyond those that are found again
+            place = np.array(scenario.tower_places[subject.name])
+            towers.append(TowerLoad(subject.key, subject.name, place, np.full(3, np.nan)))
             continue
         forces = -snapshot.columns.support_force
         if abs(float(np.linalg.norm(forces[row])) - load.value) > SAME * load.value:

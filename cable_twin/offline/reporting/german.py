@@ -47,6 +47,8 @@ TEXTS: Mapping[str, str] = {
     "Report of": "Bericht über",
     "a run": "einen Lauf",
     "load cases at rest": "Lastfälle in Ruhe",
+    "load cases at rest and in motion": "Lastfälle in Ruhe und in Bewegung",
+    "in motion": "in Bewegung",
     "Limits": "Grenzwerte",
     "Made": "Erstellt",
     "limits are kept": "Grenzwerten sind eingehalten",
@@ -129,7 +131,9 @@ TEXTS: Mapping[str, str] = {
         "Pfeile: größte Kraft des Seils auf jede Stütze, alle in einem Maßstab, in Bahnrichtung und lotrecht."
     ),
     "Components are those of the frame with the highest load.": "Komponenten im Augenblick der größten Last.",
-    "Components are those of the governing case with the highest load.": "Komponenten im maßgebenden Lastfall.",
+    "Components are those of the governing case with the highest load; of a case in motion there are none.": (
+        "Komponenten im maßgebenden Lastfall; bei einem bewegten gibt es keine."
+    ),
     "Rules are in the words of this program and not in those of the documents. Whether a document is in force today "
     "was not verified.": (
         "Regeln stehen in den (englischen) Worten dieses Programms und nicht in denen der Vorschriften. Ob eine "
@@ -326,6 +330,7 @@ QUANTITIES: Mapping[str, str] = {
 
 # within places, sources and ways of sampling, in this order
 PHRASES: Mapping[str, str] = {
+    "case ": "Lastfall ",
     "emergency stop from": "Nothalt aus",
     "emergency stop, until the last vehicle stands still": "Nothalt, bis das letzte Fahrzeug steht",
     "service stop from": "Betriebshalt aus",

@@ -50,7 +50,7 @@ class TowerLoad:
         subject: part of the ids of its figures, as towers.tower_1_up.
         tower: name of the support.
         place: (3,) m.
-        force: (3,) N, of the rope on the tower.
+        force: (3,) N, of the rope on the tower; NaN where not known.
     """
 
     subject: str
@@ -68,12 +68,14 @@ class Case:
         name: what it stands for.
         changes: values by dotted key.
         fault: why it has no result; empty with one.
+        moves: whether it is a run, and not a line at rest.
     """
 
     id: str
     name: str
     changes: Mapping[str, object] = field(default_factory=dict)
     fault: str = ""
+    moves: bool = False
 
 
 class StudyRange(NamedTuple):

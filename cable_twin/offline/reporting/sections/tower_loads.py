@@ -44,7 +44,7 @@ class TowerLoads:
         by_rope: dict[str, list[TowerLoad]] = {}
         for one in results.towers:
             by_rope.setdefault(results.scenario.towers[one.tower].rope or "", []).append(one)
-        longest = max(float(np.linalg.norm(one.force)) for one in results.towers) or 1.0
+        longest = float(np.nanmax([0.0, *(np.linalg.norm(one.force) for one in results.towers)])) or 1.0
         charts = [_chart(rope, towers, figures, longest, texts).svg() for rope, towers in by_rope.items()]
         return {"charts": charts, "rows": rows, "in_space": results.scenario.dim == 3}
 
@@ -68,7 +68,7 @@ def _chart(
         chart.arrow(place, 0.0, LONGEST * one.force[0] / longest, LONGEST * one.force[2] / longest, LOOKS[0])
         figure = figures.get(FigureId("support_load", one.subject, "highest"))
         if figure is not None and len(towers) <= MOST_MARKS:
-            down = LONGEST * abs(one.force[2]) / longest
+            down = float(np.nan_to_num(LONGEST * abs(one.force[2]) / longest))
             lower = 12.0 * (number % 2 if len(towers) > 12 else 0)
             chart.mark(Mark(place, 0.0, f"{rounded(1e-3 * figure.value)} kN", up=-down - 14.0 - lower))
             chart.mark(Mark(place, 0.0, one.tower, up=6.0 + lower))
