@@ -50,8 +50,8 @@ exit codes: 0 done, 1 there is none within the bounds, or the line has no equili
 examples:
   design chairlift --for tension --output designed.yaml
   design aerial_tramway --for length --sag 1:4.5 --output designed.yaml
-  design chairlift --for rope --factor 5 --output designed.yaml
-  design chairlift --for towers --raise 8 --output designed.yaml
+  design chairlift --for rope --factor 6 --output designed.yaml
+  design gondola --for towers --raise 8 --output designed.yaml
 """
 
 
@@ -125,8 +125,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fault(error, FAILED)
     for line in found.lines:
         print(line)
-    if not found.changes:
-        return DONE
     heading = f"Designed for {options.wanted} from {source}: `design:` beside a value says what decided it."
     try:
         options.output.write_text(rewritten(scenario_file(source), found.changes, heading), encoding="utf-8")

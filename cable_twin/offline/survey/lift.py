@@ -22,7 +22,6 @@ GRAVITY = 9.81  # m/s^2
 FACTOR, MARGIN = 4.5, 1.1  # rope safety factor, and how far above it the tension is chosen
 PER_SHEAVE = 0.0225  # rad, by which the rope bends on one
 LEAST_LOAD, LEAST_BARE = 500.0, 200.0  # N on each sheave with empty vehicles, on a tower with the bare rope; assumed
-SHARPEST = 2.5  # -, bend of the rope under a vehicle up to which it is taken as sharp
 LEAST_SHARE, TRIED = 0.4, 61  # of the tension that the rope can bear
 PLACED = 41  # places of the vehicles, of which the worst for a tower is taken
 
@@ -156,8 +155,6 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
         round(float(np.mean([one.length.sum() for one in strands])), 2),
         "closed form: the counterweight is then near the middle of its travel, full up and empty down",
     )
-    least = min(float(one.tension.min()) for one in strands)
-    bend = rope["axial_stiffness"] * (GRAVITY * (kind.empty + kind.capacity)) ** 2 / least**3
     travel = round(max(4.0, 0.004 * length.value), 1)
     first = (corner[1] - corner[0]) / np.hypot(*(corner[1] - corner[0])) * [1.0 if upwards else -1.0, 1.0]
     per_hour = round(3600.0 * count * speed / rough * kind.capacity / 75.0, -1)
@@ -166,7 +163,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
         f"{kind.vehicle}s, about {per_hour:.0f} people an hour",
         "gravity": GRAVITY,
         "ropes": {
-            name: _rope(kind, rope, length, bend, 1.0 if name == "up" else -1.0, ends, upwards == (name == "up"))
+            name: _rope(kind, rope, length, 1.0 if name == "up" else -1.0, ends, upwards == (name == "up"))
             for name in ("up", "down")
         },
         "sheaves": _sheaves(kind, speed, mass, [round(float(one), 3) for one in -first], travel),
@@ -355,10 +352,8 @@ def tower_margins(
 
 
 def _rope(
-    kind: LiftKind, rope: Mapping[str, float], length: Marked, bend: float, side: float, ends: Ends, forward: bool
+    kind: LiftKind, rope: Mapping[str, float], length: Marked, side: float, ends: Ends, forward: bool
 ) -> dict[str, Any]:
-    sharp = bend < SHARPEST
-    elements = dict(kind.elements) if sharp else {**kind.elements, "target": 0.5 * kind.elements["target"]}
     first, last = (ends.start, ends.end) if forward else (ends.end, ends.start)
     whys = (ends.start_why, ends.end_why) if forward else (ends.end_why, ends.start_why)
     return {
@@ -368,10 +363,7 @@ def _rope(
         },
         "unstrained_length": length,
         "lateral": derived(side * kind.wheel, "m, radius of the bullwheels: for the pictures"),
-        "elements": assumed(elements, "lengths in m, short on trains of sheaves"),
-        "kinks": derived(
-            "sharp" if sharp else "rounded", f"EA F^2 / T^3 under a full vehicle is {bend:.2g}, sharp up to {SHARPEST}"
-        ),
+        "elements": assumed(dict(kind.elements), "lengths in m, short on trains of sheaves"),
         "damping_time": assumed(0.004, "s, a damping ratio of 0.4 % at 2 rad/s"),
         "start": {"position": Marked(list(first), *whys[0])},
         "end": {"position": Marked(list(last), *whys[1])},

@@ -166,7 +166,6 @@ def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> 
             **rope_keys(rope, TRACK_ROPE, TRACK_WHY),
             "unstrained_length": track.length,
             "elements": assumed({"target": 11.3, "at_towers": 3.5, "growth": 1.7}, "lengths in m, short on saddles"),
-            "kinks": "sharp",
             "damping_time": assumed(0.004, "s, a damping ratio of 0.2 % at 1 rad/s"),
             **tree_ends,
         },
