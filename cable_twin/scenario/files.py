@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from os.path import isfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.basics.limited_yaml import Document, UnreadableYamlError, limited_text, read_yaml
 from cable_twin.basics.printable import printable
 from cable_twin.scenario.checks.fault import Fault, Phrase, listed, refuse, show
 from cable_twin.scenario.checks.find_faults import find_faults
@@ -216,11 +217,17 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
 def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
     """Content of a YAML text, with `label` as its name in faults, and a fault for every key given twice."""
     try:
-        document = read_yaml(text)
+        document = _document(text)
     except UnreadableYamlError as error:
         raise ScenarioError(f"{label}{error.where}: {error}") from None
     twice = [(one.path, Phrase(f"twice, on lines {one.first} and {one.second}")) for one in document.doubles]
     return document.content, [refuse(path, given, "once") for path, given in twice]
+
+
+@lru_cache(maxsize=4)  # the cases of a study are one text with other values
+def _document(text: str) -> Document:
+    """YAML text as it is read, which nobody may change."""
+    return read_yaml(text)
 
 
 def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:

@@ -369,33 +369,54 @@ class Scenario(Section):
         where = self.strand or self.riding
         start = where.offset if where else 0.0
         places = [(first - start + number * spacing) % self.loop_length for number in range(carriers.count)]
-        return carriages | {
-            f"{carriers.name}_{number + 1}": self._carrier(carriers.kind(number), place)
-            for number, place in enumerate(places)
-        }
+        made: dict[tuple[int, float | None], Carriage] = {}  # one for each kind and payload, of which others are copies
+        found = {}
+        kinds = [carriers.kind(number) for number in range(max(len(carriers.order or carriers.kinds), 1))]
+        for number, place in enumerate(places):
+            kind = kinds[number % len(kinds)]
+            mass = self._load(kind, place)
+            like = made.get((id(kind), mass))
+            if like is None:
+                like = made[id(kind), mass] = self._carrier(kind, mass)
+            found[f"{carriers.name}_{number + 1}"] = self._placed_carrier(like, place)
+        return carriages | found
 
-    def _carrier(self, kind: CarrierKind, place: float) -> Carriage:
-        """Carrier at a place (m) of the loop, with its payload there."""
-        given, length, payload = kind.payload, self.cable.unstrained_length, None
+    def _load(self, kind: CarrierKind, place: float) -> float | None:
+        """Payload (kg) of a carrier at a place (m) of the loop; None without any."""
+        given, beyond = kind.payload, place - self.cable.unstrained_length
+        if given is None:
+            return None
+        if beyond > 0.0:  # it enters the cable at the nearer station
+            nearer = 2.0 * beyond < self.loop_length - self.cable.unstrained_length
+            return given.from_end if nearer else given.from_start
+        return given.from_start if given.on_cable is None else given.on_cable
+
+    def _carrier(self, kind: CarrierKind, mass: float | None) -> Carriage:
+        """Carrier with a payload (kg), at no place yet."""
+        given, carriers, payload = kind.payload, self.carriers, None
         if given is not None:
-            beyond = place - length
-            mass = given.from_start if given.on_cable is None else given.on_cable
-            if beyond > 0.0:  # it enters the cable at the nearer station
-                mass = given.from_end if 2.0 * beyond < self.loop_length - length else given.from_start
             payload = Payload.model_construct(
                 capacity=given.capacity, mass=mass, body=given.body, position=given.position
             )
-        riding, carriers = self.riding, self.carriers
-        if riding is None or carriers is None:
-            return Carriage.model_construct(arc_length=place, joint="clamped", bodies=kind.bodies, payload=payload)
+        if self.riding is None or carriers is None:
+            return Carriage.model_construct(arc_length=0.0, joint="clamped", bodies=kind.bodies, payload=payload)
         return Carriage.model_construct(
-            arc_length=min(max(place / riding.length, 0.0), 1.0) * length,
-            clamped_to={riding.strand: place},
+            arc_length=0.0,
+            clamped_to={},
             clamp_offset=carriers.clamp_offset,
             friction=carriers.friction,
             bodies=kind.bodies,
             payload=payload,
         )
+
+    def _placed_carrier(self, like: Carriage, place: float) -> Carriage:
+        """Copy of a carrier at a place (m) of the loop."""
+        riding = self.riding
+        if riding is None:
+            return like.model_copy(update={"arc_length": place})
+        length = self.cable.unstrained_length
+        along = min(max(place / riding.length, 0.0), 1.0) * length
+        return like.model_copy(update={"arc_length": along, "clamped_to": {riding.strand: place}})
 
     @property
     def dim(self) -> int:
