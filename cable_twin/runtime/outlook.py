@@ -7,11 +7,9 @@ age.
 
 from __future__ import annotations
 
-import os
 import pickle
 import struct
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -21,7 +19,7 @@ from typing import IO, Any, NamedTuple, cast
 
 from cable_twin.frame.records import TensionAhead
 from cable_twin.runtime.frame_loop import FrameLoop
-from cable_twin.runtime.separate_process import PACKAGE_PARENT
+from cable_twin.runtime.separate_process import start_process
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
 
@@ -133,7 +131,7 @@ class LiveOutlook:
         seconds = FIRST
         while not self._stopping.wait(seconds):
             try:
-                process = self._process = self._begin()
+                process = self._process = start_process("runtime.outlook_process", NICE)
                 self._look(process)
             except OSError:  # of the pipe, or there is no room for a process
                 pass
@@ -176,23 +174,6 @@ class LiveOutlook:
         for key in [key for key in answer.warnings if key not in self._warned]:
             self._warned.add(key)
             self._warn(f"outlook from {answer.time:.2f} s: {answer.warnings[key]}")
-
-    def _begin(self) -> subprocess.Popen[bytes]:
-        """Start the process."""
-        paths = [str(PACKAGE_PARENT), *filter(os.path.isabs, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-        threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
-        process = subprocess.Popen(
-            [sys.executable, "-m", "cable_twin.runtime.outlook_process"],
-            cwd="/",  # python -m would import from the directory where the twin was started
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **threads},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for the twin
-        )
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
-        return process
 
     def _end_process(self) -> None:
         """End the process at once, which also ends a wait for its answer."""

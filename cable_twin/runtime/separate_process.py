@@ -32,6 +32,29 @@ class SeparateProcessError(RuntimeError):
     """Failed answer of the separate process: the reason, in a line."""
 
 
+def start_process(module: str, nice: int = NICE) -> subprocess.Popen[bytes]:
+    """Start a module as a process of less priority than the twin's, which talks over its standard input and output.
+
+    Args:
+        module: name within the package, such as "runtime.outlook_process".
+        nice: how much its priority is below the twin's, up to 19.
+    """
+    paths = [str(PACKAGE_PARENT), *filter(os.path.isabs, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    process = subprocess.Popen(
+        [sys.executable, "-m", f"cable_twin.{module}"],
+        cwd="/",  # python -m would import from the directory where the twin was started
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **threads},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C is for the twin
+    )
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, nice)
+    return process
+
+
 def ask_process(module: str, request: Any, seconds: float) -> Any:
     """Send a request to a module's function `answer` in the separate process; request and answer are JSON values.
 
@@ -43,18 +66,7 @@ def ask_process(module: str, request: Any, seconds: float) -> Any:
     Raises:
         SeparateProcessError: it took too long, or has ended, by itself or by a signal such as for want of memory.
     """
-    paths = [str(PACKAGE_PARENT), *filter(os.path.isabs, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    process = subprocess.Popen(
-        [sys.executable, "-m", f"cable_twin.{module}"],
-        cwd="/",  # python -m would import from the directory where the twin was started
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,  # Ctrl-C is for the twin
-    )
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
+    process = start_process(module)
     try:
         output, _ = process.communicate(json.dumps(request).encode(), timeout=seconds)
     except subprocess.TimeoutExpired:
