@@ -15,6 +15,7 @@ from numba.extending import overload
 from cable_twin.offline import (
     design,
     envelope,
+    follow,
     import_profile,
     line,
     plant,
@@ -68,6 +69,7 @@ HELPS = {
     "what_if": what_if.parser,
     "study": study.parser,
     "plant": plant.parser,
+    "follow": follow.parser,
 }
 
 

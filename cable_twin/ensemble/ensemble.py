@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.ensemble.advancing import GOING, STATUS
+from cable_twin.ensemble.blending import are_alike, blend
 from cable_twin.ensemble.columns import MemberColumns, figure_columns
 from cable_twin.ensemble.members import MemberStates, looks_of
 from cable_twin.ensemble.threads import Threads
@@ -198,6 +199,26 @@ class Ensemble:
         for member in [member for member in rows if states.variants[member] is not base]:
             self._go_on_with(member, settings, states.settings[member])
         self._revive(rows)
+
+    @property
+    def alike(self) -> bool:
+        """Whether all members have their vehicles in the same elements and their drives in the same modes."""
+        return are_alike(self._states)
+
+    def blend(self, weights: FloatArray) -> None:
+        """Replace the state of each member by a weighted sum of the states of all; parameters stay.
+
+        For members near each other, as a filter has them, that is a state of the system to second order.
+
+        Args:
+            weights: (members, members), each row with the sum 1.
+
+        Raises:
+            ValueError: members are not `alike`.
+        """
+        if not self.alike:
+            raise ValueError("blend: vehicles are in other elements, or drives in other modes; allowed: alike members")
+        blend(self._states, weights)
 
     def command(self, name: str, *, speed: Any = None, force: Any = None, members: Chosen = None) -> None:
         """Drive a carriage, or a moving cable by the name of its drive, in members until the next command.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from cable_twin.basics.printable import printable
 from cable_twin.basics.units import rounded, shown_unit
@@ -52,6 +52,33 @@ def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
             own = {"future": future.name, **values_of(one), **passed}
             found.append(Status(WARNING if passed else OK, f"{future.name}: {one.name}", text, own))
     return found
+
+
+def estimate_message(estimates: Mapping[str, tuple[float, float, str]], alarms: Sequence[str], stamp_ns: int) -> bytes:
+    """Encode estimates as a diagnostic_msgs/DiagnosticArray: a status of the whole, then one of each.
+
+    Args:
+        estimates: value, standard deviation and unit by name.
+        alarms: new ones, a line each.
+        stamp_ns: ns.
+    """
+    count = f"{len(alarms)} alarm{'s' if len(alarms) > 1 else ''}"
+    whole = Status(
+        WARNING if alarms else OK,
+        "estimate",
+        count if alarms else "no new alarm",
+        {f"alarm_{row + 1}": text for row, text in enumerate(alarms)},
+    )
+    each = [
+        Status(
+            OK,
+            name,
+            f"{value:.6g} {unit}, standard deviation {deviation:.3g}",
+            {"value": repr(value), "standard_deviation": repr(deviation), "unit": unit},
+        )
+        for name, (value, deviation, unit) in estimates.items()
+    ]
+    return diagnostics_message(stamp_ns, whole, *each)
 
 
 def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from rosbags.typesys.stores import ros2_jazzy
 
+from cable_twin.basics.printable import printable
 from cable_twin.frame.sensors import Measurement, Sensors, body_of
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.messages import FrameNames, JointState, Topic, header, nanoseconds, serialize, support_force_topic
+from cable_twin.messages import (
+    SECOND,
+    FrameNames,
+    JointState,
+    Topic,
+    decode,
+    header,
+    nanoseconds,
+    serialize,
+    stamp_in,
+    support_force_topic,
+)
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.schema import Sensor
 
@@ -49,6 +62,52 @@ def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
 def plant_names(scenario: Scenario) -> dict[str, str]:
     """Full names of the topics of all sensors of a plant, by their names as sensors of a twin."""
     return {topic.name: f"{PLANT}/{topic.name.removeprefix('sensors/')}" for topic in sensor_topics(scenario)}
+
+
+def measurements_from_message(
+    topic: str, data: bytes, sensors: Mapping[str, Sensor], epoch_ns: int
+) -> list[Measurement]:
+    """Measurements in a message of a plant or of the sensors of a twin; inverse of `SensorOutput`.
+
+    Args:
+        topic: relative name, as `sensor_topic` gives it.
+        data: CDR.
+        sensors: known ones by name.
+        epoch_ns: ns since 1970 of simulated time zero.
+
+    Raises:
+        ValueError: the message is of something that no sensor measures.
+    """
+    names: dict[tuple[str, str], str] = {(one.kind, one.of): name for name, one in sensors.items()}
+    if topic == "sensors/joint_states":
+        message: Any = decode(data, JointState.__msgtype__)
+        time = (stamp_in(data) - epoch_ns) / SECOND
+        found = []
+        for row, name in enumerate(message.name):
+            for kind, fields in (("encoder", ("position", "velocity")), ("drive_force", ("effort",))):
+                values = [getattr(message, field) for field in fields]
+                if not len(values[0]):
+                    continue
+                if (kind, name) not in names:
+                    known = ", ".join(of for one, of in names if one == kind)
+                    raise ValueError(f"{kind} of '{printable(name, 40)}' given; allowed: {known or 'none'}")
+                found.append(Measurement(names[kind, name], time, tuple(float(one[row]) for one in values if len(one))))
+        return found
+    name = next((name for name, one in sensors.items() if sensor_topic(one) == topic), "")
+    if not name:
+        raise ValueError(
+            f"{topic} given; allowed: {', '.join(sorted({sensor_topic(one) for one in sensors.values()}))}"
+        )
+    message = decode(data, TYPES[sensors[name].kind].__msgtype__)
+    time = (stamp_in(data) - epoch_ns) / SECOND
+    if sensors[name].kind == "load_cell":
+        force = message.wrench.force
+        return [Measurement(name, time, (force.x, force.y, force.z))]
+    if sensors[name].kind == "inclinometer":
+        turn = message.orientation
+        return [Measurement(name, time, (2.0 * float(np.arctan2(turn.y, turn.w)),))]
+    turn, pull = message.angular_velocity, message.linear_acceleration
+    return [Measurement(name, time, (turn.x, turn.y, turn.z, pull.x, pull.y, pull.z))]
 
 
 class SensorOutput:

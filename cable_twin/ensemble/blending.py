@@ -1,0 +1,62 @@
+"""Weighted sums of the states of members, by which a filter carries its corrections over to the fast motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cable_twin.ensemble.members import MemberStates
+from cable_twin.mechanics.parameters import FloatArray
+
+OWN = ("payload", "wind", "temperature", "clock", "newton_curvature", "deflection")  # in names of what is not blended
+TOPOLOGY = ("joint_node", "joint_element", "node_load", "attached", "vehicle_rope", "mode", "axis", "braking")
+
+
+def are_alike(states: MemberStates) -> bool:
+    """Whether members have their vehicles in the same elements, and their drives in the same modes."""
+    named = [name for name in states.block.dtype.names if name.endswith(TOPOLOGY)]
+    return all(bool((states.block[name] == states.block[name][0]).all()) for name in named)
+
+
+def blend(states: MemberStates, weights: FloatArray) -> None:
+    """Replace the state of each member by a weighted sum of the states of all, at equal payloads.
+
+    Payloads, wind, temperature and friction stay those of the member.
+
+    Args:
+        states: of members that `are_alike`.
+        weights: (members, members), each row with the sum 1.
+    """
+    payloads = states.block["payload"].copy()
+    _put_in(states, np.broadcast_to(payloads[0], payloads.shape))  # centres of mass are then equal points of bodies
+    block: Any = states.block
+    for name in block.dtype.names:
+        if block[name].dtype != np.float64 or any(word in name for word in OWN):
+            continue
+        rows = block[name].reshape(states.size, -1)
+        if np.array_equal(rows, np.broadcast_to(rows[0], rows.shape), equal_nan=True):
+            continue
+        apart = rows - rows[0]
+        moved = rows[0] + weights @ np.where(np.isfinite(apart), apart, 0.0)
+        block[name][...] = np.where(np.isfinite(rows), moved, rows).reshape(block[name].shape)
+    _put_in(states, payloads)
+
+
+def _put_in(states: MemberStates, payloads: FloatArray) -> None:
+    """Give the members payloads (members, vehicles) in kg."""
+    names = [*states.base.layout.vehicles]
+    for member in range(states.size):
+        present = states.block["payload"][member]
+        changed = {
+            name: float(load)
+            for name, load, before in zip(names, payloads[member], present, strict=True)
+            if load != before
+        }
+        if changed:
+            simulation = states.enter(member)
+            simulation.engine.vehicles.put_in(changed)
+            states.leave(member, simulation)
+
+
+__all__ = ["are_alike", "blend"]

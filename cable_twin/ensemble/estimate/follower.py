@@ -1,0 +1,334 @@
+"""Filter that follows a plant: an ensemble of twins whose slow quantities are corrected by what sensors measure.
+
+The middle member has the estimate, two others for each slow quantity are above and below it. All get the commands of
+the plant, so that their fast motion is that of the model; after each window of measurements the slow quantities are
+corrected, and the states are blended so that they are those which the corrected quantities would have brought about
+(recursive prediction error method, Ljung 1979, with finite differences). The error of the model in each sensor is a
+bias that is estimated as well, and forgotten within `FORGOTTEN`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from cable_twin.ensemble.ensemble import Ensemble
+from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
+from cable_twin.ensemble.estimate.quantities import (
+    Hidden,
+    Reading,
+    hidden_quantities,
+    readings,
+    slow_quantities,
+    stencil,
+    weights_of,
+)
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.sensors import Measurement
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario import Scenario
+
+WINDOW = 2.0  # s, between two corrections
+LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
+SETTLING = 0.15  # s after a correction, without measurements
+FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
+TIMING = 0.02  # s, by which what a sensor measures may be earlier or later than in the model
+NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
+SURE = 1e-6  # probability at which a sensor contradicts the others
+CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
+THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong unit reads, or the inverse of that
+PLANT = "plant"  # instead of a sensor: several contradict
+SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
+STUCK_SAMPLES = 30  # equal ones of a sensor with noise
+
+
+class Estimate(NamedTuple):
+    """Estimated value with its standard deviation."""
+
+    value: float
+    deviation: float
+    unit: str
+
+
+class Alarm(NamedTuple):
+    """Something that the sensors say of the plant or of each other."""
+
+    time: float  # s
+    reason: str
+
+
+class Correction(NamedTuple):
+    """Result of one window."""
+
+    time: float  # s
+    slow: dict[str, Estimate]
+    hidden: dict[str, Estimate]
+    innovation: float  # normalised square over its degrees of freedom
+    alarms: tuple[Alarm, ...]  # new ones
+
+
+class _Row(NamedTuple):
+    """One measurement beside the predictions of the members."""
+
+    sensor: str
+    value: float
+    predicted: FloatArray  # (members,)
+    variance: float
+    numbers: FloatArray  # (members, n) of the frames of that time
+
+
+class Follower:
+    """Twin that follows a plant.
+
+    Args:
+        scenario: of the twin; its `sensors` are those of the plant.
+        threads: of the ensemble.
+    """
+
+    def __init__(self, scenario: Scenario, threads: int | None = None) -> None:
+        self.slow = slow_quantities(scenario)
+        self._ensemble = Ensemble(scenario, 2 * len(self.slow) + 1, threads=threads, progress=False)
+        start = self._ensemble.snapshot(0)
+        supports = start.layout.support_rows
+        scale = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
+        self.readings: dict[str, Reading] = readings(scenario.sensors, start.layout, scale)
+        self.hidden: tuple[Hidden, ...] = hidden_quantities(scenario, start.layout)
+        self._deviation = np.array([one.deviation for one in self.slow])
+        errors = np.array([one.error for one in self.readings.values()])
+        self._errors, self._rows_of = errors, {name: row for row, name in enumerate(self.readings)}
+        mean = np.concatenate([[one.mean for one in self.slow], np.zeros(errors.size)])
+        self._belief = Belief(mean, np.diag(np.concatenate([self._deviation, errors]) ** 2))
+        self._points = self._stencil()
+        self._change(rest=True)
+        self._rows: list[_Row] = []
+        self._before: tuple[float, FloatArray] | None = None
+        self._since, self._from = 0.0, 0.0
+        self._suspected: dict[str, int] = {}
+        self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
+        self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
+        self._told: set[str] = set()  # quantities with an alarm
+        self.left_out: dict[str, Alarm] = {}
+
+    @property
+    def time(self) -> float:
+        """Simulated time (s) of the twin."""
+        return float(self._ensemble.times[0])
+
+    def close(self) -> None:
+        """End the threads of the ensemble."""
+        self._ensemble.close()
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Give a command of the plant to the twin at its time.
+
+        Raises:
+            CommandError: the twin refuses it.
+        """
+        self._ensemble.advance_to(max(applied.time, self.time))
+        self._ensemble.apply(applied.command)
+
+    def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
+        """Take the measurements of one time (s), which are not older than those before; a correction where due."""
+        self._ensemble.advance_to(max(time, self.time))
+        numbers = self._ensemble.numbers()
+        alarms = self._stuck(time, measurements) + self._of_another_unit(time, measurements, numbers)
+        rates = (
+            0.0 if self._before is None else np.abs(numbers[0] - self._before[1]) / max(time - self._before[0], 1e-3)
+        )
+        self._before = time, numbers[0].copy()
+        if time > self._from + SETTLING or self._from == 0.0:
+            for one in measurements:
+                reading = self.readings.get(one.sensor)
+                if reading is None or one.sensor in self.left_out:
+                    continue
+                sensor = self._exchanged.get(one.sensor, one.sensor)
+                value = one.values[0] if reading.places.size == 1 else float(np.linalg.norm(one.values))
+                reading = self.readings[sensor]
+                rate = 0.0 if isinstance(rates, float) else float(np.linalg.norm(rates[reading.places]))
+                variance = reading.deviation**2 + (TIMING * rate) ** 2
+                self._rows.append(_Row(sensor, value, reading.of(numbers), variance, numbers))
+        lasted = time - self._since
+        if lasted < WINDOW - 1e-6 or not self._rows or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
+            return None
+        return self._correct(time, numbers, alarms)
+
+    def _correct(self, time: float, numbers: FloatArray, alarms: list[Alarm]) -> Correction:
+        """Correct slow quantities and states by the measurements of a window."""
+        count = len(self.slow)
+        self._belief = self._belief._replace(mean=np.concatenate([self._points[0], self._belief.mean[count:]]))
+        used = self._consistent(time, alarms)
+        innovation = 1.0
+        if used:
+            terms = self._linear(used)
+            innovation = normalised_square(*terms, self._belief.covariance) / len(used)
+            self._belief = update(self._belief, *terms)
+        lasted, self._since, self._from = time - self._since, time, time
+        kept = np.exp(-lasted / FORGOTTEN)
+        decay = np.concatenate([np.ones(count), np.full(self._errors.size, kept)])
+        walks = np.array([one.walk for one in self.slow])
+        growth = np.concatenate([walks**2 * lasted, (1.0 - kept**2) * self._errors**2])
+        hidden = self._hidden(numbers)
+        self._belief, wanted = predict(self._belief, decay, growth), self._points
+        if self._ensemble.alike:
+            wanted = self._stencil()
+            self._ensemble.blend(weights_of(self._points, wanted))
+        self._points, self._rows = wanted, []
+        self._change()
+        slow = self._slow()
+        alarms += self._against_plan(time, slow)
+        return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _against_plan(self, time: float, slow: Mapping[str, Estimate]) -> list[Alarm]:
+        """Alarms for quantities that are surely not those of the scenario."""
+        alarms = []
+        for one in self.slow:
+            got = slow[one.name]
+            apart = abs(got.value - one.plan)
+            if one.name not in self._told and apart > one.tolerance + CERTAIN * got.deviation:
+                self._told.add(one.name)
+                found = f"{got.value:.4g} {one.unit}, standard deviation {got.deviation:.2g}"
+                alarms.append(Alarm(time, f"{one.name} is {found}; {one.plan:.4g} in the scenario"))
+        return alarms
+
+    def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
+        """Rows of a window without the sensor that contradicts all others; alarms for one that keeps doing so."""
+        rows, left = self._rows, set(self._rows_of)
+        worst, square = self._worst(rows, left)
+        contradicting = ""
+        if square > 1.0:
+            contradicting = worst
+            rows = [row for row in rows if row.sensor != worst]
+            if rows and self._worst(rows, left - {worst})[1] > 1.0:
+                contradicting, rows = self._exchange()
+        self._suspected = {contradicting: self._suspected.get(contradicting, 0) + 1} if contradicting else {}
+        if self._suspected.get(contradicting) == SUSPECT_WINDOWS:
+            if contradicting == PLANT:
+                alarms.append(Alarm(time, "several sensors contradict the model: the plant is not as it is described"))
+            elif "/" in contradicting:
+                one, other = contradicting.split("/")
+                self._exchanged |= {one: other, other: one}
+                alarms.append(Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other"))
+            else:
+                alarm = Alarm(time, f"sensor {contradicting} contradicts all others and is left out")
+                alarms.append(alarm)
+                self.left_out[contradicting] = alarm
+        return rows
+
+    def _exchange(self) -> tuple[str, list[_Row]]:
+        """Two sensors, ONE/OTHER, that contradict nothing if swapped, with such rows; else `PLANT` and none."""
+        pairs = [
+            (one, other)
+            for one, other in combinations(self.readings, 2)
+            if self.readings[one].unit == self.readings[other].unit and not {one, other} & {*self.left_out}
+        ]
+        for one, other in pairs:
+            to = {one: other, other: one}
+            rows = [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
+            if self._worst(rows, set(self._rows_of))[1] <= 1.0:
+                return f"{one}/{other}", rows
+        return PLANT, []
+
+    def _read_as(self, row: _Row, sensor: str) -> _Row:
+        """Measurement as if it were of another sensor."""
+        reading = self.readings[sensor]
+        return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=reading.deviation**2)
+
+    def _worst(self, rows: Sequence[_Row], sensors: set[str]) -> tuple[str, float]:
+        """Sensor with the most unlikely innovations, and these as share of what is believed."""
+        worst, most = "", 0.0
+        for sensor in sensors:
+            own = [row for row in rows if row.sensor == sensor]
+            if own:
+                square = normalised_square(*self._linear(own), self._belief.covariance) / chi2.isf(SURE, len(own))
+                worst, most = (sensor, square) if square > most else (worst, most)
+        return worst, most
+
+    def _linear(self, rows: Sequence[_Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Innovation (m,), Jacobian (m, n) and variance (m,) of measurements."""
+        count = len(self.slow)
+        predicted = np.array([row.predicted for row in rows])
+        jacobian = np.zeros((len(rows), self._belief.mean.size))
+        jacobian[:, :count] = self._slopes(predicted)
+        columns = [count + self._rows_of[row.sensor] for row in rows]
+        jacobian[range(len(rows)), columns] = 1.0
+        innovation = np.array([row.value for row in rows]) - predicted[:, 0] - self._belief.mean[columns]
+        return innovation, jacobian, np.array([row.variance for row in rows])
+
+    def _slopes(self, predicted: FloatArray) -> FloatArray:
+        """Derivatives (m, n) by slow quantities of predictions (m, members)."""
+        number = np.arange(len(self.slow))
+        apart = self._points[1 + 2 * number, number] - self._points[2 + 2 * number, number]
+        slopes: FloatArray = (predicted[:, 1::2] - predicted[:, 2::2]) / apart
+        return slopes
+
+    def _slow(self) -> dict[str, Estimate]:
+        deviations = np.sqrt(np.diag(self._belief.covariance))
+        means = self._points[0]
+        return {
+            one.name: Estimate(float(means[row]), float(deviations[row]), one.unit) for row, one in enumerate(self.slow)
+        }
+
+    def _hidden(self, numbers: FloatArray) -> dict[str, Estimate]:
+        """Hidden quantities with the deviations that follow from those of slow ones, and from the model's error."""
+        count, found = len(self.slow), {}
+        shift = self._belief.mean[:count] - self._points[0]
+        covariance = self._belief.covariance[:count, :count]
+        for one in self.hidden:
+            rows = numbers[:, one.places]
+            values = rows[:, 0] if one.places.size == 1 else np.linalg.norm(rows, axis=1)
+            slopes = self._slopes(values[None, :])[0]
+            value = float(values[0] + slopes @ shift)
+            variance = slopes @ covariance @ slopes + (one.share * value) ** 2 + one.error**2
+            found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
+        return found
+
+    def _stuck(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
+        """Alarms for sensors with noise that repeat one value; they are left out."""
+        alarms = []
+        for one in measurements:
+            reading = self.readings.get(one.sensor)
+            if reading is None or one.sensor in self.left_out or reading.unit == "m":
+                continue
+            size = float(np.linalg.norm(one.values))
+            value, count = self._last.get(one.sensor, (np.nan, 0))
+            same = abs(value - size) <= 1e-9 * abs(size)
+            self._last[one.sensor] = size, count + 1 if same else 1
+            if same and count + 1 == STUCK_SAMPLES:
+                alarm = Alarm(time, f"sensor {one.sensor} is stuck at {size:.6g} {reading.unit} and is left out")
+                self.left_out[one.sensor] = alarm
+                alarms.append(alarm)
+        return alarms
+
+    def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
+        """Alarms for sensors that read a thousand times more or less than can be; they are left out."""
+        alarms = []
+        for one in measurements:
+            reading = self.readings.get(one.sensor)
+            if reading is None or one.sensor in self.left_out:
+                continue
+            wanted = abs(float(reading.of(numbers[:1])[0]))
+            size = float(np.linalg.norm(one.values[:1] if reading.places.size == 1 else one.values))
+            share = size / wanted if wanted > 30.0 * reading.deviation else 1.0
+            if any(
+                least <= ratio <= most for ratio in (share, 1.0 / max(share, 1e-12)) for least, most in [THOUSANDFOLD]
+            ):
+                text = f"reads {size:.4g} {reading.unit} where {wanted:.4g} are expected: another unit? It is left out"
+                self.left_out[one.sensor] = alarm = Alarm(time, f"sensor {one.sensor} {text}")
+                alarms.append(alarm)
+        return alarms
+
+    def _stencil(self) -> FloatArray:
+        count = len(self.slow)
+        deviations = np.sqrt(np.diag(self._belief.covariance)[:count])
+        return stencil(self._belief.mean[:count], np.maximum(deviations, NARROWEST * self._deviation), self.slow)
+
+    def _change(self, rest: bool = False) -> None:
+        """Give the members the slow quantities of their points."""
+        values: Mapping[str, list[float]] = {
+            one.key: self._points[:, row].tolist() for row, one in enumerate(self.slow)
+        }
+        self._ensemble.change(values, rest=rest)

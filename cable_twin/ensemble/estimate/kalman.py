@@ -1,0 +1,52 @@
+"""Kalman filter of slow quantities, each a random walk or a decaying bias, with tests of its innovations."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import FloatArray
+
+
+class Belief(NamedTuple):
+    """Gaussian belief about n quantities: means (n,) and covariance (n, n)."""
+
+    mean: FloatArray
+    covariance: FloatArray
+
+
+def predict(belief: Belief, decay: FloatArray, growth: FloatArray) -> Belief:
+    """Belief some time later: each quantity decays towards zero by a factor, and its variance grows.
+
+    Args:
+        belief: n quantities.
+        decay: (n,) factor of each, 1 for a random walk.
+        growth: (n,) added variance of each.
+    """
+    return Belief(decay * belief.mean, decay[:, None] * belief.covariance * decay + np.diag(growth))
+
+
+def update(belief: Belief, innovation: FloatArray, jacobian: FloatArray, variance: FloatArray) -> Belief:
+    """Belief after measurements with independent noise, in the form of Joseph, which keeps the covariance positive.
+
+    Args:
+        belief: n quantities.
+        innovation: (m,) measured less predicted values.
+        jacobian: (m, n) derivatives of the predicted values.
+        variance: (m,) of the noise.
+    """
+    covariance = belief.covariance
+    total = jacobian @ covariance @ jacobian.T + np.diag(variance)
+    gain = np.linalg.solve(total, jacobian @ covariance).T
+    left = np.eye(belief.mean.size) - gain @ jacobian
+    after = left @ covariance @ left.T + (gain * variance) @ gain.T
+    return Belief(belief.mean + gain @ innovation, 0.5 * (after + after.T))
+
+
+def normalised_square(
+    innovation: FloatArray, jacobian: FloatArray, variance: FloatArray, covariance: FloatArray
+) -> float:
+    """Square of an innovation over its covariance: chi-square distributed with as many degrees as measurements."""
+    total = jacobian @ covariance @ jacobian.T + np.diag(variance)
+    return float(innovation @ np.linalg.solve(total, innovation))

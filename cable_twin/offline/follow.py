@@ -1,0 +1,244 @@
+"""Command `follow`: a twin that follows a recorded plant, and estimates what cannot be seen in it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from cable_twin.ensemble.estimate.follower import Alarm, Correction, Follower
+from cable_twin.frame.records import AppliedCommand, CommandError
+from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
+from cable_twin.messages.figure_messages import estimate_message
+from cable_twin.messages.topics import DiagnosticArray, String
+from cable_twin.offline.following.plant_log import Item, PlantLog
+from cable_twin.offline.plant import with_usual_sensors
+from cable_twin.offline.simulate import run_progress
+from cable_twin.offline.simulate_options import UNUSABLE, add_changes, number, plots_fault
+from cable_twin.recording.log_file import LogError
+from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.recording.run import Run, start_run
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.terminal.bars import compilation_shown
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+
+DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
+LONGEST_SILENCE = 60.0  # s, after which the twin says that it goes on by its model
+EPILOG = """\
+The twin gets the commands of the plant and corrects payloads, rolling friction, wind and counterweights by what its
+sensors measure. It prints the estimates of the end with their bands of 95 %, and each alarm with its time and reason: a
+sensor that contradicts the others and is left out, and quantities that are not those of the scenario.
+
+Sensors are those of SCENARIO, else those of the log, else the usual ones of `plant`.
+
+exit codes: 0 done, 1 the twin failed or something could not be written, 2 wrong log, scenario or option, 130 ended by
+Ctrl-C
+
+examples:
+  plant aerial_tramway --set carriages.cabin.payload.mass=4200 \\
+        --script trip.yaml --log plants
+  follow plants/* --scenario aerial_tramway --plots pictures
+"""
+
+
+class FollowError(ValueError):
+    """Plant that cannot be followed: one line."""
+
+
+UNUSABLE_INPUT = (FollowError, LogError, ScenarioError, EquilibriumError)
+
+
+def parser() -> OneLineParser:
+    """Parser of the options of `follow`."""
+    result = OneLineParser(
+        "follow", "Follow a recorded plant by its sensors, and estimate what is hidden.", EPILOG, failure=UNUSABLE
+    )
+    result.add_argument("log", type=Path, help="directory of the plant's bag, or one of its .mcap files")
+    result.add_argument(
+        "--scenario", metavar="SCENARIO", help="scenario of the twin, name or path; default: that of the log"
+    )
+    add_changes(result)
+    result.add_argument(
+        "--duration", type=number(0.0, math.inf, "s"), metavar="S", help="simulated time to follow; default: all"
+    )
+    result.add_argument(
+        "--output",
+        type=Path,
+        default=Path("cable_twin_logs"),
+        metavar="DIR",
+        help="directory in which the estimates get a log of their own; default: cable_twin_logs",
+    )
+    result.add_argument("--plots", type=Path, metavar="DIR", help="write estimates.png into this directory")
+    return result
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Follow a recorded plant; the help has the exit codes."""
+    arguments = parser()
+    options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
+    if fault := plots_fault("--plots") if options.plots is not None else "":
+        arguments.error(fault)
+    console = Console(stderr=True)
+    try:
+        log = read_log(options.log)
+        with left_at_once("follow"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+            simulation = twin_of(log, options.scenario, dict(options.set))
+            follower = Follower(simulation.scenario)
+    except UNUSABLE_INPUT as error:
+        tell("follow", error)
+        return UNUSABLE
+    try:
+        run = start_run(
+            simulation,
+            (Topic(SCENARIO, String.__msgtype__), Topic(ESTIMATE, DiagnosticArray.__msgtype__)),
+            record_directory=options.output.expanduser(),
+            frame_period=simulation.step,
+            rerun="none",
+        )
+    except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
+        tell("follow", f"--output {options.output}: {getattr(error, 'strerror', None) or error}")
+        return FAILED
+    try:
+        end = min(log.end, options.duration or math.inf)
+        corrections = _follow(log, follower, run, end, console)
+    except UNUSABLE_INPUT as error:
+        tell("follow", error)
+        return UNUSABLE
+    except CommandError as error:
+        tell("follow", f"the twin refuses a command of the plant: {error}")
+        return FAILED
+    finally:
+        run.close()
+        follower.close()
+    return _report(log, follower, corrections, run, options)
+
+
+def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
+    """Simulation of the twin at rest, with the sensors of the plant.
+
+    Args:
+        log: of the plant.
+        source: scenario, or None for that of the log.
+        values: by dotted key.
+
+    Raises:
+        ScenarioError, EquilibriumError: it cannot be simulated.
+        FollowError: it is of a kind that cannot be followed yet.
+    """
+    scenario: Scenario = load_scenario(log.scenario if source is None else source, values)
+    if len(scenario.ropes) > 1 or scenario.carriers is not None or not scenario.carriages:
+        raise FollowError(f"{scenario.name}: several ropes or carriers; allowed: carriages on one rope")
+    if not scenario.sensors and (sensors := log.scenario.get("sensors")):
+        scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
+    simulation = Simulation(scenario)
+    return simulation if scenario.sensors else with_usual_sensors(simulation)
+
+
+def _follow(log: Log, follower: Follower, run: Run, end: float, console: Console) -> list[Correction]:
+    """Follow a plant to a time (s), with a progress bar, and record the estimates."""
+    scenario = run.simulation.scenario
+    plant = PlantLog(log, scenario.sensors)
+    run.recorder.begin(log.epoch_ns, 0.0, scenario_message(scenario.resolved()))
+    corrections: list[Correction] = []
+    last = 0.0
+
+    def say(alarm: Alarm) -> None:
+        console.print(f"{alarm.time:.1f} s: {alarm.reason}", highlight=False, markup=False, soft_wrap=True)
+
+    with run_progress(console, 0.0, end) as show:
+        for time, group in groupby(plant.items(), key=_time):
+            if time > end:
+                break
+            items = list(group)
+            if time - last > LONGEST_SILENCE:
+                say(Alarm(time, f"nothing from {last:.1f} s on: the twin went on by its model"))
+            last = time
+            for item in items:
+                if isinstance(item, AppliedCommand):
+                    follower.command(item)
+            measured = [item for item in items if not isinstance(item, AppliedCommand)]
+            correction = follower.take(time, measured) if measured else None
+            show(time)
+            if correction is not None:
+                corrections.append(correction)
+                for alarm in correction.alarms:
+                    say(alarm)
+                stamp_ns = log.epoch_ns + nanoseconds(time)
+                run.recorder.record([(ESTIMATE, _message(correction, stamp_ns))], stamp_ns)
+    for count, what in ((plant.invalid, "not finite"), (plant.late, "too late")):
+        if count:
+            tell("follow", f"{log.path}: {count} measurements are {what} and left out")
+    if not corrections:
+        raise FollowError(f"{log.path}: no measurements of {', '.join(follower.readings)}; allowed: a bag of a plant")
+    return corrections
+
+
+def _message(correction: Correction, stamp_ns: int) -> bytes:
+    """Message with the estimates and the alarms of a correction."""
+    alarms = [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
+    return estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns)
+
+
+def _time(item: Item) -> float:
+    """Time (s) of an item, to the microsecond."""
+    return round(item.time, 6)
+
+
+def _report(
+    log: Log, follower: Follower, corrections: Sequence[Correction], run: Run, options: argparse.Namespace
+) -> int:
+    """Print the last estimates, and draw all."""
+    last = corrections[-1]
+    truth = true_values(log, follower) if log.scenario != run.simulation.scenario.resolved() else {}
+    wide = max(map(len, (*last.slow, *last.hidden)))
+    head = f"{f'estimate at {last.time:.1f} s':{wide + 4}} {'value':>12}    95 % band"
+    print(head + ("           plant" if truth else ""))
+    for name, one in (last.slow | last.hidden).items():
+        known = truth.get(name)
+        said = "" if known is None else f"{np.interp(last.time, *known):12.6g}"
+        print(f"{name:{wide + 4}} {one.value:12.6g} +- {1.96 * one.deviation:<9.3g} {one.unit:4}{said}")
+    for sensor in follower.left_out:
+        print(f"left out: {sensor}")
+    print(f"estimates: {run.directory}")
+    if options.plots is not None:
+        from cable_twin.offline.following.plot import write_estimates  # noqa: PLC0415 - matplotlib is an extra
+
+        try:
+            options.plots.mkdir(parents=True, exist_ok=True)
+            title = f"{run.simulation.scenario.name} follows its plant"
+            write_estimates(title, corrections, truth, options.plots / "estimates.png")
+        except OSError as error:
+            tell("follow", f"--plots {options.plots}: {error.strerror or error}")
+            return FAILED
+        print(f"plot: {options.plots / 'estimates.png'}")
+    for fault in run.recorder.faults:
+        tell("follow", fault)
+    return FAILED if run.recorder.faults else DONE
+
+
+def true_values(log: Log, follower: Follower) -> dict[str, tuple[Any, Any]]:
+    """Times (s) and values of what is estimated, by name, as far as the plant's log has them; for comparison only."""
+    found: dict[str, tuple[Any, Any]] = {}
+    for one in follower.slow:
+        value: Any = log.scenario
+        for part in one.key.split("."):
+            if isinstance(value, list | tuple):
+                value = value["xyz".index(part)] if part in "xyz" else None
+            else:
+                value = value.get(part) if isinstance(value, dict) else None
+        if isinstance(value, int | float):
+            found[one.name] = np.array([0.0, log.end]), np.array([value, value], dtype=float)
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

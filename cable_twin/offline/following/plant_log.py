@@ -1,0 +1,78 @@
+"""Measurements and commands of a recorded plant, in the order of their time stamps."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Mapping
+from itertools import count
+
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.sensors import Measurement
+from cable_twin.messages import APPLIED_COMMANDS, SECOND
+from cable_twin.messages.sensor_messages import measurements_from_message, sensor_topic
+from cable_twin.recording.log_file import UNREADABLE, LogError, one_line
+from cable_twin.recording.log_reader import Log
+from cable_twin.scenario.schema import Sensor
+
+HORIZON = 1.0  # s, for which measurements are waited for, so that late ones are put in order
+OTHER_CLOCK = 60.0  # s between the stamp of a measurement and its arrival
+Item = AppliedCommand | Measurement
+
+
+class PlantLog:
+    """Recorded plant.
+
+    Attributes:
+        invalid: number of measurements that are not finite; they are left out.
+        late: number of measurements that came too late to be put in order; they are left out.
+
+    Args:
+        log: bag of the plant, or of a twin with sensors.
+        sensors: known ones by name.
+    """
+
+    def __init__(self, log: Log, sensors: Mapping[str, Sensor]) -> None:
+        self._log, self._sensors = log, sensors
+        self.invalid = self.late = 0
+
+    def items(self) -> Iterator[Item]:
+        """Commands and measurements in the order of their time; of one time commands come first.
+
+        Raises:
+            LogError: what is recorded is not of this plant, or its stamps are of another clock; one line.
+        """
+        waiting: list[tuple[float, int, int, Item]] = []
+        number, done = count(), float("-inf")
+        topics = {APPLIED_COMMANDS, *map(sensor_topic, self._sensors.values())}
+        for topic, stamp_ns, data in self._log.messages(topics):
+            arrival = (stamp_ns - self._log.epoch_ns) / SECOND
+            if topic == APPLIED_COMMANDS:
+                applied = self._log.command(stamp_ns, data)
+                heapq.heappush(waiting, (applied.time, 0, next(number), applied))
+            else:
+                for one in self._measurements(topic, data, arrival):
+                    if one.time < done:
+                        self.late += 1
+                    else:
+                        heapq.heappush(waiting, (one.time, 1, next(number), one))
+            while waiting and waiting[0][0] < arrival - HORIZON:
+                done = waiting[0][0]
+                yield heapq.heappop(waiting)[-1]
+        while waiting:
+            yield heapq.heappop(waiting)[-1]
+
+    def _measurements(self, topic: str, data: bytes, arrival: float) -> list[Measurement]:
+        """Finite measurements of a message."""
+        try:
+            found = measurements_from_message(topic, data, self._sensors, self._log.epoch_ns)
+        except UNREADABLE as error:
+            raise LogError(f"{self._log.path}: {topic} at {arrival:.3f} s: {one_line(error)}") from None
+        for one in found:
+            if abs(one.time - arrival) > OTHER_CLOCK:
+                raise LogError(
+                    f"{self._log.path}: {topic} at {arrival:.3f} s has a stamp of {one.time:.3f} s; allowed: "
+                    f"{OTHER_CLOCK:g} s apart, of one clock"
+                )
+        finite = [one for one in found if all(abs(value) < float("inf") for value in one.values)]
+        self.invalid += len(found) - len(finite)
+        return finite

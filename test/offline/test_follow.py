@@ -1,0 +1,164 @@
+"""`follow`: a twin estimates what is hidden in a plant, names sensors that lie, and tells what it cannot follow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cable_twin import Ensemble
+from cable_twin.ensemble.estimate.follower import Follower
+from cable_twin.ensemble.estimate.kalman import Belief, update
+from cable_twin.frame.records import AppliedCommand, Command
+from cable_twin.frame.sensors import Sensors, standard_sensors
+from cable_twin.messages import ESTIMATE, statuses_of_message
+from cable_twin.offline import plant
+from cable_twin.offline.follow import main
+from cable_twin.recording.log_reader import read_log
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+PAYLOAD = "carriages.cabin.payload.mass"
+TRUTH = 4200.0  # kg
+DURATION = 20.0  # s
+COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  # for speed
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """Scenario of a twin, and all measurements of a plant by time (s), which starts at 2 s."""
+    bare = load_scenario("aerial_tramway", COARSE)
+    usual = standard_sensors(bare, Simulation(bare).snapshot)
+    scenario = load_scenario("aerial_tramway", {**COARSE, "sensors": usual})
+    running = Simulation(load_scenario(scenario.resolved(), {PAYLOAD: TRUTH}), samples=2)
+    sensors, found = Sensors(running.scenario, running.layout), {}
+    for frame in range(round(DURATION / 0.05) + 1):
+        snapshot = running.advance_to(round(0.05 * frame, 9))
+        if frame == 40:
+            running.command("cabin", speed=7.0)
+        for one in sensors.take(snapshot):
+            found.setdefault(one.time, []).append(one)
+    return scenario, dict(sorted(found.items()))
+
+
+def followed(measured, changed=lambda one: one):
+    """Follower and corrections of measurements, each changed by a function."""
+    scenario, found = measured
+    follower, corrections = Follower(scenario, threads=1), []
+    for time, group in found.items():
+        if time >= 2.0 > follower.time:
+            follower.command(AppliedCommand(2.0, Command("speed", {"cabin": 7.0}), "test"))
+        corrections.append(follower.take(time, [changed(one) for one in group]))
+    follower.close()
+    return follower, [one for one in corrections if one is not None]
+
+
+def test_a_linear_filter_has_the_least_squares_of_all_measurements():
+    draws = np.random.default_rng(3)
+    prior = Belief(draws.standard_normal(3), np.diag([1.0, 4.0, 0.25]))
+    jacobian, values, variance = draws.standard_normal((8, 3)), draws.standard_normal(8), draws.uniform(0.1, 1.0, 8)
+    belief = prior
+    for rows in (slice(0, 3), slice(3, 8)):
+        innovation = values[rows] - jacobian[rows] @ belief.mean
+        belief = update(belief, innovation, jacobian[rows], variance[rows])
+    information = np.linalg.inv(prior.covariance) + (jacobian.T / variance) @ jacobian
+    vector = np.linalg.solve(prior.covariance, prior.mean) + (jacobian.T / variance) @ values
+    np.testing.assert_allclose(belief.mean, np.linalg.solve(information, vector), rtol=1e-10)
+    np.testing.assert_allclose(belief.covariance, np.linalg.inv(information), rtol=1e-9)
+
+
+def test_a_blend_of_states_is_the_state_between_them():
+    """A state put together of its neighbours moves on as the one that had the value between from the start."""
+    masses = [4000.0, 4300.0, 3700.0, 4150.0]
+    ensemble = Ensemble(load_scenario("aerial_tramway", COARSE), 4, parameters={PAYLOAD: masses}, threads=1)
+    ensemble.command("cabin", speed=7.0)
+    ensemble.advance_to(8.0)
+    weights = np.eye(4)
+    weights[0, 1:3] = 0.25, -0.25
+    ensemble.blend(weights)
+    ensemble.change({PAYLOAD: [4150.0, *masses[1:]]})
+    ensemble.advance_to(9.0)
+    columns = ensemble.observe(["cabin/arc_length", "cabin/drive_force", "cabin/cabin/pitch"])
+    ensemble.close()
+    blended, wanted, other = columns.array[[0, 3, 1]]
+    assert np.all(np.abs(blended - wanted) < 0.02 * np.abs(other - wanted) + [0.0, 0.0, 5e-5])  # m, N, rad
+
+
+def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):
+    follower, corrections = followed(measured)
+    got = corrections[-1].slow["cabin/payload"]
+    assert abs(got.value - TRUTH) < 3.0 * got.deviation < 350.0  # kg
+    assert not follower.left_out
+    (alarm,) = [alarm for one in corrections for alarm in one.alarms]
+    assert alarm.reason.startswith("cabin/payload is 4")
+    assert "6400 in the scenario" in alarm.reason
+
+
+@pytest.mark.parametrize(
+    ("sensor", "spoil", "said"),
+    [
+        ("load_end", lambda values: tuple(1.03 * value for value in values), "contradicts all others"),
+        ("tilt_cabin", lambda _: (0.05,), "is stuck at 0.05 rad"),
+        ("force_cabin", lambda values: tuple(1e3 * value for value in values), "another unit"),
+    ],
+)
+def test_a_sensor_that_lies_is_named_and_left_out_within_ten_seconds(measured, sensor, spoil, said):
+    def changed(one):
+        return replace(one, values=spoil(one.values)) if one.sensor == sensor and one.time > 8.0 else one
+
+    follower, corrections = followed(measured, changed)
+    assert [*follower.left_out] == [sensor]
+    assert said in follower.left_out[sensor].reason
+    assert follower.left_out[sensor].time < 18.0
+    got = corrections[-1].slow["cabin/payload"]
+    assert abs(got.value - TRUTH) < 4.0 * got.deviation
+
+
+def test_swapped_sensors_are_named(measured):
+    to = {"load_end": "load_tower", "load_tower": "load_end"}
+    follower, corrections = followed(measured, lambda one: replace(one, sensor=to.get(one.sensor, one.sensor)))
+    reasons = [alarm.reason for one in corrections for alarm in one.alarms]
+    assert "sensors load_end and load_tower are swapped, and are taken for each other" in reasons
+    assert not follower.left_out
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("plant")
+    (directory / "trip.yaml").write_text("- {time: 1, name: cabin, speed: 7.0}\n", encoding="utf-8")
+    arguments = ["--script", str(directory / "trip.yaml"), "--duration", "8", "--log", str(directory)]
+    assert plant.main(["aerial_tramway", "--set", f"{PAYLOAD}={TRUTH}", *arguments]) == 0
+    (bag,) = {path.parent for path in directory.rglob("*.mcap")}
+    return bag
+
+
+def test_a_bag_is_followed_into_a_log_of_estimates_and_a_plot(bag, tmp_path, capsys):
+    arguments = ["--scenario", "aerial_tramway", "--plots", str(tmp_path), "--output", str(tmp_path)]
+    assert main([str(bag), *arguments]) == 0
+    said = capsys.readouterr()
+    assert "cabin/payload is 4" in said.err
+    (line,) = [line for line in said.out.splitlines() if line.startswith("cabin/payload")]
+    assert line.split()[-1] == "4200"
+    assert (tmp_path / "estimates.png").stat().st_size > 20_000
+    log = read_log(next(path.parent for path in tmp_path.rglob("*.mcap")))
+    messages = [statuses_of_message(data) for _, _, data in log.messages([ESTIMATE])]
+    assert len(messages) >= 3
+    last = {status.name: status.values for status in messages[-1]}
+    assert abs(float(last["cabin/payload"]["value"]) - TRUTH) < 500.0
+    assert last["end/force"]["unit"] == "N"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--scenario", "chairlift"], "several ropes or carriers; allowed: carriages on one rope"),
+        (["--scenario", "no_such"], "no_such"),
+        (["--set", "sensors={a: {kind: encoder, of: cabin}}"], "drive_force of 'cabin' given; allowed: none"),
+    ],
+)
+def test_what_cannot_be_followed_is_a_line(bag, tmp_path, capsys, arguments, said):
+    assert main([str(bag), *arguments, "--output", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith("follow: ")
+    assert said in line
