@@ -10,6 +10,7 @@ import pytest
 
 from cable_twin.offline import (
     envelope,
+    follow,
     import_profile,
     line,
     plant,
@@ -38,6 +39,7 @@ COMMANDS = {
     "study": study,
     "import_profile": import_profile,
     "plant": plant,
+    "follow": follow,
     "report": report,
     **TOOLS,
 }

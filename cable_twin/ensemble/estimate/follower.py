@@ -36,9 +36,10 @@ WINDOW = 2.0  # s, between two corrections
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
 SETTLING = 0.15  # s after a correction, without measurements
 FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
-TIMING = 0.02  # s, by which what a sensor measures may be earlier or later than in the model
+TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than in the model
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
 SURE = 1e-6  # probability at which a sensor contradicts the others
+NEAR = 40.0  # m along the track from a tower, where the twin goes on by its model
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
 THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong unit reads, or the inverse of that
 PLANT = "plant"  # instead of a sensor: several contradict
@@ -96,6 +97,8 @@ class Follower:
         supports = start.layout.support_rows
         scale = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
         self.readings: dict[str, Reading] = readings(scenario.sensors, start.layout, scale)
+        self._towers = np.array([one.position[0] for one in scenario.towers.values()])
+        self._tracks = start.layout.places.joint_position[:, 0].astype(np.intp)
         self.hidden: tuple[Hidden, ...] = hidden_quantities(scenario, start.layout)
         self._deviation = np.array([one.deviation for one in self.slow])
         errors = np.array([one.error for one in self.readings.values()])
@@ -151,10 +154,18 @@ class Follower:
                 rate = 0.0 if isinstance(rates, float) else float(np.linalg.norm(rates[reading.places]))
                 variance = reading.deviation**2 + (TIMING * rate) ** 2
                 self._rows.append(_Row(sensor, value, reading.of(numbers), variance, numbers))
+        if self._passes_a_tower(numbers[0]):
+            self._rows, self._since, self._from = [], time, time
+            return None
         lasted = time - self._since
         if lasted < WINDOW - 1e-6 or not self._rows or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
         return self._correct(time, numbers, alarms)
+
+    def _passes_a_tower(self, numbers: FloatArray) -> bool:
+        """Whether a carriage is so near to a tower that the members differ in more than first order."""
+        places = numbers[self._tracks]
+        return bool((np.abs(places[:, None] - self._towers) < NEAR).any())
 
     def _correct(self, time: float, numbers: FloatArray, alarms: list[Alarm]) -> Correction:
         """Correct slow quantities and states by the measurements of a window."""

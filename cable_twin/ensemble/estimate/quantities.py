@@ -21,7 +21,7 @@ TOWER_ERROR = 6e-4  # as LOAD_ERROR
 HIDDEN_FORCE_ERRORS = {"lowest": 8e-4, "highest": 2e-4, "counterweight": 8e-4, "end": 2e-4, "tower": 2e-3}
 HIDDEN_PITCH_ERRORS = 4e-3, 2e-3
 # error of the model that lasts as long as a swing, as a standard deviation of samples that were independent
-FAST_PLACE, FAST_FORCE, FAST_LOAD, FAST_TOWER, FAST_ANGLE = 8e-3, 2.0, 1.6e-3, 5e-3, 4e-3  # units as above
+FAST_PLACE, FAST_FORCE, FAST_LOAD, FAST_TOWER, FAST_ANGLE = 8e-3, 3.0, 1.6e-3, 5e-3, 4e-3  # units as above
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from cable_twin.ensemble.estimate.follower import Correction
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.frame.records import FloatArray
 from cable_twin.offline.plots import COLORS, INK, STYLE
 
 BAND = 1.959964  # standard deviations of a band of 95 %
