@@ -68,6 +68,17 @@ def test_a_saved_run_goes_on_to_the_last_bit(tmp_path):
     assert simulation.state.joint_node[0] > 8
 
 
+def test_the_node_of_a_vehicle_is_none_of_a_rope_with_fewer_nodes():
+    """Cabins on fine track ropes, clamped to a haul rope of a fifth of their elements, which has no such node."""
+    elements = {f"ropes.track_{number}.elements": 400 for number in (1, 2)}
+    elements |= {f"ropes.haul_{number}.elements": 80 for number in (1, 2)}
+    simulation = Simulation(load_scenario("jig_back", elements))
+    simulation.command("haul_rope", speed=10.0)
+    report = simulation.advance_to(0.5).solver
+    assert simulation.state.joint_node.max() > 80
+    assert report.iterations <= 2 * report.steps
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("lift", ["chairlift", "gondola"])
 def test_a_lift_passes_its_stations(lift):

@@ -59,8 +59,8 @@ def follows(state, node):
 
 @inlined_kernel
 def at_node(cable, state, carriage):
-    """Return whether a joint is at a node that follows it."""
-    return cable.load_nodes and state.joint_node[carriage] >= 0 and follows(state, state.joint_node[carriage])
+    """Return whether the joint of a vehicle, on whatever rope, is at a node that follows it."""
+    return cable.load_nodes and state.node_follows[carriage]
 
 
 @inlined_kernel

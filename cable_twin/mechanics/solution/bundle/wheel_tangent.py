@@ -123,7 +123,9 @@ def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_
         add_patch_differences(system, state, count, -0.5 / way, patch_columns, slot, work)
         set_rope(state, end, kept)
     for carriage in range(system.carriages.fixed.size):
-        if at_node(cable, state, carriage) and work.along_held[carriage] and rides(system, state, carriage):
+        if not rides(system, state, carriage):
+            continue
+        if at_node(cable, state, carriage) and work.along_held[carriage]:
             way = place_by_flow(cable, state, end, state.joints.position[carriage])
             patch_columns[carriage, 5 * dim, slot] = -way if system.carriages.clamped[carriage] else 0.0
         elif goes_along(system, state, carriage) and beside_load(cable, state, state.joint_element[carriage]):
