@@ -148,7 +148,10 @@ def test_a_scenario_without_sensors_has_no_topics_of_theirs():
             {"kind": "imu", "of": "cabin/roof"},
             "of: given 'cabin/roof'; allowed: cabin, cabin/running_",
         ),
-        ({"kind": "sonar", "of": "cabin"}, "sensors.one.kind: given 'sonar'; allowed: one of encoder, load_cell,"),
+        (
+            {"kind": "sonar", "of": "cabin"},
+            "sensors.one.kind: given 'sonar'; allowed: one of encoder, drive_force, load_cell,",
+        ),
         ({"kind": "encoder", "of": "cabin", "noise": -1.0}, "sensors.one.noise: given -1.0; allowed: a finite number"),
         (
             {"kind": "encoder", "of": "cabin", "rate": 0.0},
