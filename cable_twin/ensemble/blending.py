@@ -7,10 +7,21 @@ from typing import Any
 import numpy as np
 
 from cable_twin.ensemble.members import MemberStates
+from cable_twin.mechanics.on_rope.chain import hang_together, top_of
 from cable_twin.mechanics.parameters import FloatArray
 
 OWN = ("payload", "wind", "temperature", "clock", "newton_curvature", "deflection")  # in names of what is not blended
-TOPOLOGY = ("joint_node", "joint_element", "node_load", "attached", "vehicle_rope", "mode", "axis", "braking")
+TOPOLOGY = (
+    "joint_node",
+    "joint_element",
+    "node_load",
+    "node_follows",
+    "attached",
+    "vehicle_rope",
+    "mode",
+    "axis",
+    "braking",
+)
 
 
 def are_alike(states: MemberStates) -> bool:
@@ -22,7 +33,8 @@ def are_alike(states: MemberStates) -> bool:
 def blend(states: MemberStates, weights: FloatArray) -> None:
     """Replace the state of each member by a weighted sum of the states of all, at equal payloads.
 
-    Payloads, wind, temperature and friction stay those of the member.
+    Payloads, wind, temperature and friction stay those of the member. Bodies turn, so that joints between the sums are
+    open to second order: they are closed, else the first step does it, with forces beyond those of any drive.
 
     Args:
         states: of members that `are_alike`.
@@ -30,6 +42,7 @@ def blend(states: MemberStates, weights: FloatArray) -> None:
     """
     payloads = states.block["payload"].copy()
     _put_in(states, np.broadcast_to(payloads[0], payloads.shape))  # centres of mass are then equal points of bodies
+    tops = np.array([_tops(states, member) for member in range(states.size)])
     block: Any = states.block
     for name in block.dtype.names:
         if block[name].dtype != np.float64 or any(word in name for word in OWN):
@@ -40,7 +53,24 @@ def blend(states: MemberStates, weights: FloatArray) -> None:
         apart = rows - rows[0]
         moved = rows[0] + weights @ np.where(np.isfinite(apart), apart, 0.0)
         block[name][...] = np.where(np.isfinite(rows), moved, rows).reshape(block[name].shape)
+    for member, own in enumerate(tops[0] + np.tensordot(weights, tops - tops[0], 1)):
+        _hang(states, member, own)
     _put_in(states, payloads)
+
+
+def _tops(states: MemberStates, member: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Position and velocity of the upper pivot of each vehicle of a member."""
+    part = states.enter(member).engine.parts[0]
+    return [top_of(part.system.carriages, part.state, row) for row in states.base.layout.vehicle_rows.values()]
+
+
+def _hang(states: MemberStates, member: int, tops: FloatArray) -> None:
+    """Close the joints of all vehicles of a member below their upper pivots (vehicles, 2, dim)."""
+    simulation = states.enter(member)
+    part = simulation.engine.parts[0]
+    for row, (place, velocity) in zip(states.base.layout.vehicle_rows.values(), tops, strict=True):
+        hang_together(part.system.carriages, part.state, row, place, velocity)
+    states.leave(member, simulation)
 
 
 def _put_in(states: MemberStates, payloads: FloatArray) -> None:

@@ -85,6 +85,23 @@ def test_a_blend_of_states_is_the_state_between_them():
     assert np.all(np.abs(blended - wanted) < 0.02 * np.abs(other - wanted) + [0.0, 0.0, 5e-5])  # m, N, rad
 
 
+def test_a_large_correction_of_the_wind_leaves_the_drive_on_its_course():
+    """Joints that a blend left open would need more than the drive has in the next step, and it starts anew."""
+    winds = {PAYLOAD: 1900.0, "air.wind.x": [14.0, 17.0, 11.0, 8.0]}
+    ensemble = Ensemble(load_scenario("aerial_tramway", COARSE), 4, parameters=winds, threads=1)
+    ensemble.command("cabin", speed=7.0)
+    ensemble.advance_to(3.0)
+    weights = np.eye(4)
+    weights[0, 1:3] = -1.0, 1.0
+    ensemble.blend(weights)
+    ensemble.change({"air.wind.x": [8.0, 17.0, 11.0, 8.0]})
+    ensemble.advance_to(5.0)
+    force, place = ensemble.observe(["cabin/drive_force", "cabin/arc_length"]).array[[0, 3]].T
+    ensemble.close()
+    assert abs(force[0] - force[1]) < 1000.0  # N
+    assert abs(place[0] - place[1]) < 0.03  # m
+
+
 def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):
     follower, corrections = followed(measured)
     got = corrections[-1].slow["cabin/payload"]

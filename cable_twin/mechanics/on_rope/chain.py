@@ -427,3 +427,32 @@ def shift_centres(state: State, change: FloatArray) -> None:
         for accelerations in (state.bodies.acceleration, state.bodies.algorithmic):
             turning = cross(tuple(accelerations[body, dim:]), arm)
             accelerations[body, :dim] += np.add(turning, cross(spin, cross(spin, arm)))
+
+
+def top_of(carriages: Carriages, state: State, carriage: int) -> tuple[FloatArray, FloatArray]:
+    """Position (dim,) in m and velocity (dim,) in m/s of the uppermost pivot of a carriage."""
+    body = int(carriages.body_offset[carriage])
+    dim = carriages.upper_pivot.shape[1]
+    arm, turning = _arm(state, body, carriages.upper_pivot[body])
+    return state.bodies.position[body, :dim] + arm, state.bodies.velocity[body, :dim] + turning
+
+
+def hang_together(carriages: Carriages, state: State, carriage: int, place: FloatArray, velocity: FloatArray) -> None:
+    """Move the bodies of a carriage so that its joints close below `place` (dim,) in m, which has `velocity` in m/s.
+
+    Orientations and spins stay, and so do accelerations, which the next step finds.
+    """
+    dim = place.size
+    for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
+        for pivot, sign in ((carriages.upper_pivot[body], -1.0), (carriages.lower_pivot[body], 1.0)):
+            arm, turning = _arm(state, body, pivot)
+            place, velocity = place + sign * arm, velocity + sign * turning
+            if sign < 0.0:
+                state.bodies.position[body, :dim], state.bodies.velocity[body, :dim] = place, velocity
+
+
+def _arm(state: State, body: int, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Arm (dim,) in m from the centre of a body to a point in its axes, and its rate (dim,) in m/s."""
+    dim = offset.size
+    arm = np.array(orientation(state.bodies.position[body], tuple(offset))).reshape(dim, dim) @ offset
+    return arm, np.array(cross(tuple(state.bodies.velocity[body, dim:]), tuple(arm)))
