@@ -199,9 +199,12 @@ def jig_back_at_rest() -> Iterator[Result]:
 
 @case("jig-back under way, equal cabins", "W at the drive = μ Σ N ds of the wheels on the track ropes + ΔE", long=True)
 def jig_back_under_way() -> Iterator[Result]:
-    """From start to stop between stations and towers; what the damping of the ropes takes is within the row."""
+    """From start to stop between stations and towers; what the damping of the ropes takes is within the row.
+
+    On 120 elements a track rope gives back 14 % of the friction as nodes are handed on, on 240 ones 2 %.
+    """
     smooth = {f"towers.{one}_{number}.friction": 0.0 for one in ("tower", "rollers") for number in (1, 2)}
-    simulation = jig_back((3000.0, 3000.0), 120, **smooth)
+    simulation = jig_back((3000.0, 3000.0), 360, **smooth)
     rolling = simulation.scenario.carriages["cabin_1"].friction.rolling
     before, driven, friction, frame = simulation.energy().total, 0.0, 0.0, 0.05
     for until, speed in ((18.0, 5.0), (40.0, 0.0)):

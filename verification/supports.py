@@ -192,13 +192,17 @@ def creep(simulation: Simulation, pulls: Array) -> tuple[float, float]:
 
 @case("cabin over a tower", "weight goes straight into the tower; energy", needs_jit=True, long=True)
 def passing_cabin() -> Iterator[Result]:
-    """12 t at rest on the saddle, and at 7 m/s over it, in steps of 5 ms: no friction, damped only in the contacts."""
+    """12 t at rest on the saddle, and at 7 m/s over it, in steps of 5 ms: no friction, damped only in the contacts.
+
+    With the joint of the paper: the bend at a node sinks in between the few contacts of this saddle.
+    """
     # both spans alike, so that nothing of the cabin's weight acts along the rope
     level = {
         "cable__end__position": [1000.0, 0.0],
         "cable__end__direction": [0.97, -0.2],
         "cable__start__position": [0.0, 0.0],
         "towers__tower__friction": 0.0,
+        "cable__joint": "paper",
     }
     bare = tramway(**level)
     middle = float(bare.state.contact_arc_length[6])
@@ -206,7 +210,7 @@ def passing_cabin() -> Iterator[Result]:
     more = standing.snapshot.supports["tower"].force - bare.snapshot.supports["tower"].force
     yield Result("load that it adds, over its weight, z", "-", 1.0, float(more[2]) / (12e3 * GRAVITY), 2e-3)
     yield Result("load that it adds, over its weight, x", "-", 0.0, float(more[0]) / (12e3 * GRAVITY), 2e-3)
-    simulation = tramway(cabin={}, towers__tower__friction=0.0)
+    simulation = tramway(cabin={}, towers__tower__friction=0.0, cable__joint="paper")
     start = simulation.energy().total
     simulation.command("cabin", speed=7.0)
     work, iterations, halvings, steps, worst, most = 0.0, 0, 0, 0, 0.0, 0.0
