@@ -28,7 +28,7 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario
 from cable_twin.scenario.spans import SpanError
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 4  # of the vehicle, at which the result is calculated
@@ -120,9 +120,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         model = line_model(load_scenario(source))
         found = _designed(model, options)
     except ScenarioError as error:
-        return _fault(error, UNUSABLE)
+        return fail("design", error, UNUSABLE)
     except (DesignError, SpanError) as error:
-        return _fault(error, FAILED)
+        return fail("design", error, FAILED)
     for line in found.lines:
         print(line)
     heading = f"Designed for {options.wanted} from {source}: `design:` beside a value says what decided it."
@@ -130,9 +130,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         options.output.write_text(rewritten(scenario_file(source), found.changes, heading), encoding="utf-8")
         scenario = load_scenario(str(options.output))
     except OSError as error:
-        return _fault(f"{error.filename or options.output}: {error.strerror or error}", FAILED)
+        return fail("design", f"{error.filename or options.output}: {error.strerror or error}", FAILED)
     except ScenarioError as error:
-        return _fault(error, FAILED)
+        return fail("design", error, FAILED)
     print(f"{options.output} at rest:")
     return _rest(scenario)
 
@@ -157,16 +157,10 @@ def _rest(scenario: Scenario) -> int:
         with left_at_once("design"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
             calculate(line)
     except EquilibriumError as error:
-        return _fault(error, FAILED)
+        return fail("design", error, FAILED)
     shown = [one for one in line.figures if one.kept is not None]
     print_figures(table_console(), [shown], at=f"{line.moved} at", unit_at="m")
     return DONE
-
-
-def _fault(error: object, code: int) -> int:
-    for line in str(error).splitlines():
-        tell("design", line)
-    return code
 
 
 if __name__ == "__main__":

@@ -58,7 +58,7 @@ class Dynamic(NamedTuple):
 
     @property
     def inputs(self) -> list[Any]:
-        """What the result depends on besides the scenario, for a hash."""
+        """Commands, duration and stop of a load case in motion, for the hash of its result beside the scenario."""
         commands = [[one.time, repr(one.command), one.at] for one in self.script]
         return [commands, self.duration, self.stop]
 

@@ -34,7 +34,7 @@ from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, count_shown
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 5
@@ -146,9 +146,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print_verdicts(table_console(), profiles, verdicts)
         _write(options, cases, results, extremes, verdicts)
     except (ScenarioError, CaseError) as error:
-        for line in str(error).splitlines():
-            tell("envelope", line)
-        return UNUSABLE
+        return fail("envelope", error, UNUSABLE)
     except KeyboardInterrupt:
         tell("envelope", "ended by Ctrl-C; finished cases are kept with --results")
         return INTERRUPTED

@@ -27,7 +27,7 @@ from cable_twin.offline.survey.tramway import tramway_scenario
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 Build = Callable[[Survey, Ends, Mapping[str, Any]], dict[str, Any]]
@@ -121,7 +121,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         tree = KINDS[options.type](survey, ends_of(survey, options.start, options.end), changes)
         scenario = load_scenario({"name": options.output.stem, **plain(tree)}, changes)
     except (SurveyError, ScenarioError) as error:
-        return _fault(error, UNUSABLE)
+        return fail("import_profile", error, UNUSABLE)
     for note in survey.notes:
         tell("import_profile", note)
     found = assumptions(tree)
@@ -133,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options.output.write_text(as_file(with_changes(tree, changes), heading), encoding="utf-8")
     except OSError as error:
-        return _fault(f"{error.filename or options.output}: {error.strerror or error}", FAILED)
+        return fail("import_profile", f"{error.filename or options.output}: {error.strerror or error}", FAILED)
     print(f"{options.output}: {scenario.description}")
     print(f"{len(found)} assumptions:")
     for line in found:
@@ -162,15 +162,9 @@ def _rest(scenario: Scenario) -> int:
         with left_at_once("import_profile"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
             calculate(line)
     except EquilibriumError as error:
-        return _fault(str(error).partition(" m: ")[2] or error, FAILED)
+        return fail("import_profile", str(error).partition(" m: ")[2] or error, FAILED)
     print_figures(table_console(), [[one for one in line.figures if one.kept is not None]], at="at", unit_at="m")
     return DONE
-
-
-def _fault(error: object, code: int) -> int:
-    for line in str(error).splitlines():
-        tell("import_profile", line)
-    return code
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from cable_twin.scenario import Scenario, ScenarioError, build_system, load_scen
 from cable_twin.scenario.command_limits import sense_of, travel_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import count_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES, MOST = 40, 2000
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     if fault := plot_fault(options.plot) or drawing_fault(options.profile):
-        return _fault(fault, UNUSABLE)
+        return fail("line", fault, UNUSABLE)
     console = Console(stderr=True)
     scenario = arguments.given_scenario(options) or DEFAULT_SCENARIO
     try:
@@ -103,9 +103,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 calculate(finer, on_place)
             line.figures = compared(line.figures, finer.figures)
     except (ScenarioError, ValueError) as error:
-        return _fault(error, UNUSABLE)
+        return fail("line", error, UNUSABLE)
     except EquilibriumError as error:
-        return _fault(error, FAILED)
+        return fail("line", error, FAILED)
     words = table_console()
     if STDOUT in (options.csv, options.json):
         words = Console(stderr=True, width=160, highlight=False)
@@ -126,7 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         raise  # the reader of the output has closed it: `entry_points` ends silently
     except OSError as error:
-        return _fault(f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
+        return fail("line", f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
     return DONE
 
 
@@ -175,12 +175,6 @@ def _places(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 2 <= int(text) <= MOST:
         raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 2 to {MOST}")
     return int(text)
-
-
-def _fault(error: object, code: int) -> int:
-    for line in str(error).splitlines():
-        tell("line", line)
-    return code
 
 
 def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None:

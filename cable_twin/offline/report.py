@@ -13,7 +13,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.from_log import read_results
 from cable_twin.offline.reporting.from_study import is_study, read_study
@@ -21,13 +20,13 @@ from cable_twin.offline.reporting.printing import PrintError, find_printer
 from cable_twin.offline.reporting.results import Results, ResultsError
 from cable_twin.offline.reporting.texts import LANGUAGES, Texts
 from cable_twin.offline.review import RUNS, newest_run
-from cable_twin.offline.simulate_options import fact
+from cable_twin.offline.simulate_options import add_rule_options, profile_fault
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import count_shown, share_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell, typed
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, print_line, tell, typed
 
 DONE, NOT_WRITTEN, CANNOT = 0, 1, 2
 MOST_TRIPS = 1e7  # in a year
@@ -76,21 +75,7 @@ def parser() -> OneLineParser:
         help="write the page as a PDF, too; needs WeasyPrint, or else Chromium",
     )
     result.add_argument("--language", choices=tuple(LANGUAGES), default="en", help="language of the page; default: en")
-    result.add_argument(
-        "--profile",
-        action="append",
-        metavar="NAME",
-        help="judge the key figures by this rule profile, a name that `rules` lists or a YAML file, in place of those "
-        "of the scenario; can be repeated, and the page then shows where profiles differ",
-    )
-    result.add_argument(
-        "--fact",
-        action="append",
-        default=[],
-        type=fact,
-        metavar="KEY=VALUE",
-        help="state a fact that rules ask for, a key of limits.installation, as in persons=4; can be repeated",
-    )
+    add_rule_options(result, more=", and the page then shows where profiles differ")
     result.add_argument(
         "--trips",
         type=_trips,
@@ -130,11 +115,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = arguments.parse_args(given)
     if find_spec("jinja2") is None:
         arguments.error(f"this needs jinja2, which this Python does not have: {typed('pip')} install '{EXTRA}'")
-    try:
-        for name in options.profile or ():
-            load_profile(name)
-    except RuleError as error:
-        arguments.error(f"--profile: {error}")
+    if fault := profile_fault(options.profile):
+        arguments.error(fault)
     options.printer = None
     if options.pdf is not None:
         try:
@@ -148,9 +130,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         results = _read(options, Console(stderr=True))
     except (LogError, ResultsError, ScenarioError, EquilibriumError) as error:
-        for line in str(error).splitlines():
-            tell("report", line)
-        return CANNOT
+        return fail("report", error, CANNOT)
     results.trips = options.trips
     return _write(options, results, shlex.join(["report", *given]))
 

@@ -24,20 +24,19 @@ from rich.progress import (
 from rich.table import Table
 
 from cable_twin.basics.units import rounded, shown_unit
-from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.figure_table import LABELS, print_figures, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.responses import print_responses
 from cable_twin.offline.review_picture import MadeRecording, existing_recordings, serve, show
-from cable_twin.offline.simulate_options import fact, plots_fault
+from cable_twin.offline.simulate_options import add_rule_options, plots_fault, profile_fault
 from cable_twin.offline.thinned_series import Comparison, Difference, compare, unit_of
 from cable_twin.offline.verdict_table import print_verdicts
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.scenario.sections.vehicles import Carriers
-from cable_twin.terminal.command_line import OneLineParser, print_line, tell
+from cable_twin.terminal.command_line import OneLineParser, fail, print_line, tell
 from cable_twin.view.web_view import why_not
 
 LONGEST_TITLE = 24  # letters of what --output called a run, in a legend
@@ -81,21 +80,7 @@ def parser() -> OneLineParser:
         "off: make no recording; "
         "default: window",
     )
-    result.add_argument(
-        "--profile",
-        action="append",
-        metavar="NAME",
-        help="judge the key figures by this rule profile, a name that `rules` lists or a YAML file, in place of those "
-        "of the scenario; can be repeated",
-    )
-    result.add_argument(
-        "--fact",
-        action="append",
-        default=[],
-        type=fact,
-        metavar="KEY=VALUE",
-        help="state a fact that rules ask for, a key of limits.installation, as in persons=4; can be repeated",
-    )
+    add_rule_options(result)
     add_export(result)
     result.add_argument("--no-viewer", action="store_const", dest="rerun", const="off", help="short for --rerun off")
     result.add_argument(
@@ -118,11 +103,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.error(f"no run in {RUNS}: give the directory of one")
     if len(options.bags) > len(LABELS):
         arguments.error(f"{len(options.bags)} bags given; at most {len(LABELS)} are allowed")
-    try:
-        for name in options.profile or ():
-            load_profile(name)
-    except RuleError as error:
-        arguments.error(f"--profile: {error}")
+    if fault := profile_fault(options.profile):
+        arguments.error(fault)
     if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
         arguments.error(fault)
     console = Console(stderr=True)
@@ -137,9 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return NOT_WRITTEN
         return _review(logs, options, export, console)
     except LogError as error:
-        for line in str(error).splitlines():
-            tell("review", line)
-        return CANNOT
+        return fail("review", error, CANNOT)
 
 
 def newest_run(directory: Path) -> list[Path]:

@@ -25,7 +25,7 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.checks.limits import profile_names
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, tell
 
 SHOWN, UNUSABLE = 0, 2  # exit codes
 EPILOG = """\
@@ -93,9 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         else:
             _print_profiles(console, profiles)
     except (ScenarioError, EquilibriumError) as error:
-        for line in str(error).splitlines():
-            tell("rules", line)
-        return UNUSABLE
+        return fail("rules", error, UNUSABLE)
     return SHOWN
 
 

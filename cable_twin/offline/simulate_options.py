@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 from cable_twin.frame.rates import EVERY_FRAME, LOGGED
 from cable_twin.frame.rates import fault as rate_fault
+from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.export import add_export
 from cable_twin.recording.splitting import HOURLY
 from cable_twin.scenario import assignment, full_key, scenario_lines
@@ -230,6 +231,35 @@ def fact(text: str) -> tuple[str, Any]:
     if key not in Installation.model_fields:
         raise argparse.ArgumentTypeError(f"{text!r} given, allowed: {', '.join(Installation.model_fields)}")
     return key, value
+
+
+def add_rule_options(parser: argparse.ArgumentParser, more: str = "") -> None:
+    """Add `--profile` and `--fact`, with which recorded runs are judged; `more` ends the help of `--profile`."""
+    parser.add_argument(
+        "--profile",
+        action="append",
+        metavar="NAME",
+        help="judge the key figures by this rule profile, a name that `rules` lists or a YAML file, in place of those "
+        f"of the scenario; can be repeated{more}",
+    )
+    parser.add_argument(
+        "--fact",
+        action="append",
+        default=[],
+        type=fact,
+        metavar="KEY=VALUE",
+        help="state a fact that rules ask for, a key of limits.installation, as in persons=4; can be repeated",
+    )
+
+
+def profile_fault(profiles: Sequence[str] | None) -> str:
+    """Message about a rule profile of `--profile` that cannot be read, in a line; empty where all can."""
+    try:
+        for name in profiles or ():
+            load_profile(name)
+    except RuleError as error:
+        return f"--profile: {error}"
+    return ""
 
 
 def _changed_value(text: str) -> tuple[str, Any]:

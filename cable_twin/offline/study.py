@@ -47,7 +47,7 @@ from cable_twin.offline.sweep import is_whole
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, count_shown
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 CASES, MOST = 64, 2_000_000
@@ -164,21 +164,15 @@ def main(argv: Sequence[str] | None = None) -> int:
                 shown = _write(study, kept, options)
             return _report(study, kept, shown, faults)
     except (ScenarioError, ScriptError, DesignError, StudyInUseError) as error:
-        return _told(error, UNUSABLE)
+        return fail("study", error, UNUSABLE)
     except ClusterError as error:
-        return _told(error, UNUSABLE if str(error).startswith("--") else FAILED)
+        return fail("study", error, UNUSABLE if str(error).startswith("--") else FAILED)
     except KeyboardInterrupt:
-        return _told(f"ended by Ctrl-C; finished cases are kept in {options.out}", INTERRUPTED)
+        return fail("study", f"ended by Ctrl-C; finished cases are kept in {options.out}", INTERRUPTED)
     except BrokenPipeError:
         raise
     except OSError as error:
-        return _told(f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
-
-
-def _told(text: object, code: int) -> int:
-    for line in str(text).splitlines():
-        tell("study", line)
-    return code
+        return fail("study", f"{error.filename or 'output'}: {error.strerror or error}", FAILED)
 
 
 def plan(options: argparse.Namespace, source: str) -> Study:

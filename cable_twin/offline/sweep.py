@@ -25,7 +25,7 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, share_shown
-from cable_twin.terminal.command_line import INTERRUPTED, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, fail, left_at_once, tell
 
 DONE, FAILED = 0, 1
 PRECISION, TURNS = 0.01, 12  # share of a step to which ends of windows are sought, and most rounds of the search
@@ -39,9 +39,7 @@ def sweep(options: argparse.Namespace) -> int:
             raise ScriptError(fault)
         jobs = _jobs(options, console)
     except (ScenarioError, ScriptError, EquilibriumError) as error:
-        for line in str(error).splitlines():
-            tell("simulate", line)
-        return UNUSABLE
+        return fail("simulate", error, UNUSABLE)
     try:
         for path in (options.csv, options.json, options.plot):
             if path not in (None, STDOUT):

@@ -176,6 +176,12 @@ def tell(command: str, text: object) -> None:
             print(f"{command}: {printable(line, LONGEST_LINE)}", file=sys.stderr, flush=True)
 
 
+def fail(command: str, text: object, code: int) -> int:
+    """Print the lines of a fault for the user as `tell` does; returns the exit code of the command."""
+    tell(command, text)
+    return code
+
+
 def typed(command: str) -> str:
     """Command to type for another program of this installation: its name if on the path, else its path."""
     beside = [directory / command for directory in (Path(sys.argv[0]).absolute().parent, Path(sys.executable).parent)]

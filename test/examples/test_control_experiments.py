@@ -90,7 +90,8 @@ def test_model_ahead_feels_a_tower(plans, capsys):
     tower_pass = module_from_spec(specification)
     sys.modules["tower_pass"] = tower_pass
     specification.loader.exec_module(tower_pass)
-    simulation = tramway(cabin={"arc_length": 440.0}, cable__elements=100)
+    # with the joint of the paper: on this saddle of few contacts, a bend at a node sinks in at any speed
+    simulation = tramway(cabin={"arc_length": 440.0}, cable__elements=100, cable__joint="paper")
     link = SimpleNamespace(
         name="cabin",
         scenario=simulation.scenario.resolved(),
@@ -102,7 +103,7 @@ def test_model_ahead_feels_a_tower(plans, capsys):
     assert np.linalg.norm(simulation.cable_positions([options.at])[0] - [500.0, 0.0, 80.0]) < 0.5
     assert options.window == 17.0  # half of 24 m of shoe, and 5 m
     slow, fast = (tower_pass.predict(link, options, tower_pass.trip(link, options, speed)) for speed in (1.0, 2.4))
-    assert fast.acceleration > 1.1 * slow.acceleration
+    assert fast.acceleration > 1.2 * slow.acceleration
     assert slow.beyond(Namespace(swing_limit=2.0 * slow.swing, acceleration_limit=slow.acceleration / 3.0)) == 3.0
     options.swing_limit, options.acceleration_limit = 90.0, 0.5 * (fast.acceleration + slow.acceleration)
     passing, _, calm = tower_pass.choose(link, options)

@@ -42,7 +42,7 @@ class Slow(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """What a sensor reads in the numbers of a frame."""
+    """Quantity that a sensor measures, by its place in the numbers of a frame."""
 
     name: str
     unit: str

@@ -90,7 +90,8 @@ def settle_near(system: System, state: State, work: Workspace) -> None:
     tolerance = 1e-11 * system.cable.unstrained_length
     used, increment = settled(without_friction(system), state, work, tolerance, near=True)
     if used >= MAX_RELAXATIONS:
-        raise EquilibriumError(f"no static equilibrium nearby: the last iteration moved a point by {increment:g} m")
+        moved = with_unit(increment, "m", 3)
+        raise EquilibriumError(f"no static equilibrium nearby: the last iteration moved a point by {moved}")
     release_joints(system, state, *held)
 
 

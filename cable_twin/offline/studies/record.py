@@ -1,4 +1,4 @@
-"""What is kept of a study: a line a finished case with hashes and host, a manifest, and tables of all results."""
+"""Files of a study: a line for each finished case with hashes and host, a manifest, and tables of all results."""
 
 from __future__ import annotations
 

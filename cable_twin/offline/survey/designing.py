@@ -181,7 +181,7 @@ def _scaled(rope: dict[str, float], ratio: float) -> dict[str, float]:
 
 
 class Conditions(NamedTuple):
-    """What heights of towers have to keep: names, and margins in m and kN that are at least 0."""
+    """Conditions on the heights of towers: names, and margins in m and kN that have to be at least 0."""
 
     names: list[str]
     margins: Callable[[FloatArray], FloatArray]

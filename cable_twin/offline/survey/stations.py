@@ -18,7 +18,7 @@ Why = tuple[str, bool]  # and whether it is assumed
 
 
 class Ends(NamedTuple):
-    """Where the rope leaves the stations, x and z in m, with the origin of both."""
+    """Ends of the line, at which the rope leaves the stations: x and z in m, with the origin of both."""
 
     start: Place
     end: Place
