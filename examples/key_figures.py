@@ -10,7 +10,7 @@ import sys
 from cable_twin import Simulation, load_scenario
 from cable_twin.basics.units import with_unit
 from cable_twin.key_figures import KeyFigure, KeyFigures
-from cable_twin.offline.line import Line, calculate, plan_line
+from cable_twin.offline.lines.at_rest import Line, calculate, plan_line
 
 
 def run(name: str, target: str, speed: float, until: float) -> list[KeyFigure]:

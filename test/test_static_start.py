@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cable_twin.key_figures import KeyFigures
-from cable_twin.offline.load_cases import loading
+from cable_twin.offline.envelopes.cases import loading
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SolverError
 from cable_twin.simulation.engine import Engine

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.line import calculate, plan_line
+from cable_twin.offline.lines.at_rest import calculate, plan_line
 from cable_twin.offline.survey.designing import (
     Designed,
     design_rope,

@@ -23,11 +23,11 @@ from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
 from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
+from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, read_cases
+from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.line import MOST
-from cable_twin.offline.load_case_runs import CaseResult, Job, neighbours, run_part
-from cable_twin.offline.load_cases import PLANS, CaseError, LoadCase, read_cases
+from cable_twin.offline.lines.at_rest import MOST
 from cable_twin.offline.side_by_side import side_by_side
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
@@ -305,7 +305,7 @@ def _write(
         else:
             Path(options.json).write_text(text, encoding="utf-8")
     if options.plot is not None:
-        from cable_twin.offline.envelope_plot import write_envelope_plot  # noqa: PLC0415 - matplotlib takes a second
+        from cable_twin.offline.envelopes.plot import write_envelope_plot  # noqa: PLC0415 - matplotlib takes a second
 
         name = cases[0].scenario.name
         if not write_envelope_plot(f"{name} at rest, {len(cases)} load cases", extremes, options.plot):

@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.line import Line, calculate
+from cable_twin.offline.lines.at_rest import Line, calculate
 from cable_twin.offline.simulate_options import add_changes
 from cable_twin.offline.survey.geodata import SUFFIXES, is_geodata, read_geodata
 from cable_twin.offline.survey.jig_back import jig_back_scenario

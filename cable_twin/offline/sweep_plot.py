@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from cable_twin.basics.units import rounded, shown_unit
-from cable_twin.offline.line_plot import LIMIT
+from cable_twin.offline.lines.plot import LIMIT
 from cable_twin.offline.plots import COLORS, QUIET, STYLE
 from cable_twin.offline.sweep_limits import SweptFigure, Window
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cable_twin.offline import design, import_profile
-from cable_twin.offline.line import Line, calculate
+from cable_twin.offline.lines.at_rest import Line, calculate
 from cable_twin.offline.survey.designing import design_rope, design_sag, design_tension, for_tension
 from cable_twin.offline.survey.lift import tower_margins
 from cable_twin.offline.survey.line_model import line_model

@@ -11,9 +11,9 @@ from scipy.optimize import brentq
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline import envelope
-from cable_twin.offline.dynamic_cases import StopSearch, run_dynamic
-from cable_twin.offline.load_case_runs import Job, run_case
-from cable_twin.offline.load_cases import CaseError, loading, read_cases
+from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
+from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
+from cable_twin.offline.envelopes.runs import Job, run_case
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification import JIT

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cable_twin.offline import design, envelope, import_profile, report, simulate
-from cable_twin.offline.line import Line, calculate
+from cable_twin.offline.lines.at_rest import Line, calculate
 from cable_twin.offline.survey.profile import SurveyError
 from cable_twin.offline.survey.tables import read_survey
 from cable_twin.scenario import load_scenario

@@ -16,14 +16,15 @@ from test_jig_back import QUICK
 from cable_twin.offline import line as line_command
 from cable_twin.offline import review, simulate, simulate_options
 from cable_twin.offline.check import refined
-from cable_twin.offline.line import calculate, main, plan_line
+from cable_twin.offline.line import main
+from cable_twin.offline.lines.at_rest import calculate, plan_line
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.offline.line_plot import _clearance, tension_envelope, tension_limits, write_line_plot
+from cable_twin.offline.lines.plot import _clearance, tension_envelope, tension_limits, write_line_plot
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {

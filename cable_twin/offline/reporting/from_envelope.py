@@ -14,7 +14,7 @@ from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, supports_of
 from cable_twin.key_figures.rules import profiles_of
 from cable_twin.offline.export import figure_of_columns
-from cable_twin.offline.line import Line, at_place, plan_line
+from cable_twin.offline.lines.at_rest import Line, at_place, plan_line
 from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
 from cable_twin.offline.reporting.remarks import inputs_of
 from cable_twin.offline.reporting.results import Case, Results, ResultsError, RopeCourse, TowerLoad

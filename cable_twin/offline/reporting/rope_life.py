@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
-from cable_twin.offline.line import haul_travel
+from cable_twin.offline.lines.at_rest import haul_travel
 from cable_twin.offline.rainflow import Cycle, rainflow_cycles, turning_points
 from cable_twin.scenario import Scenario
 

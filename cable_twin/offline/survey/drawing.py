@@ -14,7 +14,7 @@ from cable_twin.frame.snapshot import Layout
 from cable_twin.geometry.ground import heights_over_ground
 
 if TYPE_CHECKING:  # `line` writes with this module
-    from cable_twin.offline.line import Line
+    from cable_twin.offline.lines.at_rest import Line
 
 SUFFIXES = (".csv", ".dxf")
 EVERY = 1.0  # m, between places of a rope

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
-from cable_twin.offline.dynamic_cases import Dynamic, DynamicError, read_dynamic
+from cable_twin.offline.envelopes.motion import Dynamic, DynamicError, read_dynamic
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.checks.fault import listed, show
 

@@ -20,7 +20,7 @@ from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Layout
 from cable_twin.geometry.ground import heights_over_ground
 from cable_twin.key_figures import FigureId
-from cable_twin.offline.line import Line
+from cable_twin.offline.lines.at_rest import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
 
 LIMIT = "#C0392B"

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.key_figures import KeyFigure
-from cable_twin.offline.dynamic_cases import run_dynamic
-from cable_twin.offline.line import Line, at_place, calculate, from_scratch, plan_line
-from cable_twin.offline.load_cases import LoadCase
+from cable_twin.offline.envelopes.cases import LoadCase
+from cable_twin.offline.envelopes.motion import run_dynamic
+from cable_twin.offline.lines.at_rest import Line, at_place, calculate, from_scratch, plan_line
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 

@@ -1,0 +1,177 @@
+"""Static line calculation: equilibrium of a line with its vehicle at many places, and the envelope of all results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cable_twin.frame.records import FloatArray, Place
+from cable_twin.frame.snapshot import Columns, Snapshot
+from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of
+from cable_twin.scenario import Scenario, build_system, load_scenario
+from cable_twin.scenario.command_limits import sense_of, travel_between_stops
+from cable_twin.simulation import EquilibriumError, Simulation
+
+MOST = 2000  # places of a vehicle
+# quantities of motion, absent from a static line
+MOVING = ("drive_force", "drive_power", "speed", "acceleration", "dynamic_amplification")
+
+
+@dataclass(slots=True)
+class Line:
+    """Static line calculation, with a row for each place of the vehicle.
+
+    Attributes:
+        scenario: scenario of the line.
+        moved: name of the moved vehicle, of the carriers of a moving cable, or of the drive of a haul rope.
+        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, travel of the cable.
+        columns: columns of a frame at each place.
+        lowest: least heights (m) of the vehicles over the terrain, with x (m) of each, at each place.
+        rows: (n,) values by name and unit, at each place.
+        figures: the envelope; the time of a figure is the place of the vehicle (m).
+    """
+
+    scenario: Scenario
+    moved: str
+    places: FloatArray
+    columns: list[Columns] = field(default_factory=list)
+    lowest: list[Mapping[str, Place]] = field(default_factory=list)
+    rows: dict[str, FloatArray] = field(default_factory=dict)
+    figures: list[KeyFigure] = field(default_factory=list)
+
+
+Find = Callable[[Scenario, float], Simulation]
+
+
+def from_scratch(scenario: Scenario, _place: float) -> Simulation:
+    """Simulation at the rest of a scenario, found without another one."""
+    return Simulation(scenario, on_demand=True)
+
+
+def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
+    """Choose the places of the vehicle.
+
+    Args:
+        scenario: scenario of the line.
+        count: number of places, at least 2.
+        vehicle: name of a vehicle; None for the first one that is not clamped, else all on a haul rope together.
+
+    Raises:
+        ValueError: there is no such vehicle; one line.
+    """
+    movable = [name for name, one in scenario.carriages.items() if one.joint != "clamped" and not one.clamped_to]
+    hauled = [name for name, one in scenario.carriages.items() if one.clamped_to]
+    pulling = next(iter(scenario.drives), "") if hauled else ""
+    if scenario.carriers is not None and vehicle in (None, scenario.carriers.name):
+        return Line(scenario, scenario.carriers.name, np.arange(count) * scenario.spacing / count)
+    if pulling and (vehicle in (pulling, *hauled) or (vehicle is None and not movable)):
+        return Line(scenario, pulling, np.linspace(*haul_travel(scenario, hauled, pulling), count))
+    if vehicle is None and not movable:
+        return Line(scenario, "", np.zeros(1))
+    name = movable[0] if vehicle is None else vehicle
+    if name not in movable:
+        others = [
+            pulling,
+            *(hauled if pulling else ()),
+            scenario.carriers.name if scenario.carriers is not None else "",
+        ]
+        allowed = ", ".join(filter(None, [*movable, *others]))
+        raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, it has none'}")
+    stroke = float(build_system(scenario).carriages.stop_stroke[list(scenario.vehicles).index(name)])
+    return Line(scenario, name, np.linspace(stroke, scenario.cable.unstrained_length - stroke, count))
+
+
+def calculate(
+    line: Line,
+    on_place: Callable[[], object] = lambda: None,
+    find: Find = from_scratch,
+) -> None:
+    """Find the equilibrium at all places, and collect the results.
+
+    Args:
+        line: planned line, which gets the results.
+        on_place: called after each place.
+        find: simulation at the rest of a scenario, with the vehicle at a place (m).
+
+    Raises:
+        EquilibriumError: no equilibrium at a place; the line names it.
+    """
+    envelope, found = KeyFigures(line.scenario), []
+    for place in line.places.tolist():
+        simulation = at_place(line, place, find)
+        here = simulation.snapshot
+        if line.scenario.terrain:
+            line.lowest.append(simulation.clearance().vehicles)
+        # place in the column of the time, which a static line does not have
+        numbers = here.numbers.copy()
+        numbers[0] = place
+        envelope.update(Snapshot(here.layout, numbers, here.solver))
+        alone = KeyFigures(line.scenario)
+        alone.update(here)
+        values = {f"{one.name} [{one.unit}]": one.value for one in _static(alone.figures())}
+        line.columns.append(here.columns)
+        found.append(values)
+        on_place()
+    names = dict.fromkeys(name for values in found for name in values)
+    line.rows = {name: np.array([values.get(name, np.nan) for values in found]) for name in names}
+    line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_loads(line)]
+
+
+def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
+    """Simulation of the line in equilibrium with its vehicle at a place, found by `find`."""
+    scenario, moved = line.scenario, line.moved
+    carriers = scenario.carriers
+    changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}
+    if moved in scenario.drives:
+        changes = _hauled_to(scenario, place)
+    if carriers is not None and moved == carriers.name:
+        first = 0.5 * scenario.spacing if carriers.first is None else carriers.first
+        changes = {"carriers.first": (first + place) % scenario.spacing}
+    try:
+        return find(load_scenario(scenario.resolved(), changes) if changes else scenario, place)
+    except EquilibriumError as error:
+        raise EquilibriumError(f"{moved} at {place:.1f} m: {error}") from None
+
+
+def haul_travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
+    """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
+    if (travel := scenario.drives[drive].travel) is not None:
+        return travel
+    ranges = [travel_between_stops(scenario, name) for name in hauled]
+    return max(one.low for one in ranges), min(one.high for one in ranges)
+
+
+def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
+    """Scenario changes for vehicles on haul ropes after a travel (m) of the haul ropes."""
+    # the travel of a drive is counted from the start
+    changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
+    for name, one in scenario.carriages.items():
+        changes |= {f"carriages.{name}.clamped_to.{rope}": place + passed for rope, place in one.clamped_to.items()}
+        if one.clamped_to:
+            changes[f"carriages.{name}.arc_length"] = one.arc_length + sense_of(scenario, name) * passed
+    return changes
+
+
+def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
+    """Key figures with a meaning at rest; tower margins only of towers without contact."""
+    found = []
+    for one in figures:
+        quantity = one.id.quantity
+        if quantity == "deropement_margin":  # at rest 1, or 0 where the rope does not touch
+            found += [replace(one, place="does not touch")] if one.value == 0.0 else []
+        elif quantity not in MOVING:
+            found.append(one)
+    return found
+
+
+def _loads(line: Line) -> list[KeyFigure]:
+    """Add the rows of load components of all supports; returns the figures of their largest and least values."""
+    found, forces = [], np.array([-one.support_force for one in line.columns])  # of the cable on its supports
+    for row, subject in enumerate(supports_of(line.scenario)):
+        for quantity, values in (("load_along_track", forces[:, row, 0]), ("load_downwards", -forces[:, row, 2])):
+            line.rows[f"{subject.name}: {QUANTITIES[quantity].name} [{QUANTITIES[quantity].unit}]"] = values
+            for statistic, at in (("highest", int(np.argmax(values))), ("lowest", int(np.argmin(values)))):
+                found.append(figure(quantity, subject, statistic, float(values[at]), float(line.places[at])))
+    return found
