@@ -146,17 +146,12 @@ def test_what_space_costs(tmp_path):
     assert numbers(table["rows"], "space, times real time")
 
 
-def test_parts_that_were_not_run_stay(tmp_path):
-    path = tmp_path / "benchmarks.json"
-    other = json.loads((ROOT / "docs" / "benchmarks.json").read_text())["frame"]
-    path.write_text(json.dumps({"frame": other}))
+@pytest.mark.long
+def test_cost_over_elements_and_carriages(tmp_path):
     result = run("scaling", "--quick", "--output", tmp_path)
     assert result.returncode == 0, result.stderr
-
-    records = json.loads(path.read_text())
-    assert list(records) == ["scaling", "frame"]
-    assert records["frame"] == other
-    over_elements, over_carriages, exponents = (table["rows"] for table in records["scaling"]["tables"])
+    tables = json.loads((tmp_path / "benchmarks.json").read_text())["scaling"]["tables"]
+    over_elements, over_carriages, exponents = (table["rows"] for table in tables)
     walls = numbers(over_elements, "wall per step [µs]")
     assert walls[-1] > walls[0]  # 800 elements against 12
     numbers(over_carriages, "processor per iteration [µs]")
@@ -221,11 +216,17 @@ def test_refuses_results_that_are_not_its_own_before_it_measures(tmp_path, monke
     assert "is not from here" in capsys.readouterr().err
 
 
-def test_steps_for_learning(tmp_path, monkeypatch, capsys):
+def test_steps_for_learning_and_parts_that_were_not_run_stay(tmp_path, monkeypatch, capsys):
     """Environment not slower than the same trip by commands and snapshots."""
+    path = tmp_path / "benchmarks.json"
+    other = json.loads((ROOT / "docs" / "benchmarks.json").read_text())["frame"]
+    path.write_text(json.dumps({"frame": other}))
     monkeypatch.setattr(sys, "argv", ["benchmarks", "learning", "--quick", "--output", str(tmp_path)])
     assert main() == 0
-    (table,) = json.loads((tmp_path / "benchmarks.json").read_text())["learning"]["tables"]
+    records = json.loads(path.read_text())
+    assert list(records) == ["frame", "learning"]
+    assert records["frame"] == other
+    (table,) = records["learning"]["tables"]
     alone, read, environment = numbers(table["rows"], "steps per second of the processor")
     assert alone > read
     assert environment > read

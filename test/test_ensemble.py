@@ -38,6 +38,9 @@ OF_MESH = {
     "aerial_tramway": {"cable.axial_stiffness": 4.7e8, "cable.ice": 0.5, "cable.start.mass": 134.2e3},
     "chairlift": {"sheaves.return.counterweight.mass": 33.2e3},
 }
+# one rope and several, in a plane and in space, with nodes at loads and without; others have kernels of these
+PLANE, SPACE = ("seed_example", "aerial_tramway", "chairlift", "bicable"), ("windy_tramway", "jig_back")
+KINDS = *((name, 2) for name in PLANE), *((name, 3) for name in SPACE)
 
 
 def apart(name: str, values: dict[str, object]) -> Simulation:
@@ -247,9 +250,12 @@ def test_key_figures_are_columns_over_the_members():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=[pytest.mark.long] * (one == "pantograph")) for one in scenario_names()]
+    ("name", "space"),
+    [
+        pytest.param(*one, marks=[pytest.mark.long] * (one not in KINDS))
+        for one in itertools.product(scenario_names(), (2, 3))
+    ],
 )
-@pytest.mark.parametrize("space", [2, 3])
 def test_key_figures_of_members_are_those_of_a_simulation(name, space):
     scenario = load_scenario(name, {"space": 3} if space == 3 else {})
     drives = [*scenario.drives, *(key for key, one in scenario.carriages.items() if one.drive.mode == "speed")][:1]

@@ -45,7 +45,7 @@ def drag_on_cable(system, state):
     places, weights = np.polynomial.legendre.leggauss(POINTS)
     e, e_dot = (nodal_vectors(x) for x in (state.nodes.position, state.nodes.velocity))
     forces = np.zeros_like(e)
-    for element in range(cable.element_count):
+    for element in range(cable.element_count if system.air.rope_drag else 0):
         nodes, length = slice(2 * element, 2 * element + 4), cable.element_length[element]
         for place, weight in zip((places + 1.0) / 2.0, weights / 2.0, strict=True):
             shape = np.array(shape_functions(place * length, length))

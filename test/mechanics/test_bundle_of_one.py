@@ -27,7 +27,7 @@ def advanced(rope, couplings):
     return rope.state, Outcome(*advance(*ropes.arguments, STEPS))
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.long)])  # kernels that no scenario has
 def test_kernels_for_couplings_give_the_bits_of_those_without(dim):
     """Absent couplings known and unknown to the compiler: every array of the state after 200 steps."""
     simulation = Simulation(one_rope(dim))
