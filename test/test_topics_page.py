@@ -34,7 +34,7 @@ LAYOUT = Layout(
 KINDS = {"encoder": "cabin", "load_cell": "start", "inclinometer": "cabin", "imu": "cabin"}
 SENSORS = load_scenario("aerial_tramway", {"sensors": {kind: {"kind": kind, "of": of} for kind, of in KINDS.items()}})
 TABLE = (
-    *topics(LAYOUT, clock=True, tf=True, markers=True, robot=True, outlook=True),
+    *topics(LAYOUT, clock=True, tf=True, markers=True, robot=True, outlook=True, estimate=True),
     *(
         replace(topic, name=topic.name.replace("cabin", "VEHICLE").replace("start", "SUPPORT"))
         for topic in sensor_topics(SENSORS)

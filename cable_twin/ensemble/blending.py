@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cable_twin.ensemble.members import MemberStates
 from cable_twin.mechanics.on_rope.chain import hang_together, top_of
 from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.state import State
 
 OWN = ("payload", "wind", "temperature", "clock", "newton_curvature", "deflection")  # in names of what is not blended
 TOPOLOGY = (
@@ -22,6 +24,16 @@ TOPOLOGY = (
     "axis",
     "braking",
 )
+
+
+class Turn(NamedTuple):
+    """Rotation of one body of a vehicle, by which a member gets another swing."""
+
+    vehicle: int  # row
+    body: int  # row of all bodies
+    axis: int  # 1 pitch; in space also 0 roll
+    angle: float  # rad
+    rate: float  # rad/s
 
 
 def are_alike(states: MemberStates) -> bool:
@@ -58,6 +70,33 @@ def blend(states: MemberStates, weights: FloatArray) -> None:
     _put_in(states, payloads)
 
 
+def turn(states: MemberStates, member: int, turns: Sequence[Turn]) -> None:
+    """Turn bodies of a member, and hang their vehicles together below their joints with the rope."""
+    simulation = states.enter(member)
+    part = simulation.engine.parts[0]
+    for row in dict.fromkeys(one.vehicle for one in turns):
+        place, velocity = top_of(part.system.carriages, part.state, row)
+        for one in turns:
+            if one.vehicle == row:
+                _turn_body(part.state, place.size, one)
+        hang_together(part.system.carriages, part.state, row, place, velocity)
+    states.leave(member, simulation)
+
+
+def _turn_body(state: State, dim: int, one: Turn) -> None:
+    """Turn a body, whose joints are open afterwards."""
+    place, velocity = state.bodies.position[one.body, dim:], state.bodies.velocity[one.body, dim:]
+    if dim == 2:
+        place += one.angle
+        velocity += one.rate
+        return
+    vector, before, scalar = np.zeros(3), place.copy(), np.cos(0.5 * one.angle)
+    vector[one.axis] = np.sin(0.5 * one.angle)
+    place[:3] = scalar * before[:3] + before[3] * vector + np.cross(vector, before[:3])
+    place[3] = scalar * before[3] - vector @ before[:3]
+    velocity[one.axis] += one.rate
+
+
 def _tops(states: MemberStates, member: int) -> list[tuple[FloatArray, FloatArray]]:
     """Position and velocity of the upper pivot of each vehicle of a member."""
     part = states.enter(member).engine.parts[0]
@@ -89,4 +128,4 @@ def _put_in(states: MemberStates, payloads: FloatArray) -> None:
             states.leave(member, simulation)
 
 
-__all__ = ["are_alike", "blend"]
+__all__ = ["Turn", "are_alike", "blend", "turn"]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_twin.ensemble.advancing import GOING, STATUS
-from cable_twin.ensemble.blending import are_alike, blend
+from cable_twin.ensemble.blending import Turn, are_alike, blend, turn
 from cable_twin.ensemble.columns import MemberColumns, figure_columns
 from cable_twin.ensemble.members import MemberStates, looks_of
 from cable_twin.ensemble.threads import Threads
@@ -219,6 +219,11 @@ class Ensemble:
         if not self.alike:
             raise ValueError("blend: vehicles are in other elements, or drives in other modes; allowed: alike members")
         blend(self._states, weights)
+
+    def swing(self, member: int, turns: Sequence[Turn]) -> None:
+        """Turn bodies of a member, all below stays hung together; the rope and the joint on it stay as they are."""
+        (row,) = self._rows(member)
+        turn(self._states, row, turns)
 
     def command(self, name: str, *, speed: Any = None, force: Any = None, members: Chosen = None) -> None:
         """Drive a carriage, or a moving cable by the name of its drive, in members until the next command.

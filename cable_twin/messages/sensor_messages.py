@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,15 @@ def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
 def plant_names(scenario: Scenario) -> dict[str, str]:
     """Full names of the topics of all sensors of a plant, by their names as sensors of a twin."""
     return {topic.name: f"{PLANT}/{topic.name.removeprefix('sensors/')}" for topic in sensor_topics(scenario)}
+
+
+def plant_topics(scenario: Scenario) -> dict[str, Topic]:
+    """Topics of a plant with full names, by their names as sensors of a twin; best effort suits any publisher."""
+    names = plant_names(scenario)
+    return {
+        topic.name: replace(topic, name=names[topic.name], reliability="best_effort", depth=100)
+        for topic in sensor_topics(scenario)
+    }
 
 
 def measurements_from_message(

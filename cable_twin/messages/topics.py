@@ -80,6 +80,7 @@ def topics(
     markers: bool = False,
     robot: bool = False,
     outlook: bool = False,
+    estimate: bool = False,
 ) -> tuple[Topic, ...]:
     """Table of the topics published for frames in a layout.
 
@@ -91,6 +92,7 @@ def topics(
         markers: With `markers`, only where visualization_msgs exists.
         robot: With `robot_description`.
         outlook: With `outlook`, which the node has by default.
+        estimate: With `estimate`, of a node that follows a plant.
 
     Returns:
         Every topic, in a fixed order.
@@ -120,6 +122,8 @@ def topics(
     table.append(Topic(KEY_FIGURES, DiagnosticArray.__msgtype__))
     if outlook:
         table.append(Topic(OUTLOOK, DiagnosticArray.__msgtype__))
+    if estimate:
+        table.append(Topic(ESTIMATE, DiagnosticArray.__msgtype__))
     table.append(Topic(DIAGNOSTICS, DiagnosticArray.__msgtype__))
     if clock:
         table.append(Topic(CLOCK, Clock.__msgtype__, reliability="best_effort", depth=1, group="clock"))

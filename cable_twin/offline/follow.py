@@ -15,6 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from cable_twin.ensemble.estimate.follower import Alarm, Correction, Follower
+from cable_twin.ensemble.estimate.quantities import unfollowable
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
@@ -135,8 +136,8 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
         FollowError: it is of a kind that cannot be followed yet.
     """
     scenario: Scenario = load_scenario(log.scenario if source is None else source, values)
-    if len(scenario.ropes) > 1 or scenario.carriers is not None or not scenario.carriages:
-        raise FollowError(f"{scenario.name}: several ropes or carriers; allowed: carriages on one rope")
+    if fault := unfollowable(scenario):
+        raise FollowError(fault)
     if not scenario.sensors and (sensors := log.scenario.get("sensors")):
         scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
     simulation = Simulation(scenario)

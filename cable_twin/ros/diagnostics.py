@@ -28,6 +28,7 @@ from cable_twin.messages import (
 )
 from cable_twin.messages.figure_messages import OK, WARNING
 from cable_twin.recording.run import Run
+from cable_twin.runtime.following import LiveFollowing
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.output import Output
 from cable_twin.runtime.run_clock import RunClock
@@ -59,6 +60,7 @@ class Diagnostics:
 
     Attributes:
         counts: numbers of applied and refused commands, and of set and refused parameters.
+        following: plant that the twin follows; None where it follows none.
         recording: watch of the recorder.
         pace: watch of the pace.
     """
@@ -74,6 +76,7 @@ class Diagnostics:
         real_time: bool,
     ) -> None:
         self.counts = dict.fromkeys(("commands_applied", "commands_refused", "parameters_set", "parameters_refused"), 0)
+        self.following: LiveFollowing | None = None
         self.recording = RecordingWatch(node.get_logger())
         self.pace = PaceWatch(node.get_logger(), clock, loop, real_time=real_time)
         self._node, self._simulation, self._loop, self._output, self._clock = node, simulation, loop, output, clock
@@ -93,6 +96,9 @@ class Diagnostics:
             "recording": self.recording.status(),
             "limits": self._output.figures.status(),
         }
+        if self.following is not None:
+            well, text, values = self.following.status()
+            tasks["following"] = OK if well else WARNING, text, values
         node, scenario = self._node.get_fully_qualified_name().lstrip("/"), self._simulation.scenario.name
         statuses = [
             Status(level, f"{node}: {task}", message, values, scenario)

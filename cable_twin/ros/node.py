@@ -23,6 +23,7 @@ from cable_twin.frame.commands import JOINT_COMMANDS, KINDS
 from cable_twin.frame.records import AppliedCommand, RefusedCommand
 from cable_twin.key_figures import compile_figures
 from cable_twin.messages import (
+    ESTIMATE,
     REFUSED_COMMANDS,
     SCENARIO,
     FrameNames,
@@ -49,9 +50,11 @@ from cable_twin.ros.parameters import (
     topic_rates,
     with_doubles,
 )
+from cable_twin.ros.plant_subscriber import PlantSubscriber, with_plant_sensors
 from cable_twin.ros.rviz import RvizTopics
 from cable_twin.ros.services import Services, SnapshotWriter
 from cable_twin.ros.simulation_services import WorldLoading, offer_simulation_services
+from cable_twin.runtime.following import LiveFollowing
 from cable_twin.runtime.frame_loop import FrameLoop
 from cable_twin.runtime.outlook import Answer, LiveOutlook
 from cable_twin.runtime.output import Output
@@ -157,6 +160,7 @@ class TwinNode(Node):
             own=own,
             clock=self._settings["publish_clock"],
             outlook=self._settings["outlook"],
+            estimate=self._settings["follow"],
             **self._rviz.present,
         )
         table += sensor_topics(self.simulation.scenario)
@@ -212,6 +216,7 @@ class TwinNode(Node):
         self.status = StatusLine(self.simulation, self._loop, self._output, self._diagnostics, self._endpoints.names)
         self.loading = WorldLoading(self, self._loop, self._check, self.get_parameter("scenario").value)
         self._outlook = self._make_outlook() if self._settings["outlook"] else None
+        self._plant = self._follow() if self._settings["follow"] else None
         self._create_services()
         self.emergency = emergency or EmergencyStop(self, arguments)
         self.emergency.serve(self._loop)
@@ -226,6 +231,17 @@ class TwinNode(Node):
             warn=self._log_warning,
             **{key: self._settings[f"outlook_{key}"] for key in ("horizon", "rate", "gust")},
         )
+
+    def _follow(self) -> PlantSubscriber:
+        """Subscriber to the topics of a plant, which the twin follows from `start` on."""
+        scenario = with_plant_sensors(self.simulation)
+        following = self._diagnostics.following = LiveFollowing(scenario, self._publish_estimate, self._log_warning)
+        plant = PlantSubscriber(
+            self, scenario, self.simulation, self._loop, following, self._run_clock.stamp_ns, self._record_command
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0, lambda: following.shut_out(plant.doubled()), clock=steady)
+        return plant
 
     def _create_services(self) -> None:
         """Create the services and timers of the node."""
@@ -264,6 +280,8 @@ class TwinNode(Node):
         self._loop.start()
         if self._outlook is not None:
             self._outlook.start()
+        if self._diagnostics.following is not None:
+            self._diagnostics.following.start()
         factor = self._settings["real_time_factor"]
         if factor != 1.0:
             pace = f"at {factor:g} times real time" if factor > 0.0 else "as fast as possible"
@@ -283,6 +301,8 @@ class TwinNode(Node):
         self.emergency.leave()
         if self._outlook is not None:
             self._outlook.stop()
+        if self._diagnostics.following is not None:
+            self._diagnostics.following.stop()
         self._loop.stop()
         if self._actions is not None:
             self._actions.destroy()
@@ -326,7 +346,7 @@ class TwinNode(Node):
         try:
             run = start_run(
                 self.simulation,
-                self._endpoints.topics,
+                (*self._endpoints.topics, *(() if self._plant is None else self._plant.topics)),
                 record_directory=directory.expanduser(),
                 frame_period=self._frame_steps * self.simulation.step,
                 rerun=self._settings["rerun"],
@@ -378,6 +398,9 @@ class TwinNode(Node):
 
     def _publish_outlook(self, answer: Answer) -> None:
         self._output.send_ahead(answer.message, answer.ahead, self._stamp_ns())
+
+    def _publish_estimate(self, message: bytes) -> None:
+        self._output.send([(ESTIMATE, message)], self._stamp_ns())
 
     def _log_goal(self, line: str, abandoned: bool) -> None:
         if abandoned:

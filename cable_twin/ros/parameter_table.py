@@ -200,6 +200,12 @@ PARAMETERS = (
         0.1,
         100.0,
     ),
+    Parameter(
+        "follow",
+        False,
+        "follow the plant that publishes under /plant/: its drives, and ~/estimate with what its sensors tell of "
+        "hidden quantities; from a process beside the twin at the lowest priority",
+    ),
     Parameter("allow_second", False, "start even if a twin of the same name already runs in this ROS domain"),
     Parameter("start_paused", False, "start paused, until the service ~/pause or ~/step is called"),
     Parameter(

@@ -13,7 +13,7 @@ from bent_line import BENT
 from cable_twin.frame.commands import INPUTS
 from cable_twin.frame.snapshot import Layout
 from cable_twin.messages import topics
-from cable_twin.messages.sensor_messages import sensor_topics
+from cable_twin.messages.sensor_messages import PLANT, sensor_topics
 from cable_twin.scenario import load_scenario, scenario_names
 
 pytest.importorskip("rclpy")
@@ -46,7 +46,9 @@ def published() -> Iterator[str]:
     """Full names of all topics of all scenarios, with all options on."""
     for one in (*scenario_names(), BENT):
         layout = Layout.of(load_scenario(one), 2)
-        table = topics(layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True, outlook=True)
+        table = topics(
+            layout, own=layout.carriers[:1], clock=True, tf=True, markers=True, robot=True, outlook=True, estimate=True
+        )
         for topic in table:
             if topic.name not in INPUTS:
                 yield topic.name if topic.name.startswith("/") else f"{TWIN}/{topic.name}"
@@ -84,7 +86,9 @@ def test_the_twin_may_publish_what_its_table_has_and_nothing_else():
 
 def test_it_listens_to_commands_and_to_nothing_else():
     inputs = {f"{TWIN}/{name}" for name in INPUTS}
-    assert allowed(TWIN)["subscribe"] == inputs | {"/clock", "/parameter_events"}  # those with use_sim_time
+    plant = {"joint_commands", "joint_states", "supports/*/force", "inclinometer/*", "imu/*"}  # those with follow
+    own = inputs | {"/clock", "/parameter_events"}  # those with use_sim_time
+    assert allowed(TWIN)["subscribe"] == own | {f"{PLANT}/{name}" for name in plant}
     assert allowed("/operator")["publish"] == inputs | {"/rosout", "/parameter_events"}
 
 

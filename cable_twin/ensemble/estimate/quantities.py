@@ -14,14 +14,43 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.schema import Sensor
 
-# error of the model in what a sensor reads, a standard deviation beside its noise, assumed
-PLACE_ERROR, FORCE_ERROR, LOAD_ERROR, ANGLE_ERROR = 4e-3, 0.25, 1e-4, 4e-4  # m, of the noise, of the load, rad
-# the same of what is hidden, at one moment: shares of forces, and pitch of a first and of a further body, rad
-TOWER_ERROR = 6e-4  # as LOAD_ERROR
-HIDDEN_FORCE_ERRORS = {"lowest": 8e-4, "highest": 2e-4, "counterweight": 8e-4, "end": 2e-4, "tower": 2e-3}
-HIDDEN_PITCH_ERRORS = 4e-3, 2e-3
-# error of the model that lasts as long as a swing, as a standard deviation of samples that were independent
-FAST_PLACE, FAST_FORCE, FAST_LOAD, FAST_TOWER, FAST_ANGLE = 8e-3, 3.0, 1.6e-3, 5e-3, 4e-3  # units as above
+# slow error of the model in what a sensor reads, a standard deviation beside its noise, assumed
+PLACE_ERROR, FORCE_ERROR, LOAD_ERROR, ANGLE_ERROR = 4e-3, 0.15, 6e-5, 3e-4  # m, of the noise, of the load, rad
+TOWER_ERROR = 4e-4  # as LOAD_ERROR
+
+
+class Errors(NamedTuple):
+    """Standard deviations of a fast error of the model, of the same mesh and twice as fine ones.
+
+    Two meshes of one plant differ little until a vehicle has passed a tower, from where waves go along the rope.
+    """
+
+    quiet: float
+    stirred: float  # behind a tower
+    at_tower: float = 0.0  # while it is passed, where not as behind it
+
+    def scaled(self, scale: float) -> Errors:
+        """Errors times a scale."""
+        return Errors(*(scale * one for one in self))
+
+    def variance(self, stirred: float, at_tower: bool) -> float:
+        """Variance where a share of what a tower has stirred is left."""
+        extra = self.at_tower if at_tower and self.at_tower else self.stirred
+        return self.quiet**2 + (stirred * extra) ** 2
+
+
+# of sensors, as that of independent samples: three times the error, as it lasts as long as a swing
+FAST_PLACE, FAST_FORCE, FAST_LOAD = Errors(2e-3, 3e-2), Errors(0.3, 12.0), Errors(1e-4, 1.2e-3)  # units as above
+FAST_TOWER, FAST_ANGLE = Errors(2e-4, 3.5e-3), Errors(4e-4, 3e-3)
+# of what is hidden, at one moment: shares of forces, and pitch of bodies in rad
+HIDDEN_FORCE_ERRORS = {
+    "lowest": Errors(5e-5, 3.6e-4),
+    "highest": Errors(2e-5, 4e-4),
+    "counterweight": Errors(5e-5, 3.6e-4),
+    "end": Errors(2e-5, 4e-4),
+    "tower": Errors(5e-5, 1.2e-3, 1.1e-2),
+}
+HIDDEN_PITCH_ERRORS = Errors(2e-4, 1e-3)
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 
@@ -47,13 +76,21 @@ class Reading(NamedTuple):
     name: str
     unit: str
     places: NDArray[np.intp]  # of the number, or of the components of a vector whose length is read
-    deviation: float  # of a sample: its noise and the fast error of the model
+    noise: float  # of a sample
+    fast: Errors  # of the model
     error: float  # slow error of the model
 
     def of(self, numbers: FloatArray) -> FloatArray:
         """Values (members,) of the sensor in rows (members, n) of numbers."""
         found: FloatArray = numbers[:, self.places]
         return found[:, 0] if self.places.size == 1 else np.linalg.norm(found, axis=1)
+
+
+def unfollowable(scenario: Scenario) -> str:
+    """Reason in a line why a plant of a scenario cannot be followed yet; empty where it can."""
+    if len(scenario.ropes) > 1 or scenario.carriers is not None or not scenario.carriages:
+        return f"{scenario.name}: several ropes or carriers; allowed: carriages on one rope"
+    return ""
 
 
 def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
@@ -106,25 +143,26 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
     for name, sensor in sensors.items():
         noise = max(float(np.hypot(sensor.noise, QUANTISED * sensor.quantum)), NOISE)
         if sensor.kind in ("encoder", "drive_force"):
-            place = sensor.kind == "encoder"
+            encoder = sensor.kind == "encoder"
             driven = sensor.of in layout.drive_rows
-            of_drive = places.drive_position if place else places.moving_cable_force
-            of_vehicle = places.arc_length if place else places.drive_force
+            of_drive = places.drive_position if encoder else places.moving_cable_force
+            of_vehicle = places.arc_length if encoder else places.drive_force
             row = (layout.drive_rows if driven else layout.vehicle_rows)[sensor.of]
             column = (of_drive if driven else of_vehicle)[row]
-            error = PLACE_ERROR if place else FORCE_ERROR * noise
-            total = float(np.hypot(noise, FAST_PLACE if place else FAST_FORCE * noise))
-            found[name] = Reading(name, "m" if place else "N", np.atleast_1d(column).astype(np.intp), total, error)
+            error = PLACE_ERROR if encoder else FORCE_ERROR * noise
+            fast = FAST_PLACE if encoder else FAST_FORCE.scaled(noise)
+            found[name] = Reading(
+                name, "m" if encoder else "N", np.atleast_1d(column).astype(np.intp), noise, fast, error
+            )
         elif sensor.kind == "load_cell":
             columns = places.support_force[layout.support_rows[sensor.of]].astype(np.intp)
             load, tower = scale[sensor.of], sensor.of not in layout.end_samples
-            total = float(np.hypot(noise, (FAST_TOWER if tower else FAST_LOAD) * load))
-            found[name] = Reading(name, "N", columns, total, (TOWER_ERROR if tower else LOAD_ERROR) * load)
+            fast, error = (FAST_TOWER, TOWER_ERROR) if tower else (FAST_LOAD, LOAD_ERROR)
+            found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load)
         elif sensor.kind == "inclinometer":
             column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), 1]
-            found[name] = Reading(
-                name, "rad", np.atleast_1d(column).astype(np.intp), float(np.hypot(noise, FAST_ANGLE)), ANGLE_ERROR
-            )
+            place = np.atleast_1d(column).astype(np.intp)
+            found[name] = Reading(name, "rad", place, noise, FAST_ANGLE, ANGLE_ERROR)
     return found
 
 
@@ -134,8 +172,7 @@ class Hidden(NamedTuple):
     name: str
     unit: str
     places: NDArray[np.intp]  # in the numbers of a frame: of it, or of the components of a vector whose length it is
-    share: float  # error of the model, of the value
-    error: float  # error of the model beside that
+    errors: Errors  # of the model: shares of a force, or rad
 
 
 def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
@@ -144,15 +181,15 @@ def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
     for row, rope in enumerate(layout.ropes):
         for which, column in (("lowest", places.lowest_tension), ("highest", places.highest_tension)):
             place = np.atleast_1d(column[row, 0]).astype(np.intp)
-            found.append(Hidden(f"{rope}/{which} tension", "N", place, HIDDEN_FORCE_ERRORS[which], 0.0))
+            found.append(Hidden(f"{rope}/{which} tension", "N", place, HIDDEN_FORCE_ERRORS[which]))
     for row, name in enumerate(layout.supports):
         end = getattr(scenario.cable, name, None) if name in ("start", "end") else None
         kind = "tower" if end is None else "counterweight" if end.support == "counterweight" else "end"
         vector = places.support_force[row].astype(np.intp)
-        found.append(Hidden(f"{name}/force", "N", vector, HIDDEN_FORCE_ERRORS[kind], 0.0))
+        found.append(Hidden(f"{name}/force", "N", vector, HIDDEN_FORCE_ERRORS[kind]))
     for row, name in enumerate(layout.bodies):
         place = np.atleast_1d(places.body_angles[row, 1]).astype(np.intp)
-        found.append(Hidden(f"{name}/pitch", "rad", place, 0.0, HIDDEN_PITCH_ERRORS[row not in layout.first_body]))
+        found.append(Hidden(f"{name}/pitch", "rad", place, HIDDEN_PITCH_ERRORS))
     return tuple(found)
 
 

@@ -1,0 +1,102 @@
+"""Arrivals of a plant: measurements put in the order of their stamps, and what has to be left out named."""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from itertools import count
+from math import isfinite
+
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.sensors import Measurement
+
+HORIZON = 0.5  # s, for which late measurements are waited for
+FUTURE = 0.5  # s, by which a stamp may be ahead of the earliest way here
+OTHER_CLOCK = 30.0  # s between two clocks, from which on they are told apart
+REMEMBERED = 3.0  # s, over which the earliest way here is looked for: a plant may be slower than its clock
+RESET = 50  # measurements one after the other with another clock, after which it counts as that of the plant
+Item = AppliedCommand | Measurement
+
+
+class Arrivals:
+    """Measurements and commands of a live plant, waiting to be taken in the order of their times.
+
+    Times are those of the plant's stamps, in s from its first one on.
+
+    Attributes:
+        left_out: number of measurements that were left out, by reason.
+        notes: lines that tell what was left out for the first time, and which clock the plant has.
+    """
+
+    def __init__(self) -> None:
+        self.left_out: Counter[str] = Counter()
+        self.notes: list[str] = []
+        self._waiting: list[tuple[float, int, int, Item]] = []
+        self._number, self._done = count(), -float("inf")
+        self._offsets: deque[tuple[float, float]] = deque()  # arrivals (s), and our clock less that of the plant (s)
+        self._elsewhere: list[float] = []  # s, offsets of measurements one after the other with another clock
+        self.newest = -float("inf")  # s, stamp of the newest measurement
+        self.last = -float("inf")  # s by our clock, arrival of the last one
+
+    @property
+    def started(self) -> bool:
+        """Whether anything has come."""
+        return bool(self._offsets)
+
+    def now(self, arrival: float) -> float:
+        """Time (s) of the plant at a time (s) by our clock."""
+        return arrival - min((offset for _, offset in self._offsets), default=0.0)
+
+    def put(self, measurements: Sequence[Measurement], arrival: float) -> None:
+        """Take measurements that arrive at a time (s) by our clock."""
+        for one in measurements:
+            if not all(map(isfinite, one.values)):
+                self._leave_out(one, "not finite")
+            elif self._is_of_the_clock(one, arrival):
+                if one.time < self._done:
+                    self._leave_out(one, "too late to be put in order")
+                else:
+                    self.newest, self.last = max(self.newest, one.time), arrival
+                    heapq.heappush(self._waiting, (one.time, 1, next(self._number), one))
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Take a command of the plant, at a time (s) of its clock."""
+        heapq.heappush(self._waiting, (max(applied.time, self._done), 0, next(self._number), applied))
+
+    def due(self, arrival: float) -> Iterator[Item]:
+        """Items that no later one can come before, in the order of their times."""
+        until = self.now(arrival) - HORIZON
+        while self._waiting and self._waiting[0][0] <= until:
+            self._done = self._waiting[0][0]
+            yield heapq.heappop(self._waiting)[-1]
+
+    def leave_out(self, what: str, reason: str) -> None:
+        """Count what is left out, and tell it the first time."""
+        if not self.left_out[reason]:
+            self.notes.append(f"left out: {what}: {reason}")
+        self.left_out[reason] += 1
+
+    def _leave_out(self, one: Measurement, reason: str) -> None:
+        self.leave_out(f"{one.sensor} at {one.time:.3f} s", reason)
+
+    def _is_of_the_clock(self, one: Measurement, arrival: float) -> bool:
+        """Whether a stamp fits the clock of the plant, as far as it is known."""
+        offset = arrival - one.time
+        delay = self.now(arrival) - one.time
+        if not self.started or -FUTURE <= delay <= OTHER_CLOCK:
+            self._elsewhere = []
+            self._offsets.append((arrival, offset))
+            while arrival - self._offsets[0][0] > REMEMBERED:
+                self._offsets.popleft()
+            return True
+        self._elsewhere.append(offset)
+        if len(self._elsewhere) >= RESET and max(self._elsewhere) - min(self._elsewhere) < 1.0:
+            self.notes.append(f"stamps of the plant jumped by {-delay:.3f} s: it is followed by its new clock")
+            self._offsets = deque([(arrival, min(self._elsewhere))])
+            self._elsewhere = []
+            self._waiting.clear()
+            self._done, self.newest = -float("inf"), one.time
+            return True
+        self._leave_out(one, "a stamp from the future" if delay < 0.0 else f"a stamp more than {OTHER_CLOCK:g} s old")
+        return False

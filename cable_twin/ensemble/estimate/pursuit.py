@@ -1,0 +1,95 @@
+"""Speeds by which the drives of a twin keep to the places that the encoders of a plant measure."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+import numpy as np
+
+FRESH = 0.6  # s, for which a command of the plant holds
+APART, NEAR = 0.3, 0.1  # m beyond the way of `TIMING`, from which a place is pursued, and up to which
+TIMING = 0.1  # s, by which commands of a plant may be earlier or later in the twin
+CLOSING = 4.0  # s, in which a distance is made up for
+SPAN = 1.0  # s, over which a measured speed is averaged
+CHANGED = 0.02  # m/s, from which on another speed is commanded
+LONGEST = 0.3  # s, after which a speed is commanded again
+
+
+class Pursuit:
+    """Drives of a twin that follow those of a plant: by its commands where they come, else by its encoders.
+
+    A twin that gets the commands of its plant moves as it does. One that missed some, as of an emergency stop on the
+    spot, is brought to the place of the plant by its speed.
+
+    Args:
+        most: largest speed (m/s) by name of a carriage or drive.
+    """
+
+    def __init__(self, most: Mapping[str, float]) -> None:
+        self._most = dict(most)
+        self._commanded: dict[str, tuple[float, float]] = {}  # time (s) and speed (m/s) of the last command
+        self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `SPAN`
+        self._given: dict[str, tuple[float, float]] = {}
+        self._pursued: set[str] = set()
+
+    def command(self, time: float, speeds: Mapping[str, float]) -> None:
+        """Take the speeds (m/s) that a plant was commanded at a time (s)."""
+        for name, speed in speeds.items():
+            self._commanded[name] = time, speed
+
+    def measure(self, time: float, name: str, place: float) -> None:
+        """Take a measured place (m) of a time (s)."""
+        kept = self._places.setdefault(name, deque())
+        kept.append((time, place))
+        while kept[-1][0] - kept[0][0] > SPAN + 1e-9:
+            kept.popleft()
+
+    def speed_of(self, name: str) -> float | None:
+        """Measured speed (m/s), the mean of the last `SPAN`; None where there is none."""
+        kept = self._places.get(name, deque())
+        if len(kept) < 3 or kept[-1][0] - kept[0][0] < 0.5 * SPAN:
+            return None
+        times, places = np.array(kept).T
+        return float(np.polyfit(times - times[-1], places, 1)[0])
+
+    def place_of(self, name: str) -> float | None:
+        """Newest measured place (m); None where there is none."""
+        kept = self._places.get(name)
+        return kept[-1][1] if kept else None
+
+    def forget(self) -> None:
+        """Forget all that was measured, as after a silence."""
+        self._places.clear()
+        self._pursued.clear()
+
+    def wanted(self, time: float, name: str, place: float) -> float | None:
+        """Speed (m/s) to command to the drive of a twin, which is at a place (m); None to leave it as it is.
+
+        Args:
+            time: s, of the newest measurement and of the place.
+            name: of the carriage or drive.
+            place: m, of the twin.
+        """
+        commanded_at, commanded = self._commanded.get(name, (-np.inf, 0.0))
+        fresh = time - commanded_at <= FRESH
+        measured, there = self.speed_of(name), self.place_of(name)
+        if measured is None or there is None:
+            return self._give(time, name, commanded) if fresh else None
+        apart = there - place
+        margin = (NEAR if name in self._pursued else APART) + TIMING * abs(measured)
+        self._pursued = self._pursued - {name} if abs(apart) <= margin else self._pursued | {name}
+        speed = commanded if fresh else measured
+        if name in self._pursued:
+            speed = measured + apart / CLOSING
+        return self._give(time, name, speed)
+
+    def _give(self, time: float, name: str, speed: float) -> float | None:
+        most = self._most.get(name, np.inf)
+        speed = 0.0 if abs(speed) < CHANGED else float(np.clip(speed, -most, most))
+        given_at, given = self._given.get(name, (-np.inf, np.nan))
+        if abs(speed - given) < CHANGED and time - given_at < LONGEST:
+            return None
+        speed = given if abs(speed - given) < CHANGED else speed
+        self._given[name] = time, speed
+        return speed

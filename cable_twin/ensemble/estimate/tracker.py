@@ -1,0 +1,173 @@
+"""Plant that is followed live: its measurements in order, the places of its vehicles, silences and new beginnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+from cable_twin.ensemble.estimate.arrivals import Arrivals, Item
+from cable_twin.ensemble.estimate.follower import WINDOW, Correction, Follower
+from cable_twin.ensemble.estimate.pursuit import Pursuit
+from cable_twin.frame.records import AppliedCommand, Command, CommandError
+from cable_twin.frame.sensors import Measurement
+from cable_twin.scenario import Scenario, command_limits
+from cable_twin.simulation import EquilibriumError
+
+SILENT = 2.0  # s without a measurement, after which the twin says that it goes on by its model
+LISTENING = 1.0  # s of measurements before the twin begins where the plant is
+ELSEWHERE = 20.0  # m, by which a plant is too far away to be pursued
+TIMES = 5  # samples, one after the other, that say so
+SOURCE = "plant"
+WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its model"
+
+
+class News(NamedTuple):
+    """What a tracker has to say at a time (s)."""
+
+    time: float
+    correction: Correction | None
+    lines: tuple[str, ...]
+
+
+class Tracker:
+    """Twin that follows a live plant, from wherever it is.
+
+    Attributes:
+        state: whether it waits, follows, or goes on by its model.
+        arrivals: what comes from the plant.
+        sensors: of the plant by name.
+
+    Args:
+        scenario: of the twin, with the sensors of the plant.
+        threads: of the ensemble.
+    """
+
+    def __init__(self, scenario: Scenario, threads: int = 1) -> None:
+        self.follower, self.arrivals, self.state = Follower(scenario, threads), Arrivals(), WAITING
+        limits = command_limits(scenario)
+        self._pursuit = Pursuit({name: one.speed for name, one in limits.items()})
+        self.sensors = scenario.sensors
+        self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
+        self._carriages = [name for name in self._encoders.values() if name in scenario.carriages]
+        self._first = 0.0  # s, of the first measurement since it waits
+        self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
+        self._refused: set[str] = set()
+
+    def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:
+        """Take measurements that arrive at a time (s) by our clock."""
+        self.arrivals.put(measurements, arrival)
+
+    def command(self, speeds: Mapping[str, float], arrival: float) -> None:
+        """Take the speeds (m/s) which the plant is commanded at a time (s) by our clock."""
+        time = self.arrivals.now(arrival)
+        self.arrivals.command(AppliedCommand(time, Command("speed", dict(speeds)), SOURCE))
+
+    def advance(self, arrival: float) -> Iterator[News]:
+        """Go on to a time (s) by our clock; what there is to say of it."""
+        for time, group in groupby(self.arrivals.due(arrival), key=_time):
+            yield from self._take(time, list(group))
+        if self.arrivals.notes:
+            lines, self.arrivals.notes = tuple(self.arrivals.notes), []
+            yield News(self.follower.time, None, lines)
+        silence = arrival - self.arrivals.last
+        if self.state != WAITING and silence > SILENT:
+            yield from self._go_on_alone(self.arrivals.newest + silence - SILENT)
+
+    def _take(self, time: float, items: Sequence[Item]) -> Iterator[News]:
+        """Commands and measurements of one time (s)."""
+        measured = [item for item in items if isinstance(item, Measurement)]
+        for item in items:
+            if isinstance(item, AppliedCommand):
+                self._pursuit.command(time, item.command.values)
+                if self.state == ALONE:
+                    for name in item.command.values:
+                        self._drive(time, name, 0.0)
+        for one in measured:
+            if one.sensor in self._encoders:
+                self._pursuit.measure(time, self._encoders[one.sensor], one.values[0])
+        if self.state == WAITING:
+            if measured:
+                yield from self._begin(time)
+            return
+        if time < self.follower.time - 1e-6 and measured:
+            return  # the twin has gone on alone beyond it
+        lines = []
+        if self.state == ALONE and measured:
+            self.state = FOLLOWING
+            lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
+        correction = self.follower.take(time, measured) if measured else None
+        lines += self._pursue(time, measured)
+        if correction is not None or lines:
+            yield News(time, correction, tuple(lines))
+
+    def _begin(self, time: float) -> Iterator[News]:
+        """Begin where the plant is, as soon as that is known."""
+        self._first = self._first or time
+        if time - self._first < LISTENING:
+            return
+        lines = self._begin_at(time)
+        yield News(time, None, tuple(lines))
+
+    def _begin_at(self, time: float) -> list[str]:
+        motion = {}
+        for name in self._carriages:
+            place, speed = self._pursuit.place_of(name), self._pursuit.speed_of(name)
+            if place is not None:
+                motion[name] = place, 0.0 if speed is None or abs(speed) < 0.1 else speed
+        where = ", ".join(f"{name} at {place:.2f} m with {speed:.2f} m/s" for name, (place, speed) in motion.items())
+        try:
+            self.follower.begin_at(time, motion)
+        except (EquilibriumError, ValueError) as error:
+            self.state = ALONE
+            return [f"cannot begin where the plant is ({where}): {str(error).splitlines()[0]}"]
+        self.state = FOLLOWING
+        return [f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}"]
+
+    def _pursue(self, time: float, measured: Sequence[Measurement]) -> list[str]:
+        """Command the drives of the twin so that they keep to the plant; begin anew where it is somewhere else."""
+        for one in measured:
+            name = self._encoders.get(one.sensor)
+            if name is None or one.sensor in self.follower.left_out:
+                continue
+            place = self.follower.place_of(one.sensor)
+            apart = one.values[0] - place
+            self._far[name] = self._far.get(name, 0) + 1 if abs(apart) > ELSEWHERE and name in self._carriages else 0
+            if self._far[name] >= TIMES:
+                self._far.clear()
+                return [f"{name} is {apart:+.1f} m from the twin", *self._begin_at(time)]
+            if fault := self._drive(time, name, place):
+                return [fault]
+        return []
+
+    def _drive(self, time: float, name: str, place: float) -> str:
+        """Command the speed that is due to a drive of the twin; the reason where it is refused for the first time."""
+        speed = self._pursuit.wanted(time, name, place)
+        if speed is None:
+            return ""
+        try:
+            self.follower.command(AppliedCommand(time, Command("speed", {name: speed}), SOURCE))
+        except CommandError as error:
+            line = f"the twin refuses a speed of the plant: {error}"
+            new = name not in self._refused
+            self._refused.add(name)
+            return line if new else ""
+        return ""
+
+    def _go_on_alone(self, until: float) -> Iterator[News]:
+        """Go on by the model while nothing comes from the plant, with more and more doubt."""
+        if self.state == FOLLOWING:
+            self.state = ALONE
+            self._pursuit.forget()
+            since = self.arrivals.newest
+            yield News(since, None, (f"nothing from the plant since {since:.1f} s: the twin goes on by its model",))
+        while self.follower.time + WINDOW <= until:
+            time = round(self.follower.time + WINDOW, 6)
+            correction = self.follower.take(time, [])
+            if correction is not None:
+                yield News(time, correction, ())
+
+
+def _time(item: Item) -> float:
+    """Time (s) of an item, to the microsecond."""
+    return round(item.time, 6)

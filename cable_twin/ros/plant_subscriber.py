@@ -1,0 +1,133 @@
+"""Messages of a plant from its topics: recorded, passed on to the estimator, and followed by the drives of the twin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from cable_twin.basics.printable import printable
+from cable_twin.frame.commands import JOINT_COMMANDS
+from cable_twin.frame.records import Command, CommandError
+from cable_twin.frame.sensors import standard_sensors
+from cable_twin.messages import SECOND, Topic
+from cable_twin.messages.command_messages import command_from_message
+from cable_twin.messages.sensor_messages import PLANT, JointState, measurements_from_message, plant_topics
+from cable_twin.ros.endpoints import message_class
+from cable_twin.runtime.following import COMMANDS, LiveFollowing, Pursuit, unfollowable
+from cable_twin.runtime.frame_loop import FrameLoop
+from cable_twin.scenario import Scenario, ScenarioError, command_limits, load_scenario
+from cable_twin.simulation import Simulation
+
+SOURCE = "plant"  # of commands
+LARGEST = 65_536  # bytes of a message
+DEPTH = 100
+OTHER_CLOCK = 5.0  # s between the clock of a plant and ours, from which on its encoders are not followed
+JOINTS = "sensors/joint_states"
+
+
+def with_plant_sensors(simulation: Simulation) -> Scenario:
+    """Scenario of a twin with the sensors of its plant: its own, else the usual ones.
+
+    Raises:
+        ScenarioError: it is of a kind that cannot be followed yet; one line.
+    """
+    scenario = simulation.scenario
+    if fault := unfollowable(scenario):
+        raise ScenarioError(f"follow: {fault}")
+    if scenario.sensors:
+        return scenario
+    return load_scenario(scenario.resolved(), {"sensors": standard_sensors(scenario, simulation.snapshot)})
+
+
+class PlantSubscriber:
+    """Subscriber to the topics of a plant.
+
+    Attributes:
+        topics: of the plant, as they are recorded.
+
+    Args:
+        node: of the twin.
+        scenario: with the sensors of the plant.
+        simulation: running twin.
+        loop: frame loop of the twin.
+        following: estimator beside it.
+        stamp_ns: gives the stamp (ns) of a simulated time (s).
+        record: called with the topic and the bytes of each message.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        scenario: Scenario,
+        simulation: Simulation,
+        loop: FrameLoop,
+        following: LiveFollowing,
+        stamp_ns: Callable[[float], int],
+        record: Callable[[str, bytes], None],
+    ) -> None:
+        self._node, self._simulation, self._loop, self._following = node, simulation, loop, following
+        self._stamp_ns, self._record = stamp_ns, record
+        self._sensors = scenario.sensors
+        self._pursuit = Pursuit({name: one.speed for name, one in command_limits(scenario).items()})
+        self._known = plant_topics(scenario)
+        self._commands = Topic(f"{PLANT}/{JOINT_COMMANDS}", JointState.__msgtype__)
+        self.topics = (*self._known.values(), self._commands)
+        quality = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for name, topic in (*self._known.items(), (COMMANDS, self._commands)):
+            node.create_subscription(
+                message_class(topic.type), topic.name, partial(self._take, name, topic.name), quality, raw=True
+            )
+
+    def doubled(self) -> list[str]:
+        """Topics on which several plants publish."""
+        return [one.name for one in self._known.values() if self._node.count_publishers(one.name) > 1]
+
+    def _take(self, name: str, full_name: str, data: bytes) -> None:
+        if len(data) > LARGEST:
+            return
+        self._record(full_name, data)
+        if full_name in self._following.shut:
+            return
+        self._following.take(name, data)
+        now = self._stamp_ns(self._loop.simulated_time) / SECOND
+        try:
+            if name == COMMANDS:
+                command = command_from_message(JOINT_COMMANDS, data)
+                if isinstance(command, Command) and command.kind == "speed":
+                    self._pursuit.command(now, command.values)
+                    for joint in command.values:
+                        self._drive(now, joint)
+            elif name == JOINTS:
+                for one in measurements_from_message(name, data, self._sensors, 0):
+                    if self._sensors[one.sensor].kind == "encoder":
+                        self._measure(now, one.time, self._sensors[one.sensor].of, one.values[0])
+        except (CommandError, ValueError):  # the estimator tells of it
+            return
+
+    def _measure(self, now: float, time: float, joint: str, place: float) -> None:
+        """Take a measured place (m) of a time (s); both clocks are those of a day, if they are of one."""
+        if not abs(place) < float("inf") or abs(now - time) > OTHER_CLOCK:
+            return
+        self._pursuit.measure(time, joint, place)
+        self._drive(time, joint)
+
+    def _drive(self, time: float, joint: str) -> None:
+        """Command the speed that is due to a drive of the twin."""
+        snapshot = self._simulation.snapshot
+        if joint not in snapshot.carriages:
+            return
+        own = snapshot.carriages[joint]
+        late = self._stamp_ns(snapshot.time) / SECOND - time
+        speed = self._pursuit.wanted(time, joint, own.arc_length - own.speed * late)
+        if speed is not None:
+            self._loop.submit(Command("speed", {joint: speed}), SOURCE).add_done_callback(self._on_applied)
+
+    def _on_applied(self, future: Any) -> None:
+        if not future.cancelled() and (error := future.exception()) is not None:
+            self._node.get_logger().warning(
+                f"a speed of the plant is refused: {printable(error, 300)}", throttle_duration_sec=5.0
+            )

@@ -1,0 +1,114 @@
+"""Process of a twin that follows a plant: takes the plant's messages from a pipe, and gives back estimates.
+
+It stands beside the twin at the lowest priority, and ends with it: as soon as the pipe is closed.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import IO, Any
+
+from cable_twin.basics.printable import printable
+from cable_twin.ensemble.estimate.tracker import News, Tracker
+from cable_twin.messages import SECOND, nanoseconds
+from cable_twin.messages.command_messages import command_from_message
+from cable_twin.messages.figure_messages import estimate_message
+from cable_twin.messages.sensor_messages import measurements_from_message
+from cable_twin.runtime.following import COMMANDS, Arrival, Estimated
+from cable_twin.runtime.outlook import receive, send
+from cable_twin.scenario import load_scenario
+
+GLANCE = 0.1  # s between two looks at what is due
+LONGEST_REASON = 300  # characters
+
+
+class Decoder:
+    """Messages of a plant on their way to a tracker.
+
+    Args:
+        tracker: which gets them.
+    """
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._tracker, self._sensors = tracker, tracker.sensors
+        self.epoch_ns: int | None = None  # by the clock of this machine: the arrival of the first message
+
+    def take(self, one: Arrival) -> None:
+        """Give a message to the tracker; what cannot be read is counted, and told the first time."""
+        if self.epoch_ns is None:
+            self.epoch_ns = one.arrival_ns
+        arrival = (one.arrival_ns - self.epoch_ns) / SECOND
+        try:
+            if one.topic == COMMANDS:
+                command = command_from_message("joint_commands", one.data)
+                if getattr(command, "kind", "") == "speed" and self._tracker.arrivals.started:
+                    self._tracker.command(command.values, arrival)  # type: ignore[union-attr]
+            else:
+                found = measurements_from_message(one.topic, one.data, self._sensors, self.epoch_ns)
+                self._tracker.measure(found, arrival)
+        except Exception as error:  # of whatever a stranger sends
+            self._tracker.arrivals.leave_out(one.topic, printable(error, LONGEST_REASON))
+
+
+def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimated]:
+    """Answer with what a tracker has to say."""
+    correction, lines = news.correction, list(news.lines)
+    message = b""
+    if correction is not None:
+        alarms = [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
+        lines += alarms
+        stamp_ns = epoch_ns + nanoseconds(correction.time)
+        message = estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns)
+    left_out = {name: one.reason for name, one in tracker.follower.left_out.items()}
+    counts = dict(tracker.arrivals.left_out)
+    yield Estimated(news.time, message, tuple(lines), tracker.state, left_out, counts)
+
+
+def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:
+    """Follow a plant until the pipe is closed.
+
+    Args:
+        source: pipe with the options, then messages of the plant.
+        sink: pipe for the answers.
+        leave: called as soon as the source is closed.
+    """
+    waiting: SimpleQueue[Any] = SimpleQueue()
+
+    def read() -> None:
+        while (item := receive(source)) is not None:
+            waiting.put(item)
+        leave()
+
+    Thread(target=read, name="plant", daemon=True).start()
+    options = waiting.get()
+    tracker = Tracker(load_scenario(options["scenario"]), threads=1)
+    decoder = Decoder(tracker)
+    send(sink, Estimated(0.0, b"", (), tracker.state, {}, {}))  # ready
+    while True:
+        try:
+            decoder.take(waiting.get(timeout=GLANCE))
+            while True:
+                decoder.take(waiting.get_nowait())
+        except Empty:
+            pass
+        if decoder.epoch_ns is None:
+            continue
+        for news in tracker.advance((time.time_ns() - decoder.epoch_ns) / SECOND):
+            for answer in answers_of(news, tracker, decoder.epoch_ns):
+                send(sink, answer)
+
+
+def main() -> None:
+    """Run the process between its standard input and output."""
+    sink = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody else writes into the pipe
+    serve(sys.stdin.buffer, sink, lambda: os._exit(0))
+
+
+if __name__ == "__main__":
+    main()

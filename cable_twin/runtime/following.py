@@ -1,0 +1,169 @@
+"""Following beside a running twin: passes the messages of a plant to a process of its own, and publishes estimates.
+
+The frame loop knows nothing of it but the speeds that it is commanded, which come as all commands do. All else is
+done by a process at the lowest priority. Where that is behind, estimates come later, and each has the time of which it
+is.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import IO, Any, NamedTuple, cast
+
+from cable_twin.ensemble.estimate.pursuit import Pursuit
+from cable_twin.ensemble.estimate.quantities import unfollowable
+from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT
+from cable_twin.runtime.outlook import AGAIN, GLANCE, NICE, receive, send
+from cable_twin.runtime.separate_process import start_process
+from cable_twin.scenario import Scenario
+
+COMMANDS = "joint_commands"  # topic of what a plant is commanded, below its namespace
+STARTING = "starts"
+MOST_LINES = 20  # of alarms in the diagnostics, the newest ones
+MOST_WAITING = 20_000  # messages of a plant that may wait for the process
+
+
+class Arrival(NamedTuple):
+    """Message of a plant as it arrived."""
+
+    topic: str  # as `sensor_topic` has it, or `COMMANDS`
+    data: bytes  # CDR
+    arrival_ns: int  # by the clock of this machine
+
+
+class Estimated(NamedTuple):
+    """Answer of the process."""
+
+    time: float  # s, of the plant
+    message: bytes  # diagnostic_msgs/DiagnosticArray, or empty
+    lines: tuple[str, ...]  # alarms and what else there is to say
+    state: str
+    left_out: Mapping[str, str]  # reason by sensor
+    counts: Mapping[str, int]  # of messages that were left out, by reason
+
+
+class LiveFollowing:
+    """Plant followed by a running twin.
+
+    Attributes:
+        shut: topics whose messages are left out at present, as two plants publish there.
+
+    Args:
+        scenario: of the twin, with the sensors of the plant.
+        publish: called with each message of estimates.
+        say: called with a line for each alarm, and for what was left out.
+    """
+
+    def __init__(self, scenario: Scenario, publish: Callable[[bytes], None], say: Callable[[str], None]) -> None:
+        self._options = {"scenario": scenario.resolved()}
+        self._publish, self._say = publish, say
+        self._waiting: SimpleQueue[Arrival] = SimpleQueue()
+        self._stopping = threading.Event()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._last = Estimated(0.0, b"", (), STARTING, {}, {})
+        self._alarms: list[str] = []
+        self._arrived = math.inf  # s on the steady clock, of the last message
+        self.shut: frozenset[str] = frozenset()
+        self._thread = threading.Thread(target=self._run, name="following", daemon=True)
+
+    def start(self) -> None:
+        """Begin to follow."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the process and the threads."""
+        self._stopping.set()
+        self._end_process()
+        if self._thread.is_alive():
+            self._thread.join(4.0 * GLANCE)
+        self._end_process()  # if it was about to begin
+
+    def take(self, topic: str, data: bytes) -> None:
+        """Take a message of the plant."""
+        self._arrived = time.monotonic()
+        if self._waiting.qsize() < MOST_WAITING:
+            self._waiting.put(Arrival(topic, data, time.time_ns()))
+
+    def status(self) -> tuple[bool, str, dict[str, str]]:
+        """Whether all is well, a message and figures for the diagnostics."""
+        last = self._last
+        if last.state == FOLLOWING and time.monotonic() - self._arrived > SILENT:
+            last = last._replace(state=ALONE)  # the process, which may be behind, will find that as well
+        values = {"state": last.state, "time_s": f"{last.time:.3f}"}
+        values |= {f"left_out_{name}": reason for name, reason in last.left_out.items()}
+        values |= {f"left_out: {reason}": str(count) for reason, count in last.counts.items()}
+        values |= {f"alarm_{row + 1}": line for row, line in enumerate(self._alarms)}
+        text = last.state + (f"; left out: {', '.join(last.left_out)}" if last.left_out else "")
+        if self.shut:
+            text += f"; several plants publish on {', '.join(sorted(self.shut))}, which is left out"
+        return last.state in (STARTING, FOLLOWING) and not last.left_out and not self.shut, text, values
+
+    def shut_out(self, topics: Sequence[str]) -> None:
+        """Leave out the messages of topics on which several plants publish, and tell of each change."""
+        now = frozenset(topics)
+        for topic in sorted(now - self.shut):
+            self._say(f"several plants publish on {topic}: it is left out until one of them is gone")
+        for topic in sorted(self.shut - now):
+            self._say(f"one plant alone publishes on {topic}: it is followed again")
+        self.shut = now
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                process = self._process = start_process("runtime.follow_process", NICE)
+                self._follow(process)
+            except OSError:  # of the pipe, or there is no room for a process
+                pass
+            self._end_process()
+            if not self._stopping.is_set():
+                self._last = self._last._replace(state=STARTING)
+                self._say(f"following: its process has ended; another one begins in {AGAIN:g} s")
+            self._stopping.wait(AGAIN)
+
+    def _follow(self, process: subprocess.Popen[bytes]) -> None:
+        """Pass messages to the process, and its answers on, until it ends or this does."""
+        questions, answers = cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
+        send(questions, self._options)
+        if receive(answers) is None:  # ready
+            return
+        self._drop_old()
+        reader = threading.Thread(target=self._read, args=(answers,), name="estimates", daemon=True)
+        reader.start()
+        while not self._stopping.is_set() and reader.is_alive():
+            with suppress(Empty):
+                send(questions, self._waiting.get(timeout=GLANCE))
+
+    def _drop_old(self) -> None:
+        """Forget messages that came while the process got ready."""
+        with suppress(Empty):
+            while True:
+                self._waiting.get_nowait()
+
+    def _read(self, answers: IO[bytes]) -> None:
+        """Publish answers until the pipe ends."""
+        while not self._stopping.is_set() and (answer := receive(answers)) is not None:
+            self._last = answer
+            self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]
+            for line in answer.lines:
+                self._say(line)
+            if answer.message:
+                self._publish(answer.message)
+
+    def _end_process(self) -> None:
+        """End the process at once, which also ends a wait for its answer."""
+        process: Any = self._process
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        with suppress(OSError):
+            process.stdin.close()
+
+
+__all__ = ["COMMANDS", "Arrival", "Estimated", "LiveFollowing", "Pursuit", "unfollowable"]

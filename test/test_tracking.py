@@ -1,0 +1,141 @@
+"""Plant that is followed live, without ROS: order of arrivals, clocks, silences, new beginnings, drives."""
+
+from __future__ import annotations
+
+import pytest
+
+from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
+from cable_twin.ensemble.estimate.pursuit import APART, CLOSING, Pursuit
+from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT, WAITING, Tracker
+from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+
+COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  # for speed
+CLOCK = 5000.0  # s, by which the clock of this machine is ahead of that of the plant
+SPEED = 7.0  # m/s
+
+
+def one(time, value=1.0, sensor="a"):
+    return Measurement(sensor, time, (value,))
+
+
+def times(arrivals, now):
+    return [item.time for item in arrivals.due(now)]
+
+
+def test_arrivals_are_put_in_the_order_of_their_stamps_by_a_clock_of_their_own():
+    arrivals = Arrivals()
+    for stamp, delay in ((0.0, 0.01), (0.2, 0.01), (0.1, 0.15), (0.3, 0.02)):
+        arrivals.put([one(stamp)], CLOCK + stamp + delay)
+    assert times(arrivals, CLOCK + 0.72) == [0.0, 0.1, 0.2]
+    arrivals.put([one(0.15)], CLOCK + 0.72)
+    assert arrivals.left_out == {"too late to be put in order": 1}
+    assert times(arrivals, CLOCK + 1.0) == [0.3]
+
+
+def test_what_no_clock_can_say_is_left_out_and_told_once():
+    arrivals = Arrivals()
+    arrivals.put([one(0.0)], CLOCK)
+    for _ in range(3):
+        arrivals.put([one(0.1, float("nan")), one(2.0), one(-1.5 * OTHER_CLOCK)], CLOCK + 0.1)
+    assert sorted(arrivals.left_out.values()) == [3, 3, 3]
+    assert sorted(note.rpartition(": ")[2] for note in arrivals.notes) == [
+        "a stamp from the future",
+        "a stamp more than 30 s old",
+        "not finite",
+    ]
+    assert times(arrivals, CLOCK + 10.0) == [0.0]
+
+
+def test_a_plant_that_got_another_clock_is_followed_by_it():
+    arrivals = Arrivals()
+    arrivals.put([one(0.0)], CLOCK)
+    for number in range(RESET):
+        arrivals.put([one(100.0 + 0.1 * number)], CLOCK + 0.1 * number)
+    assert arrivals.notes[-1].startswith("stamps of the plant jumped by 100.000 s")
+    arrivals.put([one(105.0)], CLOCK + 5.0)
+    assert times(arrivals, CLOCK + 6.0) == [pytest.approx(104.9), 105.0]
+
+
+def test_a_drive_goes_as_commanded_and_makes_up_for_a_distance():
+    pursuit = Pursuit({"cabin": 10.0})
+    for number in range(11):
+        pursuit.measure(0.1 * number, "cabin", 5.0 + 0.7 * number)
+    assert pursuit.wanted(1.0, "cabin", 12.0) == pytest.approx(7.0)  # measured, as nothing is commanded
+    pursuit.command(1.0, {"cabin": 6.5})
+    assert pursuit.wanted(1.0, "cabin", 12.0) == 6.5
+    behind = 2.0 * APART + 0.7
+    assert pursuit.wanted(1.1, "cabin", 12.0 - behind) == pytest.approx(7.0 + behind / CLOSING)
+    assert pursuit.wanted(1.1, "cabin", -500.0) == 10.0
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """Scenario of a twin, and measurements of a plant under way by time (s), which stops at 6 s by itself."""
+    bare = load_scenario("aerial_tramway", COARSE)
+    usual = standard_sensors(bare, Simulation(bare).snapshot)
+    scenario = load_scenario("aerial_tramway", {**COARSE, "sensors": usual})
+    under_way = {"carriages.cabin.arc_length": 150.0, "carriages.cabin.speed": SPEED}
+    running = Simulation(load_scenario(scenario.resolved(), {**under_way, "carriages.cabin.payload.mass": 4200.0}))
+    sensors, found = Sensors(running.scenario, running.layout), []
+    for frame in range(321):
+        snapshot = running.advance_to(round(0.05 * frame, 9))
+        if frame == 120:
+            running.command("cabin", speed=0.0)
+        found += sensors.take(snapshot)
+    return scenario, found
+
+
+def test_a_twin_begins_where_its_plant_is_goes_on_alone_and_follows_again(measured):
+    scenario, found = measured
+    tracker, lines, estimates = Tracker(scenario), [], []
+
+    def pass_on(first, last):
+        for number in range(round(20.0 * (last - first))):
+            now = CLOCK + first + 0.05 * (number + 1)
+            since = now - CLOCK - 0.05
+            tracker.measure([item for item in found if since < item.time <= since + 0.05], now)
+            for news in tracker.advance(now):
+                lines.extend(news.lines)
+                estimates.extend([news.correction] if news.correction else [])
+
+    assert tracker.state == WAITING
+    pass_on(0.0, 9.0)
+    assert tracker.state == FOLLOWING
+    assert lines[0].startswith("follows the plant from 1.")
+    assert "cabin at 15" in lines[0]
+    twin = tracker.follower.place_of("encoder_cabin")
+    found_places = {item.time: item.values[0] for item in found if item.sensor == "encoder_cabin"}
+    nearest = min(found_places, key=lambda time: abs(time - tracker.follower.time))
+    assert abs(twin - found_places[nearest]) < 1.5  # m, of a stop that nobody told it
+    followed = len(estimates)
+    for number in range(1, 121):
+        for news in tracker.advance(CLOCK + 9.0 + 0.05 * number):
+            lines.extend(news.lines)
+            estimates.extend([news.correction] if news.correction else [])
+    assert tracker.state == ALONE
+    assert lines[-1].startswith("nothing from the plant since 9.0 s: the twin goes on by its model")
+    assert len(estimates) > followed
+    before = tracker.follower.time
+    assert 9.0 + SILENT < before < 15.0
+    pass_on(15.0, 16.0)
+    assert tracker.state == FOLLOWING
+    assert any("the twin follows again" in line for line in lines)
+    tracker.follower.close()
+
+
+def test_a_plant_that_is_somewhere_else_is_begun_with_anew(measured):
+    scenario, found = measured
+    tracker, lines = Tracker(scenario), []
+    moved = [Measurement(item.sensor, item.time, (item.values[0] + 100.0,)) if item.sensor == "encoder_cabin" else item
+             for item in found if item.time > 3.0]  # fmt: skip
+    arrived = sorted([item for item in found if item.time <= 3.0] + moved, key=lambda item: item.time)
+    for number in range(100):
+        now = 0.05 * (number + 1)
+        tracker.measure([item for item in arrived if now - 0.05 < item.time <= now], now)
+        for news in tracker.advance(now):
+            lines.extend(news.lines)
+    assert any(line.startswith("cabin is +") for line in lines)
+    assert 255.0 < tracker.follower.place_of("encoder_cabin") < 300.0
+    tracker.follower.close()
