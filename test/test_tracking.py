@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
@@ -68,6 +69,7 @@ def test_a_drive_goes_as_commanded_and_makes_up_for_a_distance():
     behind = 2.0 * APART + 0.7
     assert pursuit.wanted(1.1, "cabin", 12.0 - behind) == pytest.approx(7.0 + behind / CLOSING)
     assert pursuit.wanted(1.1, "cabin", -500.0) == 10.0
+    assert pursuit.wanted(1.1, "cabin", 112.0) == pytest.approx(7.0 - np.sqrt(0.2 * 100.0))  # room to brake
 
 
 @pytest.fixture(scope="module")

@@ -39,6 +39,7 @@ WINDOW = 2.0  # s, between two corrections
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
 SETTLING = 0.15  # s after a correction, without measurements
 FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
+CURVATURE = 0.1  # of the step of a slow quantity, by which it may be wrong, as effects are not linear
 CALMED = 300.0  # s, in which what a tower has stirred calms down
 TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than in the model
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
@@ -229,12 +230,20 @@ class Follower:
             terms = self._linear(used)
             innovation = normalised_square(*terms, self._belief.covariance) / len(used)
             self._belief = update(self._belief, *terms)
+            self._doubt_steps()
         lasted, self._since, self._from = time - self._since, time, time
         hidden = self._hidden(numbers)
         self._go_on(lasted, numbers)
         slow = self._slow()
         alarms += self._against_plan(time, slow)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _doubt_steps(self) -> None:
+        """Widen the belief about slow quantities by what the second order may make of their last step."""
+        count, covariance = len(self.slow), self._belief.covariance.copy()
+        moved = self._belief.mean[:count] - self._points[0]
+        covariance[range(count), range(count)] += (CURVATURE * moved) ** 2
+        self._belief = self._belief._replace(covariance=covariance)
 
     def _go_on(self, lasted: float, numbers: FloatArray) -> None:
         """Begin a new window after one of some seconds, with the states of what is believed where members are alike."""

@@ -11,6 +11,7 @@ FRESH = 0.6  # s, for which a command of the plant holds
 APART, NEAR = 0.3, 0.1  # m beyond the way of `TIMING`, from which a place is pursued, and up to which
 TIMING = 0.1  # s, by which commands of a plant may be earlier or later in the twin
 CLOSING = 4.0  # s, in which a distance is made up for
+SLOWING = 0.1  # m/s^2, by which a twin that made up for a distance becomes slower: less than any drive can
 SPAN = 1.0  # s, over which a measured speed is averaged
 CHANGED = 0.02  # m/s, from which on another speed is commanded
 LONGEST = 0.3  # s, after which a speed is commanded again
@@ -81,7 +82,8 @@ class Pursuit:
         self._pursued = self._pursued - {name} if abs(apart) <= margin else self._pursued | {name}
         speed = commanded if fresh else measured
         if name in self._pursued:
-            speed = measured + apart / CLOSING
+            closing = min(abs(apart) / CLOSING, float(np.sqrt(2.0 * SLOWING * abs(apart))))
+            speed = measured + float(np.copysign(closing, apart))
         return self._give(time, name, speed)
 
     def _give(self, time: float, name: str, speed: float) -> float | None:

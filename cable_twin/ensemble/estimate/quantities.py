@@ -50,7 +50,7 @@ HIDDEN_FORCE_ERRORS = {
     "end": Errors(2e-5, 4e-4),
     "tower": Errors(5e-5, 1.2e-3, 1.1e-2),
 }
-HIDDEN_PITCH_ERRORS = Errors(2e-4, 1e-3)
+HIDDEN_PITCH_ERRORS = Errors(2e-4, 1.5e-3)
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 
