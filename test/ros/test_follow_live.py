@@ -6,7 +6,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from ros_participant import Participant
 from sensor_msgs.msg import JointState
-from twin_process import COMPILING, TwinProcess, allocate_domain, release_domain, run_module
+from twin_process import COMPILING, TwinProcess, allocate_domain, environment, release_domain, run_python
 
 from cable_twin.recording.log_reader import read_log
 
@@ -24,8 +24,10 @@ def domain():
 
 def plant(directory, domain):
     """Plant with another payload, as a process of its own."""
+    options = [*COARSE, "--set", f"{PAYLOAD}={TRUTH}"]
+    variables = environment(directory, domain)  # not forked, as it becomes another process
     return TwinProcess(
-        directory, "aerial_tramway", *COARSE, "--set", f"{PAYLOAD}={TRUTH}", module="offline.plant", domain=domain
+        directory, "aerial_tramway", *options, module="offline.plant", domain=domain, variables=variables
     )
 
 
@@ -51,9 +53,9 @@ def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, d
     """The twin says when it goes on alone; its log has what the plant said, and replays to the last bit."""
     (tmp_path / "plant").mkdir()
     first = plant(tmp_path / "plant", domain)
-    twin = TwinProcess(
-        tmp_path, "aerial_tramway", *COARSE, "--follow", "--outlook=false", "--rerun=none", domain=domain
-    )
+    options = [*COARSE, "--follow", "--outlook=false", "--rerun=none"]
+    variables = environment(tmp_path, domain)
+    twin = TwinProcess(tmp_path, "aerial_tramway", *options, domain=domain, variables=variables)
     participant = Participant(domain)
     participant.subscribe("/diagnostics", DiagnosticArray)
     participant.subscribe("estimate", DiagnosticArray)
@@ -80,5 +82,5 @@ def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, d
     log = twin.run_directory
     recorded = [topic for topic, _, _ in read_log(log).messages(["/plant/joint_states", "estimate"])]
     assert {*recorded} == {"/plant/joint_states", "estimate"}
-    replayed = run_module("offline.replay", log, directory=tmp_path)
+    replayed = run_python("-m", "cable_twin.offline.replay", log, directory=tmp_path)
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
