@@ -34,7 +34,8 @@ DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 4  # of the vehicle, at which the result is calculated
 WANTED = ("length", "tension", "rope", "towers")
 EPILOG = """\
-One of these follows from all else, for both strands of a lift with a counterweight or one track rope with a cabin:
+One of these follows from all else, for both strands of a lift with a counterweight, one track rope with a cabin, or
+the equal track ropes of a jig-back, which stay equal (its haul rope stays as it is):
 
   length    unstrained length, and the counterweight, for --tension or --sag
   tension   counterweight for the highest tension that the safety factor of the rope and the least loads of towers allow
@@ -52,6 +53,7 @@ examples:
   design aerial_tramway --for length --sag 1:4.5 --output designed.yaml
   design chairlift --for rope --factor 6 --output designed.yaml
   design gondola --for towers --raise 8 --output designed.yaml
+  design jig_back --for rope --factor 3.5 --output designed.yaml
 """
 
 

@@ -48,7 +48,7 @@ examples:
   report runs/* --language de --pdf lift.pdf --trips 8000
   envelope chairlift --cases examples/load_cases.yaml --places 1 \\
            --json all.json
-  report all.json
+  report all.json --profile france_2009 --profile new_zealand_1972
 """
 
 
@@ -137,18 +137,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _read(options: argparse.Namespace, console: Console) -> Results:
     """Results of the source that is given; a further kind of source is a further reader here."""
-    of_study = is_study(options.source)
-    if (of_study or options.source.suffix == ".json") and (options.profile or options.fact):
-        raise ResultsError(f"{options.source}: --profile and --fact are for a log; allowed: those of its scenario")
-    if of_study:
-        return read_study(options.source, options.scenario)
+    if is_study(options.source):
+        return read_study(options.source, options.scenario, options.profile, dict(options.fact))
     if options.source.suffix == ".json":
         with left_at_once("report"), ExitStack() as bars:
 
             def on_state(count: int) -> Callable[[], object]:
                 return bars.enter_context(count_shown(console, "states at rest", count))
 
-            return read_envelope(options.source, on_state, options.scenario)
+            return read_envelope(options.source, on_state, options.scenario, options.profile, dict(options.fact))
     log = read_log(options.source)
     with share_shown(console, f"reading {log.path.name}") as show:
 

@@ -247,7 +247,7 @@ def print_review(readings: Sequence[Reading], comparisons: Sequence[Comparison])
     for label, reading in zip(LABELS, readings, strict=False):
         if reading.profiles and len(readings) > 1:
             print_line(f"rules, {label}:")
-        print_verdicts(console, reading.profiles, reading.verdicts)
+        print_verdicts(console, reading.profiles, reading.verdicts, reading.scenario)
     for label, reading in zip(LABELS if len(readings) > 1 else ("",), readings, strict=False):
         print_responses(console, reading.responses.finish(), reading.responses.efforts.values(), label)
     for label, reading, comparison in zip(LABELS[1:], readings[1:], comparisons, strict=False):

@@ -333,7 +333,7 @@ def report(
         faults: failures, a line each.
     """
     print_figures(table_console(), [figures])
-    print_verdicts(table_console(), profiles_of(scenario), judge(scenario, figures))
+    print_verdicts(table_console(), profiles_of(scenario), judge(scenario, figures), scenario)
     warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
     met = [one for one in figures if one.id.quantity == "buffer_force"]
     lines = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]

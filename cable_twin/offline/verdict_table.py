@@ -13,7 +13,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
-from cable_twin.key_figures.rules import STATES, Profile, RuleVerdict, differences
+from cable_twin.key_figures.rules import STATES, Asked, Profile, RuleVerdict, asked_by, clashes, differences
+from cable_twin.key_figures.rules.comparison import topic_of
 from cable_twin.key_figures.rules.document import UNITS, counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import (
@@ -26,6 +27,7 @@ from cable_twin.key_figures.rules.verdicts import (
     sentence,
     value_text,
 )
+from cable_twin.scenario import Scenario
 
 WIDE = 140  # characters that a table with clauses needs
 STYLES = {EXCEEDED: "bold red", WAIVABLE: "bold yellow"}
@@ -35,13 +37,32 @@ COLUMNS = (
 )
 
 
-def print_verdicts(console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict]) -> None:
-    """Print the verdicts of each profile, then what differs between several profiles."""
+def print_verdicts(
+    console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict], scenario: Scenario | None = None
+) -> None:
+    """Print the verdicts of each profile, then what differs between several profiles.
+
+    Args:
+        console: where to.
+        profiles: with the checks.
+        verdicts: of all profiles.
+        scenario: that is judged, of which rules that contradict each other are told; None: they are not.
+    """
     for profile in profiles:
         own = [one for one in verdicts if one.profile == profile.name]
         _print_profile(console, profile, own)
     if len(profiles) > 1:
         _print_differences(console, profiles, verdicts)
+        for one, two in clashes(asked_by(scenario, profiles)) if scenario is not None else ():
+            _say(console, f"nothing keeps both: {_demand(one)}, and {_demand(two)}", style="bold red")
+
+
+def _demand(one: Asked) -> str:
+    """Demand of a check in words."""
+    name = QUANTITIES[one.quantity.partition("/")[0]].name.format("").strip(" ,")
+    why = f" ({one.why})" if one.why else ""
+    case = f" in {one.load_case}" if one.load_case else ""
+    return f"{name} {one.said}{why} of {one.profile} {one.check}, {one.clause}{case}"
 
 
 def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVerdict]) -> None:
@@ -88,7 +109,7 @@ def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: 
     table = Table("where the profiles differ", *names, box=box.SIMPLE_HEAD, pad_edge=False)
     alone: dict[str, list[str]] = {}
     for group in differences(verdicts, names):
-        quantity, role, _ = group[0].quantity.split("/")
+        quantity, role = topic_of(group[0].quantity)
         what, having = QUANTITIES[quantity].name.format("").strip(" ,"), {one.profile for one in group}
         if len(having) == 1:
             rules = ", ".join(one.check for one in group)

@@ -9,9 +9,9 @@ import pytest
 
 from cable_twin.offline import design, import_profile
 from cable_twin.offline.lines.at_rest import Line, calculate
-from cable_twin.offline.survey.designing import design_rope, design_sag, design_tension, for_tension
+from cable_twin.offline.survey.designing import design_rope, design_sag, design_tension, design_towers, for_tension
 from cable_twin.offline.survey.lift import tower_margins
-from cable_twin.offline.survey.line_model import line_model
+from cable_twin.offline.survey.line_model import DesignError, line_model
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -70,6 +70,32 @@ def test_a_pinned_rope_gets_the_length_of_its_tension():
     assert line_model(changed("single_span", found)).tension() == pytest.approx(1.2e6, rel=0.005)
 
 
+def test_both_track_ropes_of_a_jig_back_stay_equal():
+    """Both counterweights and lengths; a raised tower takes the rollers of the haul rope along."""
+    model = line_model(load_scenario("jig_back"))
+    found = design_tension(model)
+    ropes = [f"ropes.track_{number}" for number in (1, 2)]
+    assert list(found.changes) == [
+        *(f"{one}.start.mass" for one in ropes),
+        *(f"{one}.unstrained_length" for one in ropes),
+    ]
+    assert found.changes["ropes.track_1.start.mass"].value == found.changes["ropes.track_2.start.mass"].value
+    figures = rest_of(changed("jig_back", found))
+    for rope in ropes:
+        assert figures["rope_safety_factor", rope, "lowest"] > 3.15  # 3.47 of a track rope with the cabin anywhere
+    high = load_scenario("jig_back", {"limits.vehicle_clearance": 12.0})
+    raised = design_towers(line_model(high), 1.0, 30.0).changes
+    lifted = {raised[f"towers.{name}.position.z"].value for name in ("tower_1", "tower_2")}
+    rollers = {raised[f"towers.{name}.position.z"].value for name in ("rollers_1", "rollers_2")}
+    assert (len(lifted), {one + 2.0 for one in rollers}) == (1, lifted)
+
+
+def test_track_ropes_that_differ_are_refused():
+    changes = {"ropes.track_2.start.mass": 1.0e5}
+    with pytest.raises(DesignError, match=r"^ropes\.track_2: given another end than ropes\.track_1; allowed: both str"):
+        line_model(load_scenario("jig_back", changes))
+
+
 @pytest.fixture(scope="module")
 def lift(tmp_path_factory):
     """The chairlift of nine towers."""
@@ -97,8 +123,8 @@ def test_heights_of_towers_keep_least_loads_and_clearance(lift, tmp_path, capsys
 @pytest.mark.parametrize(
     ("options", "code", "told"),
     [
-        (["jig_back", "--for", "tension"], 1, "space: given a line in space; allowed: a lift or a track rope in a pl"),
-        (["bicable", "--for", "rope"], 1, "sheaves: given a lift without one counterweight, two strands and carr"),
+        (["bicable", "--for", "rope"], 1, "carriers: given carriers that roll on track ropes; allowed: both strands"),
+        (["pantograph", "--for", "rope"], 1, "ropes: given 2 track ropes and 0 cabins; allowed: both strands of a l"),
         (
             ["single_span", "--for", "tension"],
             1,

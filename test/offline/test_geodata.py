@@ -68,7 +68,7 @@ def test_geojson_in_degrees_has_the_distances_of_the_tables(tmp_path, capsys):
     assert survey.stations["end"] == pytest.approx((970.0, 1240.0), abs=0.01)
     assert [one.hold_down for one in survey.towers].index(True) == 2
     assert import_profile.main([str(LINE), "--no-rest", "--output", str(tmp_path / "lift.yaml")]) == 0
-    assert "EPSG:4326, projected around the middle of the terrain, at its mean height" in capsys.readouterr().err
+    assert "EPSG:4326, projected around the middle of the terrain, 4" in capsys.readouterr().err
 
 
 def test_a_geopackage_in_projected_coordinates(tmp_path, features):
@@ -119,6 +119,10 @@ def test_wrong_geodata_is_a_line_each(tmp_path, features, capsys):
     ground = line["geometry"]["coordinates"]
     back = {"type": "LineString", "coordinates": [*ground[:4], ground[2], *ground[4:]]}
     assert "the terrain folds back; allowed: rising x" in fault({**line, "geometry": back}, first)
+    swapped = {"type": "LineString", "coordinates": [[11.35 + 1e-3 * row, 95.0, 1e3] for row in range(9)]}
+    assert "given longitude 11.35 and latitude 95; allowed: at most 180 and" in fault({**line, "geometry": swapped})
+    nowhere = {"type": "LineString", "coordinates": [[float("nan"), 47.2, 1e3], *ground[1:]]}
+    assert "feature 1: given a place that is no number; allowed: finite" in fault({**line, "geometry": nowhere}, first)
     beside = {"type": "Point", "coordinates": [11.3530, 47.2000]}
     assert "beside the straight line from the first to the last point" in fault(line, {**first, "geometry": beside})
     bare = {**first, "properties": {"name": "T1"}}

@@ -86,6 +86,9 @@ def test_given_values_and_stations_are_in_the_file(tmp_path):
         ("x [yd],z\n0,0\n", None, "terrain.csv: line 1: x: given the unit 'yd'; allowed: m, ft, us-ft"),
         ("x,z,x\n", None, "terrain.csv: line 1: given the column x twice"),
         ("", None, "terrain.csv: given no line; allowed: a header"),
+        ("x,z\n0,0\nnan,1\n", None, "terrain.csv: line 3: x: given 'nan'; allowed: a number, in m"),
+        (f"x,z\n{'1' * 200_000},3\n", None, "terrain.csv: no table (field larger than field limit (131072)); allowed"),
+        ("x,z\n" + "0,0\n" * 20_001, None, "terrain.csv: given 20001 rows; allowed: at most 20000"),
         (None, "x,z_rope\n150,27\n45,9\n", "towers.csv: line 3: given T2 at x = 45 m after T1 at 150 m; allowed: tow"),
         (None, "name,x,z_rope\nA,45,9\nA,60,20\n", "towers.csv: line 3: given A twice; allowed: each name once"),
         (None, "x,z_rope\n45,-3\n", "towers.csv: line 2: given T1 with its rope at z = -3 m; allowed: above the gro"),
@@ -104,6 +107,14 @@ def test_wrong_surveys_are_a_line_each(tmp_path, terrain, towers, told):
         read_survey(*files)
     (line,) = str(error.value).splitlines()
     assert told in line
+
+
+def test_of_many_faults_the_first_are_told(tmp_path):
+    terrain = written(tmp_path, "swapped.csv", "z,x\n" + "5,1\n" + "1,high\n" * 500)
+    with pytest.raises(SurveyError) as error:
+        read_survey(terrain, TOWERS)
+    assert len(lines := str(error.value).splitlines()) == 21
+    assert lines[-1] == f"{terrain}: 480 more such lines"
 
 
 def test_wrong_options_and_files_end_with_2(tmp_path, capsys):

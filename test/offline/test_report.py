@@ -15,13 +15,15 @@ import pytest
 from matplotlib.image import imread
 
 from cable_twin.frame.plotted_signals import PLOTS, SIGNALS
-from cable_twin.key_figures import QUANTITIES, FigureId
-from cable_twin.key_figures.rules import STATES
+from cable_twin.key_figures import QUANTITIES, FigureId, Subject, figure
+from cable_twin.key_figures.rules import STATES, Profile
+from cable_twin.key_figures.rules.document import Document
 from cable_twin.offline import envelope, report, reporting, review, simulate, study
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting import german, printing
 from cable_twin.offline.reporting.chart import LOOKS, Chart, span, ticks
 from cable_twin.offline.reporting.from_envelope import read_envelope
+from cable_twin.offline.reporting.judging import judge_cases, judge_extremes
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
 from cable_twin.offline.reporting.sections import SECTIONS
 from cable_twin.scenario import load_scenario
@@ -34,7 +36,7 @@ cases:
   - {id: heavy, name: more counterweight, loading: empty, set: {sheaves.return.counterweight.mass: 36000.0}}
   - {id: full, loading: full}
 """
-PROFILES = ["--profile", "france_2009", "--profile", "pennsylvania"]
+PROFILES = ["--profile", "france_2009", "--profile", "pennsylvania", "--profile", "new_zealand_1972"]
 FACTS = ["--fact", "persons=4", "--fact", "grip=fixed", "--fact", "vehicle=chair"]
 DATA = re.compile(r'<data class="(\w+)" data-(?:id|check)="([^"]*)" value="([^"]*)">([^<]*)</data>')
 WIDER = "<script>document.title = document.documentElement.scrollWidth - document.documentElement.clientWidth</script>"
@@ -106,6 +108,38 @@ def test_every_number_is_that_of_the_envelope(cases):
     assert float(rule) == pytest.approx(judged, rel=1e-12)
 
 
+def test_extremes_of_load_cases_are_judged_by_other_profiles_too(cases, capsys):
+    """As the envelope judges its cases; a case of a rule cannot be told from the others."""
+    data = json.loads((cases / "all.json").read_text())
+    (judged,) = [one for one in data["rules"] if one["check"] == "USPA-01"]
+    given = ["--profile", "pennsylvania", "--profile", "italy_1999"]
+    assert report.main([str(cases / "all.json"), "--output", str(cases / "other.html"), *given]) == 0
+    text = (cases / "other.html").read_text(encoding="utf-8")
+    (rule,) = [value for kind, id_, value, _ in DATA.findall(text) if id_ == "pennsylvania/USPA-01"]
+    assert float(rule) == pytest.approx(judged["value"], rel=1e-12)
+    assert f"case {judged['place'].removeprefix('case ').partition(',')[0]}" in text[text.index('id="rules"') :]
+    assert "Only italy_1999 has a rule on: " in text
+    data["cases"][0]["changes"]["limits.load_cases"] = ["italy_1999.without_pressure"]
+    (cases / "rule.json").write_text(json.dumps(data))
+    capsys.readouterr()
+    assert report.main([str(cases / "rule.json"), *given]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "rule.json: case heavy is a load case of a rule, whose figures are among the extremes; allowed: " in line
+
+
+def test_ratios_of_extremes_of_different_cases_are_not_exceeded():
+    scenario = load_scenario("chairlift")
+    tower = Subject("towers.tower_1_up", "tower_1_up")
+    figures = [figure("support_load", tower, which, value, 0.0) for which, value in (("lowest", 1.0), ("highest", 9.0))]
+    check = {"clause": "1", "text": "loads", "quantity": "load_ratio/towers/lowest", "comparison": "at least"}
+    head = {"document": "own", "jurisdiction": "test", "edition": "1", "systems": ["monocable"], "carries": "both"}
+    profile = Profile("own", Document.model_validate(head | {"checks": {"A": check | {"limit": 0.5, "unit": "-"}}}))
+    (found,) = judge_extremes(scenario, figures, {one.id: "c" for one in figures}, [], [profile])
+    assert (found.state, found.value) == ("not decided", pytest.approx(1.0 / 9.0))
+    (found,) = judge_cases(scenario, [("c", {}, figures), ("d", {}, [])], [profile], at_rest=True)
+    assert (found.state, found.figure.place) == ("exceeded", "case c")
+
+
 def test_states_that_govern_are_found_again(cases):
     """Force on each tower, calculated anew, has the size of the figure of the envelope."""
     found = read_envelope(cases / "all.json", lambda count: lambda: None)
@@ -129,7 +163,8 @@ def test_a_study_has_its_ranges_and_indices(tmp_path):
     out = tmp_path / "study"
     assert study.main([*options.split(), "--workers", "1", "--out", str(out)]) == 0
     page = tmp_path / "study.html"
-    assert report.main([str(out), "--language", "de", "--output", str(page)]) == 0
+    judged = ["--profile", "pennsylvania"]
+    assert report.main([str(out), "--language", "de", "--output", str(page), *judged]) == 0
     text = page.read_text(encoding="utf-8")
     with (out / "results.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -140,6 +175,7 @@ def test_a_study_has_its_ranges_and_indices(tmp_path):
     with (out / "indices.csv").open(newline="") as file:
         indices = [float(row[key]) for row in csv.DictReader(file) for key in ("first", "total")]
     assert [float(one) for one in re.findall(r'<data class="index" value="([^"]*)">', text)] == indices
+    assert "pennsylvania: USA, Pennsylvania: 34 Pa. Code chapter 7" in text
     (out / "manifest.json").write_text("{}")
     assert report.main([str(out)]) == 2
 
@@ -181,6 +217,15 @@ def test_the_page_shows_where_profiles_differ(page):
     section = text[text.index('id="rules"') : text.index('id="load_cases"')]
     assert "Only france_2009 has a rule on: speed (FR09-07, FR09-12" in section
     assert "Only pennsylvania has a rule on: rope safety factor (USPA-01)" in section
+    table = section[section.index('class="differences"') : section.index("</table>")]
+    assert "mean deceleration of the stop<br>" in table
+    assert "at most 2.5 m/s^2: <strong>not decided</strong> (FR09-25, annex 3, note 4)" in table
+    assert "stopping distance: at most 0.914 m: <strong>not decided</strong> (NZ72-01, 5.4)" in table
+    assert "that is at least 3.419 m/s^2, a stop from the rated speed within this distance" in table
+    assert "no rule</td>" in table  # pennsylvania
+    (clash,) = re.findall(r'<p class="clash">(.*)</p>', section)
+    assert "france_2009 FR09-25 (annex 3, note 4) at most 2.5 m/s^2 (stop with both brakes together)" in clash
+    assert "new_zealand_1972 NZ72-01 (5.4) at least 3.419 m/s^2" in clash
     assert "§ 7.429(a)(2)" in section
 
 

@@ -45,6 +45,16 @@ class Strict(BaseModel):
     model_config = Section.model_config
 
 
+class SameAs(Strict):
+    """Rule in another quantity, by which it is set beside the rules of other documents; it is not judged by it."""
+
+    quantity: str = Field(description="that quantity as quantity/role/statistic")
+    comparison: Comparison = Field(description="side of the limit that is allowed")
+    limit: Any = Field(description="number or formula")
+    unit: OneLine = Field(description="unit of the limit")
+    why: OneLine = Field(default="", description="how it follows")
+
+
 class Check(Strict):
     """Rule of a document: a figure compared with a limit, or the reason why the twin cannot decide it."""
 
@@ -67,6 +77,7 @@ class Check(Strict):
     definition: OneLine = Field(default="", description="what the figure stands for, where words differ")
     load_case: str | None = Field(default=None, description="load case of the document in which it is to be judged")
     waiver: OneLine = Field(default="", description="what the authority may allow")
+    same_as: SameAs | None = Field(default=None, description="the rule in a quantity that other documents compare")
     doubt: OneLine = Field(default="", description="doubt about the text that was read")
     read: Read | None = Field(default=None, description="how it was read, where not as the document")
     judged_in: str | None = Field(default=None, description="check that applies it")
@@ -228,6 +239,9 @@ def _judged_faults(path: KeyPath, check: Check, document: Document) -> Iterator[
     yield from _limit_faults((*path, "limit"), check.limit, within=check.comparison == "within")
     if check.allowance is not None:
         yield from _limit_faults((*path, "allowance"), check.allowance, within=False)
+    if (other := check.same_as) is not None:
+        yield from _quantity_faults((*path, "same_as"), "quantity", other.quantity, other.unit)
+        yield from _limit_faults((*path, "same_as", "limit"), other.limit, within=other.comparison == "within")
 
 
 def _quantity_faults(path: KeyPath, key: str, given: str, unit: str | None) -> Iterator[Fault]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot, inf
@@ -199,7 +199,7 @@ class Judge:
         numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
         base = base.with_figure(quantity, figure)
         try:
-            given = _case_of(check.limit, facts)
+            given = case_of(check.limit, facts)
             if given is None:
                 return base.outside("none of its cases is this ropeway")
             both = given if isinstance(given, list) else [given]
@@ -299,7 +299,7 @@ def _not_stated(fact: str) -> str:
     return f"limits.installation.{fact} is not stated"
 
 
-def _case_of(limit: Any, facts: Mapping[str, Any]) -> Any:
+def case_of(limit: Any, facts: Mapping[str, Any]) -> Any:
     """Limit of the first case that holds; None where none does."""
     if not (isinstance(limit, list) and limit and isinstance(limit[0], Mapping)):
         return limit
@@ -372,41 +372,3 @@ def _tidy(value: float) -> str:
 
 def _unit(one: RuleVerdict) -> str:
     return "" if one.unit == "-" else f" {one.unit}"
-
-
-# quantities that rules compare in place of each other, by the one that stands for all
-TOPICS = {
-    "tested_safety_factor": "rope_safety_factor",
-    "calculated_safety_factor": "rope_safety_factor",
-    "tension_over_load": "tension_per_transverse_load",
-}
-
-
-def topic_of(verdict: RuleVerdict) -> tuple[str, str]:
-    """Quantity and role of a verdict, the same for quantities that rules compare in place of each other."""
-    quantity, role, _ = verdict.quantity.split("/")
-    return TOPICS.get(quantity, quantity), role
-
-
-def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
-    """Verdicts on one quantity, of several profiles, where their rules or verdicts differ or one has none.
-
-    Args:
-        verdicts: of all profiles.
-        profiles: names of the profiles.
-    """
-    by_topic: dict[tuple[str, str], list[RuleVerdict]] = {}
-    for one in verdicts:
-        if one.state != OUTSIDE:
-            by_topic.setdefault(topic_of(one), []).append(one)
-    for found in by_topic.values():
-        seen = [
-            {
-                (one.quantity, one.comparison, tuple(limit * one.scale for limit in one.limits), one.state)
-                for one in found
-                if one.profile == name
-            }
-            for name in profiles
-        ]
-        if any(one != seen[0] for one in seen):
-            yield found

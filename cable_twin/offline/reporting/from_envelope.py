@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,10 +12,10 @@ import numpy as np
 
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, supports_of
-from cable_twin.key_figures.rules import profiles_of
 from cable_twin.offline.export import figure_of_columns
 from cable_twin.offline.lines.at_rest import Line, at_place, plan_line
 from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
+from cable_twin.offline.reporting.judging import judge_extremes, with_rules
 from cable_twin.offline.reporting.remarks import inputs_of
 from cable_twin.offline.reporting.results import Case, Results, ResultsError, RopeCourse, TowerLoad
 from cable_twin.offline.verdict_table import verdict_of_columns
@@ -35,13 +35,21 @@ class Governing(NamedTuple):
     place: float
 
 
-def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], file: Path | None = None) -> Results:
+def read_envelope(
+    path: Path,
+    on_state: Callable[[int], Callable[[], object]],
+    file: Path | None = None,
+    rules: Sequence[str] | None = None,
+    facts: Mapping[str, Any] | None = None,
+) -> Results:
     """Results of an envelope.
 
     Args:
         path: file that `envelope --json` has written.
         on_state: called with the number of states that will be found; returns what is called after each.
         file: of the scenario with its remarks; None for the shipped one of its name.
+        rules: rule profiles by which the extremes are judged, in place of what the envelope has judged.
+        facts: keys of `limits.installation` for that, in place of those of the scenario.
 
     Raises:
         ResultsError: it is no such file.
@@ -64,7 +72,12 @@ def read_envelope(path: Path, on_state: Callable[[int], Callable[[], object]], f
         said = f"{error} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise ResultsError(f"{path}: no envelope: {said}; {EXPECTED}") from None
     inputs = inputs_of(scenario, file)
-    profiles = profiles_of(scenario)
+    scenario, profiles = with_rules(scenario, rules, facts or {})
+    if rules is not None or facts:
+        try:
+            verdicts = judge_extremes(scenario, figures, governing, cases, profiles)
+        except ResultsError as error:
+            raise ResultsError(f"{path}: {error}") from None
     still = [one for one in figures if governing[one.id] not in moving]
     states = _states(still, governing)
     done = on_state(len(states))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
+from cable_twin.offline.reporting.judging import judge_cases, with_rules
 from cable_twin.offline.reporting.remarks import inputs_of
 from cable_twin.offline.reporting.results import Case, Results, ResultsError, SobolIndex, StudyRange
+from cable_twin.offline.studies.design import SCRIPT
 from cable_twin.offline.studies.record import MANIFEST, TABLE
 from cable_twin.scenario import ScenarioError, load_scenario
 
@@ -24,12 +26,19 @@ def is_study(path: Path) -> bool:
     return path.name == MANIFEST or (path / MANIFEST).is_file()
 
 
-def read_study(path: Path, file: Path | None = None) -> Results:
+def read_study(
+    path: Path,
+    file: Path | None = None,
+    rules: Sequence[str] | None = None,
+    facts: Mapping[str, Any] | None = None,
+) -> Results:
     """Results of a study.
 
     Args:
         path: directory of the study, or its manifest.
         file: of the scenario with its remarks; None for the shipped one of its name.
+        rules: rule profiles by which each case is judged, in place of those of the scenario.
+        facts: keys of `limits.installation` for that, in place of those of the scenario.
 
     Raises:
         ResultsError: the study has no results, or they are damaged.
@@ -42,6 +51,8 @@ def read_study(path: Path, file: Path | None = None) -> Results:
         vary, program = manifest["vary"], manifest["program"]
         rows = list(_rows(directory / TABLE))
         cases = [_case(row, vary) for row in rows]
+        judged = [(row["case"], _values(row, vary), _figures(row, manifest["figures"])) for row in rows]
+        at_rest = manifest["duration"] == 0.0
         ranges = [_range(FigureId.of_text(key), one, rows) for key, one in manifest["figures"].items()]
         indices = [_index(row, manifest["figures"]) for row in _rows(directory / INDICES)]
         design = f"{manifest['method']}, {manifest['cases']} cases, {manifest['finished']} finished"
@@ -55,6 +66,8 @@ def read_study(path: Path, file: Path | None = None) -> Results:
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         said = f"{error} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise ResultsError(f"{directory}: no study: {said}; {EXPECTED}") from None
+    scenario, profiles = with_rules(scenario, rules, facts or {})
+    verdicts = judge_cases(scenario, judged, profiles, at_rest=at_rest)
     found = [one for one in ranges if one is not None]
     figures = [one.extreme for one in found]
     return Results(
@@ -64,6 +77,8 @@ def read_study(path: Path, file: Path | None = None) -> Results:
         inputs_of(scenario, file),
         {one.extreme.id: one.case for one in found},
         kind="a study",
+        profiles=profiles,
+        verdicts=verdicts,
         cases=cases,
         ranges=found,
         indices=indices,
@@ -105,6 +120,28 @@ def _range(id_: FigureId, said: Mapping[str, str], rows: list[dict[str, str]]) -
     value, case = low if id_.statistic == "lowest" else high
     extreme = KeyFigure(id_, said["name"], value, said["unit"], math.nan)
     return StudyRange(extreme, case, low, high, len(found))
+
+
+def _values(row: Mapping[str, str], vary: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a case by key of the scenario, as the study has set them."""
+    found: dict[str, Any] = {}
+    for key in vary:
+        if key == SCRIPT:
+            continue
+        try:
+            found[key] = int(row[key]) if row[key].lstrip("-").isdecimal() else float(row[key])
+        except ValueError:
+            found[key] = row[key]
+    return found
+
+
+def _figures(row: Mapping[str, str], said: Mapping[str, Mapping[str, str]]) -> list[KeyFigure]:
+    """Key figures of a case, without their times and places, which the table does not have."""
+    return [
+        KeyFigure(FigureId.of_text(key), one["name"], value, one["unit"], 0.0)
+        for key, one in said.items()
+        if row.get(key) and math.isfinite(value := float(row[key]))
+    ]
 
 
 def _index(row: Mapping[str, str], figures: Mapping[str, Any]) -> SobolIndex:

@@ -47,7 +47,7 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
     Raises:
         DesignError: there is no counterweight, or no such tension.
     """
-    if not model.mass_key:
+    if not model.mass_keys:
         raise DesignError("tension: given a rope without a counterweight; allowed: --for length --tension or --sag")
     factor = factor or model.factor * MARGIN
     strength = model.strength
@@ -75,15 +75,16 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
 def for_tension(model: LineModel, tension: float, why: str) -> Designed:
     """Counterweight and unstrained lengths for a tension (N) at the tensioned end, and what decided it."""
     scenario, changes, lines = model.scenario, {}, []
-    if model.mass_key:
+    if model.mass_keys:
         mass = float(round(model.pull_per_tension * tension / scenario.gravity, -1))
         tension = mass * scenario.gravity / model.pull_per_tension
         if abs(tension / model.tension() - 1.0) > SAME:
-            changes[model.mass_key] = Change(mass, f"kg, design: {with_unit(tension, 'N')} in the rope: {why}")
-        lines.append(f"{model.mass_key}: {mass:g} kg, {with_unit(tension, 'N')} in the rope: {why}")
+            decided = Change(mass, f"kg, design: {with_unit(tension, 'N')} in the rope: {why}")
+            changes.update(dict.fromkeys(model.mass_keys, decided))
+        lines.append(f"{', '.join(model.mass_keys)}: {mass:g} kg, {with_unit(tension, 'N')} in the rope: {why}")
     length = round(model.lengths(tension), 2)
     middle = "the counterweight is then near the middle of its travel"
-    reason = middle if model.mass_key else f"for {with_unit(tension, 'N')} in the rope: {why}"
+    reason = middle if model.mass_keys else f"for {with_unit(tension, 'N')} in the rope: {why}"
     for key in model.rope_keys:
         changes[f"{key}.unstrained_length"] = Change(length, f"m, design: {reason}")
     lines.append(f"{', '.join(model.rope_keys)}: unstrained_length {length:g} m: {reason}")
@@ -271,7 +272,8 @@ def _heights(
         worst = int(np.where(kept < 10.0, lost, np.inf).argmin())
         why = f"{'raised' if way > 0.0 else 'lowered'} by {abs(way):.2f} m for {conditions.names[worst]}"
         height = round(float(before[row] + way), 2)
-        changes[f"towers.{name}.position.z"] = Change(height, f"design: {why}")
+        for own, above in model.supports[row] if model.supports else ((name, 0.0),):
+            changes[f"towers.{own}.position.z"] = Change(round(height + above, 2), f"design: {why}")
         lines.append(f"towers.{name}.position: z = {height:g} m, {why}")
     if not changes:
         return Designed({}, ["towers: all conditions are kept as they are"])

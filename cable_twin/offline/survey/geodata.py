@@ -20,7 +20,7 @@ from cable_twin.offline.survey.profile import (
     check_towers,
     with_valid_names,
 )
-from cable_twin.offline.survey.tables import NAMES, tower_of
+from cable_twin.offline.survey.tables import MOST_ROWS, NAMES, tower_of
 
 SUFFIXES = (".gpx", ".geojson", ".json", ".gpkg")
 NEEDED = ("pyproj", "pyogrio", "shapely")
@@ -76,8 +76,10 @@ def read_geodata(terrain: Path, towers: Path, units: str | None = None, above_gr
     if plane != other:
         raise SurveyError(f"{towers}: given coordinates in {other}; allowed: those of the terrain, {plane}")
     line = _ground(terrain, ground, same=terrain == towers)
-    flat, notes = _metres(terrain, plane, units)
-    if np.isnan(line[:, 2]).any():
+    flat, notes = _metres(terrain, plane, units, line)
+    if len(line) > MOST_ROWS:
+        raise SurveyError(f"{terrain}: terrain: given {len(line)} points; allowed: at most {MOST_ROWS}")
+    if not np.isfinite(line[:, 2]).all():
         raise SurveyError(f"{terrain}: terrain: given a line without heights; allowed: a height at each point")
     profile, along = _along(terrain, flat(line))
     places = [(f"point {number}", x, z) for number, (x, z) in enumerate(profile.tolist(), start=1)]
@@ -127,17 +129,24 @@ def _features(file: Path) -> tuple[list[Feature], str]:
                 continue
             plane = str(meta["crs"] or "")
             names = [str(name) for name in meta["fields"]]
-            for number, shape in enumerate(shapely.from_wkb(shapes), start=1):
+            with np.errstate(invalid="ignore"):  # places that are no numbers, refused below
+                there = shapely.from_wkb(shapes)
+            for number, shape in enumerate(there, start=1):
                 if shape is None or shape.is_empty:
                     continue
                 values = _named({name: column[number - 1] for name, column in zip(names, columns, strict=True)})
                 places = shapely.get_coordinates(shape, include_z=True)
+                if not np.isfinite(places[:, :2]).all():
+                    where = f"{file}: {layer}, feature {number}"
+                    raise SurveyError(f"{where}: given a place that is no number; allowed: finite coordinates")
                 is_line = shape.geom_type in ("LineString", "MultiLineString")
                 said = f"{layer} {values.get('name', '')} {values.get('kind', '')}"
                 ground = bool(GROUND.search(said)) and not ROPES.search(said)
                 if is_line and ROPES.search(said) and not GROUND.search(said):
                     continue
                 found.append(Feature(f"{layer}, feature {number}", places, values, is_line, ground))
+    except SurveyError:
+        raise
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise SurveyError(f"{file}: cannot be read ({reason}); allowed: {', '.join(SUFFIXES)}") from None
@@ -173,8 +182,15 @@ def _ground(file: Path, features: Sequence[Feature], same: bool) -> FloatArray:
     return np.concatenate(points)
 
 
-def _metres(file: Path, plane: str, units: str | None) -> tuple[Any, list[str]]:
-    """Function that takes places (n, 3) of a coordinate system to metres, and notes."""
+def _metres(file: Path, plane: str, units: str | None, places: FloatArray) -> tuple[Any, list[str]]:
+    """Function that takes places (n, 3) of a coordinate system to metres, and notes.
+
+    Args:
+        file: for faults and notes.
+        plane: coordinate system.
+        units: of heights; None: metres.
+        places: (points, 3) of the terrain.
+    """
     import pyproj  # noqa: PLC0415 - an extra
 
     system = pyproj.CRS.from_user_input(plane)
@@ -194,6 +210,12 @@ def _metres(file: Path, plane: str, units: str | None) -> tuple[Any, list[str]]:
     middle: list[FloatArray] = []
 
     def flat(places: FloatArray) -> FloatArray:
+        if not (np.abs(places[:, :2]) <= [180.0, 90.0]).all():
+            lon, lat = places[~(np.abs(places[:, :2]) <= [180.0, 90.0]).all(axis=1)][0, :2]
+            raise SurveyError(
+                f"{file}: given longitude {lon:g} and latitude {lat:g}; allowed: at most 180 and 90 degrees, in the "
+                "order of the format, in GeoJSON the longitude first"
+            )
         if not middle:  # that of the terrain, which comes first
             middle.append(places.mean(axis=0))
         lon, lat, height = middle[0].tolist()
@@ -203,7 +225,9 @@ def _metres(file: Path, plane: str, units: str | None) -> tuple[Any, list[str]]:
         wider = 1.0 + (0.0 if np.isnan(height) else height * scale) / EARTH  # at that height, not at sea level
         return np.column_stack([np.asarray(east) * wider, np.asarray(north) * wider, places[:, 2] * scale])
 
-    notes.append(f"{file}: {plane}, projected around the middle of the terrain, at its mean height")
+    lon, lat = places[:, :2].mean(axis=0)
+    where = f"{abs(lat):.4f}° {'N' if lat >= 0.0 else 'S'}, {abs(lon):.4f}° {'E' if lon >= 0.0 else 'W'}"
+    notes.append(f"{file}: {plane}, projected around the middle of the terrain, {where}, at its mean height")
     return flat, notes
 
 

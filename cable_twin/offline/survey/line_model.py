@@ -38,11 +38,13 @@ class LineModel:
         cabin: N, weight of the full vehicle on a track rope; 0 on a lift.
         depth: m, lowest point of the vehicle below the rope.
         terrain: (points, 2) m, in the axes of `corner`; empty without one.
-        rope_keys: of the ropes in the file, such as ropes.up.
-        mass_key: of the counterweight; empty without one.
+        rope_keys: of the ropes in the file, such as ropes.up; of a jig-back all equal track ropes.
+        mass_keys: of the counterweights, one for each of these, or one for both strands; empty without one.
         pull_per_tension: -, force of the counterweight over the tension at its end.
         free_stretch: -, length without tension over the unstrained one.
         forward: whether the first rope of the file starts at the tensioned end.
+        supports: of each tower, names in the file of what stands on it, with its height (m) over that of `corner`;
+            empty where a tower is in the file by its own name.
     """
 
     scenario: Scenario
@@ -54,10 +56,11 @@ class LineModel:
     depth: float
     terrain: FloatArray
     rope_keys: tuple[str, ...]
-    mass_key: str
+    mass_keys: tuple[str, ...]
     pull_per_tension: float
     free_stretch: float
     forward: bool
+    supports: tuple[tuple[tuple[str, float], ...], ...] = ()
 
     @property
     def strength(self) -> float:
@@ -94,15 +97,15 @@ class LineModel:
         if not self.cabin:
             return float(np.mean([self.spans(tension, which).length.sum() for which in (0, 1)]))
         bare = float(self.spans(tension, 2).length.sum())
-        if not self.mass_key:
+        if not self.mass_keys:
             return bare
         loaded = with_cabin(self.corner, tension, self.weights[2], self.rope["axial_stiffness"], self.cabin)
         return 0.5 * (bare + float(loaded.length.sum()))
 
     def tension(self) -> float:
         """Tension (N) at the tensioned end, of the counterweight or of the length of a rope with pinned ends."""
-        if self.mass_key:
-            return pull_of(self.scenario, self.mass_key) / self.pull_per_tension
+        if self.mass_keys:
+            return pull_of(self.scenario, self.mass_keys[0]) / self.pull_per_tension
         length = self.scenario.of_rope(next(iter(self.scenario.cables))).cable.unstrained_length
 
         def miss(tension: float) -> float:
@@ -166,19 +169,27 @@ def pull_of(scenario: Scenario, mass_key: str) -> float:
     return float(found.force if found.force is not None else found.mass * scenario.gravity)
 
 
+KNOWN = "both strands of a lift in a plane, one track rope with a cabin, or equal track ropes with a cabin each"
+
+
 def line_model(scenario: Scenario) -> LineModel:
     """Line of a scenario.
 
     Raises:
-        DesignError: it is neither a lift in a plane nor a single track rope.
+        DesignError: it is none that is known in closed form.
     """
-    if scenario.dim != 2:
-        raise DesignError("space: given a line in space; allowed: a lift or a track rope in a plane")
-    if scenario.carriers is not None and scenario.sheaves:
-        return _lift(scenario)
-    if scenario.ropes or len(scenario.carriages) != 1 or scenario.drives:
-        raise DesignError("ropes: given several ropes; allowed: both strands of a lift, or one track rope with a cabin")
-    return _track(scenario)
+    if scenario.carriers is not None:
+        if scenario.carriers.tracks:
+            raise DesignError(f"carriers: given carriers that roll on track ropes; allowed: {KNOWN}")
+        if scenario.dim != 2:
+            raise DesignError(f"space: given a lift in space; allowed: {KNOWN}")
+        if scenario.sheaves:
+            return _lift(scenario)
+    tracks = [name for name in scenario.cables if name not in scenario.strands]
+    riders = [scenario.rope_of(one) for one in scenario.carriages.values()]
+    if not tracks or sorted(riders) != sorted(tracks) or (scenario.drives and not scenario.strands):
+        raise DesignError(f"ropes: given {len(tracks)} track ropes and {len(riders)} cabins; allowed: {KNOWN}")
+    return _track(scenario, tracks)
 
 
 def _lift(scenario: Scenario) -> LineModel:
@@ -224,45 +235,87 @@ def _lift(scenario: Scenario) -> LineModel:
         _depth(list(carriers.bodies.values())),
         terrain,
         tuple(f"ropes.{name}" for name in scenario.ropes),
-        f"sheaves.{tensioned[0]}.counterweight.mass",
+        (f"sheaves.{tensioned[0]}.counterweight.mass",),
         2.0 * along,
         alone.cable.free_stretch(scenario.air.temperature),
         strand.after != tensioned[0],
     )
 
 
-def _track(scenario: Scenario) -> LineModel:
-    (carriage,) = scenario.carriages.values()
-    cable = scenario.cable
+def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
+    """Line of one track rope, or of equal ones, with a cabin on each."""
+    keys = tuple(f"ropes.{name}" if scenario.ropes else "cable" for name in tracks)
+    first = scenario.of_rope(tracks[0])
+    cable = first.cable
     weighted = [key for key, end in cable.ends.items() if end.support == "counterweight"]
-    corner = np.array(scenario.corners)
-    names = list(scenario.towers)
+    for key, name in zip(keys[1:], tracks[1:], strict=True):
+        if (what := _unlike(first, scenario.of_rope(name))) != "":
+            raise DesignError(f"{key}: given another {what} than {keys[0]}; allowed: {KNOWN}")
+    corner = np.array([(place[0], place[-1]) for place in first.corners])
+    names = list(first.towers)
     if weighted == ["end"]:
         corner, names = corner[::-1], names[::-1]
-    towers = [scenario.towers[name] for name in names]
+    towers = [first.towers[name] for name in names]
     rope = figures_of(cable)
     own = scenario.gravity * (rope["mass_per_length"] + cable.ice)
-    full = sum(body.mass for body in carriage.bodies.values())
-    full += carriage.payload.capacity if carriage.payload is not None else 0.0
+    full = [
+        sum(body.mass for body in one.bodies.values()) + (one.payload.capacity if one.payload is not None else 0.0)
+        for one in scenario.carriages.values()
+    ]
     along = 1.0
     if weighted:
-        direction, span = np.array(cable.ends[weighted[0]].direction), corner[1] - corner[0]
+        given = cable.ends[weighted[0]].direction
+        direction, span = np.array([given[0], given[-1]]), corner[1] - corner[0]
         along = abs(float(direction @ span)) / float(np.hypot(*direction) * np.hypot(*span))
+    supports = _supports(scenario, first, names) if len(tracks) > 1 else ()
+    plain = [name.removesuffix("_1") for name in names] if supports else names
+    depth = max(_depth(list(one.bodies.values())) for one in scenario.carriages.values())
     corner, terrain = _from_tensioned_end(corner, scenario)
     return LineModel(
         scenario,
         corner,
-        Assemblies(names, [one.hold_down for one in towers], [one.contacts for one in towers]),
+        Assemblies(plain, [one.hold_down for one in towers], [one.contacts for one in towers]),
         rope,
         (own, own, own),
-        scenario.gravity * full,
-        _depth(list(carriage.bodies.values())),
+        scenario.gravity * max(full),
+        depth,
         terrain,
-        ("cable",),
-        f"cable.{weighted[0]}.mass" if weighted else "",
+        keys,
+        tuple(f"{key}.{weighted[0]}.mass" for key in keys) if weighted else (),
         along,
         cable.free_stretch(scenario.air.temperature),
         weighted != ["end"],
+        supports,
+    )
+
+
+def _unlike(one: Scenario, other: Scenario) -> str:
+    """What differs between two track ropes that one design is for; empty where nothing does."""
+    places = [np.array([(place[0], place[-1]) for place in rope.corners]) for rope in (one, other)]
+    if places[0].shape != places[1].shape or not np.allclose(*places, atol=1e-3):
+        return "course"
+    if figures_of(one.cable) != figures_of(other.cable):
+        return "rope"
+    ends = [
+        [
+            (key, end.support, end.mass if end.support == "counterweight" else None)
+            for key, end in rope.cable.ends.items()
+        ]
+        for rope in (one, other)
+    ]
+    return "end" if ends[0] != ends[1] else ""
+
+
+def _supports(scenario: Scenario, first: Scenario, names: Sequence[str]) -> tuple[tuple[tuple[str, float], ...], ...]:
+    """Everything on each tower of the first rope: supports of all ropes at its x, with their height over its saddle."""
+    places = scenario.tower_places
+    return tuple(
+        tuple(
+            (other, float(place[-1] - first.tower_places[name][-1]))
+            for other, place in places.items()
+            if abs(place[0] - first.tower_places[name][0]) < 1.0
+        )
+        for name in names
     )
 
 

@@ -21,6 +21,8 @@ from cable_twin.offline.survey.profile import (
 )
 
 LARGEST = 2**25  # bytes of a file
+MOST_ROWS = 20_000  # of a file
+MOST_FAULTS = 20  # that are told
 NAMES: Mapping[str, tuple[str, ...]] = {
     "x": ("x", "distance", "chainage", "station", "s"),
     "z": ("z", "height", "elevation", "altitude"),
@@ -87,7 +89,12 @@ def read_table(file: Path, units: str | None = None) -> Table:
     if units is None and (said := _unit_in(remarks)) is not None:
         units = said
     delimiter = next((mark for mark in (";", "\t", ",") if mark in lines[0][1]), ",")
-    header, *rows = csv.reader((line for _, line in lines), delimiter=delimiter)
+    if len(lines) - 1 > MOST_ROWS:
+        raise SurveyError(f"{file}: given {len(lines) - 1} rows; allowed: at most {MOST_ROWS}")
+    try:
+        header, *rows = csv.reader((line for _, line in lines), delimiter=delimiter)
+    except csv.Error as error:
+        raise SurveyError(f"{file}: no table ({error}); allowed: a CSV file") from None
     columns, scales, notes = _columns(str(file), header, units)
     faults: list[str] = []
     found = []
@@ -109,7 +116,8 @@ def read_table(file: Path, units: str | None = None) -> Table:
                 values[column] = cell.strip()
         found.append((number, values))
     if faults:
-        raise SurveyError("\n".join(faults))
+        more = [f"{file}: {len(faults) - MOST_FAULTS} more such lines"] if len(faults) > MOST_FAULTS else []
+        raise SurveyError("\n".join([*faults[:MOST_FAULTS], *more]))
     return Table(str(file), tuple(filter(None, columns)), tuple(found), tuple(notes))
 
 

@@ -6,7 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from cable_twin.key_figures.rules import STATES, Profile, RuleVerdict, differences
+from cable_twin.key_figures.rules import STATES, Asked, Profile, RuleVerdict, asked_by, clashes, differences
+from cable_twin.key_figures.rules.comparison import topic_of
 from cable_twin.key_figures.rules.document import counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, OUTSIDE, limit_text, value_text
@@ -25,12 +26,28 @@ class ProfilePart(NamedTuple):
     summary: str
 
 
+class Verdict(NamedTuple):
+    """Verdict within the table of differences, with what its check asks for beside its limit.
+
+    Attributes:
+        verdict: the verdict.
+        limit: limit in words, also where the run does not decide it.
+        of: name of its quantity, where it is not that of the row.
+        other: the rule in another quantity; empty without one.
+    """
+
+    verdict: RuleVerdict
+    limit: str
+    of: str
+    other: str
+
+
 class Difference(NamedTuple):
     """Row of the table of differences: a quantity, and the verdicts of each profile on it."""
 
     quantity: str
     role: str
-    cells: Sequence[Sequence[RuleVerdict]]
+    cells: Sequence[Sequence[Verdict]]
 
 
 class Rules:
@@ -44,12 +61,14 @@ class Rules:
         if not results.profiles:
             return None
         names = [one.name for one in results.profiles]
-        rows, alone = _differences(results.verdicts, names, texts) if len(names) > 1 else ([], {})
+        asked = asked_by(results.scenario, results.profiles) if len(names) > 1 else []
+        rows, alone = _differences(results.verdicts, names, asked, texts) if len(names) > 1 else ([], {})
         return {
             "parts": [_part(one, results.verdicts, texts) for one in results.profiles],
             "names": names,
             "differences": rows,
             "alone": alone,
+            "clashes": [(*pair, texts.quantity(pair[0].quantity.partition("/")[0])) for pair in clashes(asked)],
             "value_text": value_text,
             "limit_text": lambda one: texts.limit(limit_text(one)),
         }
@@ -82,18 +101,29 @@ def rules_summary(results: Results, texts: Texts) -> list[tuple[str, str]]:
 
 
 def _differences(
-    verdicts: Sequence[RuleVerdict], names: Sequence[str], texts: Texts
+    verdicts: Sequence[RuleVerdict], names: Sequence[str], asked: Sequence[Asked], texts: Texts
 ) -> tuple[list[Difference], dict[str, str]]:
     """Quantities on which profiles differ, and those on which one alone has a rule."""
     rows: list[Difference] = []
     alone: dict[str, list[str]] = {}
+    demands: dict[tuple[str, str], list[Asked]] = {}
+    for one in asked:
+        demands.setdefault((one.profile, one.check), []).append(one)
     for group in differences(verdicts, names):
-        quantity, role, _ = group[0].quantity.split("/")
+        quantity, role = topic_of(group[0].quantity)
         name = texts.quantity(quantity)
         if len({one.profile for one in group}) == 1:
             rules = ", ".join(one.check for one in group)
             alone.setdefault(group[0].profile, []).append(f"{name} ({rules})")
             continue
-        cells = [[one for one in group if one.profile == profile] for profile in names]
+        cells = [[_cell(one, name, demands, texts) for one in group if one.profile == profile] for profile in names]
         rows.append(Difference(name, ROLES[role], cells))
     return rows, {profile: "; ".join(whats) for profile, whats in alone.items()}
+
+
+def _cell(one: RuleVerdict, row: str, demands: Mapping[tuple[str, str], Sequence[Asked]], texts: Texts) -> Verdict:
+    own, *others = demands.get((one.profile, one.check), ()) or (None,)
+    limit = limit_text(one) or (own.said if own is not None and own.quantity == one.quantity else "")
+    name = texts.quantity(one.quantity.partition("/")[0])
+    told = [f"{texts.limit(each.said)}, {texts(each.why)}" for each in others if each.limits != one.limits]
+    return Verdict(one, texts.limit(limit), "" if name == row else name, "; ".join(told))

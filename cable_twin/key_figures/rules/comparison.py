@@ -1,0 +1,152 @@
+"""What several rule profiles ask of one quantity: side by side, and what no ropeway can keep together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from cable_twin.basics.units import rounded
+from cable_twin.key_figures.rules.conditions import facts_of, holds, system_of
+from cable_twin.key_figures.rules.document import UNITS, Check, Profile, SameAs
+from cable_twin.key_figures.rules.expressions import FormulaError, MissingError, value_of
+from cable_twin.key_figures.rules.subjects import Subjects
+from cable_twin.key_figures.rules.verdicts import OUTSIDE, RuleVerdict, case_of
+from cable_twin.scenario import Scenario
+
+# quantities that rules compare in place of each other, by the one that stands for all
+TOPICS = {
+    "tested_safety_factor": "rope_safety_factor",
+    "calculated_safety_factor": "rope_safety_factor",
+    "tension_over_load": "tension_per_transverse_load",
+    "stopping_distance": "mean_deceleration",
+    "drive_deceleration": "mean_deceleration",
+}
+UPPER, LOWER = ("at most", "below", "within"), ("at least", "above", "within")
+
+
+class Asked(NamedTuple):
+    """Demand of a check, whether or not a run decides it.
+
+    Attributes:
+        profile: name of the profile.
+        check: id of the check.
+        clause: of the document.
+        quantity: quantity/role/statistic of the figure.
+        comparison: side of the limits that is allowed.
+        limits: in the unit.
+        unit: of the rule.
+        load_case: what it is to be judged in, in words; empty for any run.
+        why: how it follows from the check, where the check compares another quantity.
+    """
+
+    profile: str
+    check: str
+    clause: str
+    quantity: str
+    comparison: str
+    limits: tuple[float, ...]
+    unit: str
+    load_case: str = ""
+    why: str = ""
+
+    @property
+    def scale(self) -> float:
+        """SI units in a unit of the rule."""
+        return UNITS.get(self.unit, ("", 1.0))[1]
+
+    @property
+    def said(self) -> str:
+        """Demand in words, as `at most 2.5 m/s^2`."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        return f"{self.comparison} {' to '.join(rounded(limit) for limit in self.limits)}{unit}"
+
+
+def asked_by(scenario: Scenario, profiles: Iterable[Profile]) -> list[Asked]:
+    """Demands of all checks of profiles that apply to a scenario and whose limits are known of it alone.
+
+    A check that other documents compare in another quantity is there in both.
+    """
+    profiles = list(profiles)
+    if not profiles:
+        return []
+    facts, system = facts_of(scenario, Subjects(scenario)), system_of(scenario)
+    found = []
+    for profile in profiles:
+        for name, check in profile.document.checks.items():
+            if check.quantity is None or system not in profile.systems_of(check) or not _applies(check, facts):
+                continue
+            case = profile.document.load_cases[check.load_case] if check.load_case is not None else ""
+            for one in (check, check.same_as):
+                if one is None or (limits := _limits(one, facts)) is None:
+                    continue
+                own = (profile.name, name, check.clause, str(one.quantity), str(one.comparison), limits)
+                found.append(Asked(*own, str(one.unit), case, one.why if isinstance(one, SameAs) else ""))
+    return found
+
+
+def _applies(check: Check, facts: Mapping[str, Any]) -> bool:
+    try:
+        return holds(check.when, facts)
+    except MissingError:
+        return False
+
+
+def _limits(one: Check | SameAs, facts: Mapping[str, Any]) -> tuple[float, ...] | None:
+    """Limits of a check; None where they depend on what is not known without a run."""
+    numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
+    try:
+        given = case_of(one.limit, facts)
+        if given is None:
+            return None
+        return tuple(value_of(each, numbers) for each in (given if isinstance(given, list) else [given]))
+    except (MissingError, FormulaError):
+        return None
+
+
+def clashes(asked: Sequence[Asked]) -> list[tuple[Asked, Asked]]:
+    """Pairs of demands of different profiles on one quantity that nothing keeps together."""
+    found = []
+    for one, two in combinations(asked, 2):
+        if one.profile == two.profile or one.quantity != two.quantity:
+            continue
+        for high, low in ((one, two), (two, one)):
+            apart = low.scale * low.limits[0] > high.scale * high.limits[-1] * (1.0 + 1e-9)
+            if high.comparison in UPPER and low.comparison in LOWER and apart:
+                found.append((one, two))
+                break
+    return found
+
+
+def topic_of(quantity: str) -> tuple[str, str]:
+    """Quantity and role, the same for quantities that rules compare in place of each other.
+
+    Args:
+        quantity: as quantity/role/statistic.
+    """
+    name, role, _ = quantity.split("/")
+    return TOPICS.get(name, name), role
+
+
+def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
+    """Verdicts on one quantity, of several profiles, where their rules or verdicts differ or one has none.
+
+    Args:
+        verdicts: of all profiles.
+        profiles: names of the profiles.
+    """
+    by_topic: dict[tuple[str, str], list[RuleVerdict]] = {}
+    for one in verdicts:
+        if one.state != OUTSIDE:
+            by_topic.setdefault(topic_of(one.quantity), []).append(one)
+    for found in by_topic.values():
+        seen = [
+            {
+                (one.quantity, one.comparison, tuple(limit * one.scale for limit in one.limits), one.state)
+                for one in found
+                if one.profile == name
+            }
+            for name in profiles
+        ]
+        if any(one != seen[0] for one in seen):
+            yield found

@@ -1,0 +1,98 @@
+"""Verdicts of rule profiles on results that are there already: extremes of load cases, and cases of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from cable_twin.key_figures import FigureId, KeyFigure
+from cable_twin.key_figures.rules import Profile, RuleVerdict, judge, profiles_of
+from cable_twin.key_figures.rules.verdicts import BROKEN, NOT_DECIDED
+from cable_twin.offline.envelope import in_case, worst_verdicts
+from cable_twin.offline.reporting.results import Case, ResultsError
+from cable_twin.scenario import Scenario, load_scenario
+
+LOAD_CASES = "limits.load_cases"
+# figures that follow from two, which may be of different load cases: bounds of those of any one, on the safe side
+OF_TWO = ("load_ratio", "rope_deflection", "tension_over_load", "wheel_load_ratio")
+APART = "its two figures are extremes that may be of different load cases; `envelope` with the profile judges each case"
+
+
+def with_rules(
+    scenario: Scenario, names: Sequence[str] | None, facts: Mapping[str, Any]
+) -> tuple[Scenario, list[Profile]]:
+    """Scenario with stated facts, and the rule profiles of given names or of its own.
+
+    Raises:
+        ScenarioError: a fact is invalid.
+        RuleError: a profile is, or contradicts another one or the installation.
+    """
+    if facts:
+        scenario = load_scenario(
+            scenario.resolved(), {f"limits.installation.{key}": value for key, value in facts.items()}
+        )
+    return scenario, profiles_of(scenario, None if names is None else tuple(names))
+
+
+def judge_extremes(
+    scenario: Scenario,
+    extremes: Sequence[KeyFigure],
+    governing: Mapping[FigureId, str],
+    cases: Iterable[Case],
+    profiles: Sequence[Profile],
+) -> list[RuleVerdict]:
+    """Verdicts on the extremes of load cases: a limit that the worst figure keeps, all do.
+
+    Args:
+        scenario: that the load cases change.
+        extremes: key figures, the worst of all load cases.
+        governing: id of the load case that governs each.
+        cases: all load cases.
+        profiles: rule profiles.
+
+    Raises:
+        ResultsError: a load case is that of a rule, and its figures are not told from the others.
+    """
+    cases = list(cases)
+    if own := [one.id for one in cases if LOAD_CASES in one.changes]:
+        raise ResultsError(
+            f"case {own[0]} is a load case of a rule, whose figures are among the extremes; allowed: profiles that "
+            "`envelope` has judged, as with --set 'limits.profile=[NAME]'"
+        )
+    moving = any(one.moves for one in cases)
+    told = [replace(one, place=f"case {governing[one.id]}") if one.id in governing else one for one in extremes]
+    return [_bounded(one) for one in judge(scenario, told, profiles, at_rest=not moving)]
+
+
+def _bounded(one: RuleVerdict) -> RuleVerdict:
+    """Verdict that is open where two figures of different load cases make it worse than either case."""
+    if one.state in BROKEN and one.quantity.partition("/")[0] in OF_TWO:
+        return replace(one, state=NOT_DECIDED, reason=APART)
+    return one
+
+
+def judge_cases(
+    scenario: Scenario,
+    cases: Iterable[tuple[str, Mapping[str, Any], Sequence[KeyFigure]]],
+    profiles: Sequence[Profile],
+    *,
+    at_rest: bool,
+) -> list[RuleVerdict]:
+    """Worst verdict of each check over the cases of a study, each judged with its own values.
+
+    Args:
+        scenario: that the cases change.
+        cases: id, values by key and key figures of each; those without figures are left out.
+        profiles: rule profiles.
+        at_rest: whether the figures are of lines at rest.
+    """
+    if not profiles:
+        return []
+    resolved = scenario.resolved()
+    found = []
+    for name, values, figures in cases:
+        if figures:
+            changed = load_scenario(resolved, values)
+            found.append(in_case(name, judge(changed, figures, profiles, at_rest=at_rest)))
+    return worst_verdicts(found) if found else judge(scenario, [], profiles, at_rest=at_rest)
