@@ -98,7 +98,7 @@ TEXTS: Mapping[str, str] = {
     "has a rule on:": "hat eine Regel über:",
     "rule": "Regel",
     "clause": "Fundstelle",
-    "text": "Inhalt",
+    "text": "Forderung",
     "figure": "Kennwert",
     "check": "Prüfung",
     "checks": "Prüfungen",
@@ -121,7 +121,7 @@ TEXTS: Mapping[str, str] = {
     "the": "der",
     # sentences
     "Numbers at the bottom are the largest sags of the spans in m. Heights and lengths have different scales.": (
-        "Die Zahlen unten sind die größten Durchhänge der Felder in m. Höhen und Längen haben verschiedene Maßstäbe."
+        "Die Zahlen unten sind die größten Durchhänge der Seilfelder in m. Höhen und Längen haben verschiedene Maßstäbe."
     ),
     "Solid ropes: at the start; dashed: lowest in the run.": (
         "Seile ausgezogen: am Anfang; gestrichelt: tiefste Lage im Lauf."
@@ -160,7 +160,7 @@ TEXTS: Mapping[str, str] = {
         "Biegewechsel der am meisten gebogenen Seilstelle je Fahrt, gerade - gebogen - gerade:"
     ),
     "over bullwheels and": "über Seilscheiben und",
-    "over sheaves of towers": "über Rollen von Stützen",
+    "over sheaves of towers": "über Stützenrollen",
     "in a year of": "in einem Jahr mit",
     "trips:": "Fahrten:",
     "and": "und",
@@ -266,12 +266,12 @@ QUANTITIES: Mapping[str, str] = {
     "rope_clearance": "Bodenabstand des Seils",
     "support_load": "Auflagerkraft",
     "load_along_track": "Kraft in Bahnrichtung",
-    "load_downwards": "Kraft nach unten",
+    "load_downwards": "Kraft lotrecht nach unten",
     "deropement_margin": "Reserve gegen Abheben, Last zu der in Ruhe",
     "roller_load": "Rollenlast, kleinste",
     "lateral_force": "Seitenkraft des Seils",
     "lateral_ratio": "Seitenkraft zu Normalkraft",
-    "derailed": "entgleist",
+    "derailed": "Seil entgleist",
     "counterweight_travel": "Weg des Spanngewichts",
     "hydraulics_travel": "Weg der hydraulischen Spanneinrichtung",
     "speed": "Geschwindigkeit",
@@ -297,14 +297,14 @@ QUANTITIES: Mapping[str, str] = {
     "connector_slack": "schlaff, längste Dauer",
     "pantograph_force": "Kontaktkraft",
     "contact_loss": "Kontaktverlust, Anteil der Zeit",
-    "carried_load": "Last der Fahrbetriebsmittel, größte",
+    "carried_load": "Last der Fahrzeuge, größte",
     "strand_tension": "Zugkraft von '{}'",
     "adhesion_used": "ausgenutzte von verfügbarer Reibung",
     "rope_slip": "Schlupf des Seils",
     "rollback": "Rücklaufsicherung ausgelöst",
     "drive_torque": "Antriebsmoment, größtes",
     "wind": "Wind",
-    "energy_lost": "Energieverlust des Lösers, bezogen",
+    "energy_lost": "Energieverlust des Rechenverfahrens, bezogen",
     "swing_tangent": "Längsneigung, Tangens",
     "lateral_swing_tangent": "Querneigung, Tangens",
     "calculated_safety_factor": "Sicherheit auf die rechnerische Bruchkraft",
@@ -320,7 +320,7 @@ QUANTITIES: Mapping[str, str] = {
     "diameter_ratio": "Durchmesser zu Seildurchmesser",
     "wire_ratio": "Durchmesser zu dem des dicksten Drahts",
     "saddle_acceleration": "größte Geschwindigkeit zum Quadrat zu Radius",
-    "carrier_interval": "Folgezeit der Fahrbetriebsmittel",
+    "carrier_interval": "Folgezeit der Fahrzeuge",
     "boarding_speed": "Geschwindigkeit, unter der ein Fahrzeug bestiegen wird",
     "brake_hold": "Tragseilbremse zu Hangabtrieb",
     "grip_slip_safety": "Abziehkraft der Klemme zu ihrem Zug",
@@ -343,7 +343,7 @@ PHRASES: Mapping[str, str] = {
     "its load along the rope, swing included": "der Last am Seil, mit Pendeln",
     "stands for yes": "steht für ja",
     "for no": "für nein",
-    "carriers and payload": "Fahrbetriebsmittel und Nutzlast",
+    "carriers and payload": "Fahrzeuge und Nutzlast",
     "no wind": "kein Wind",
     "rope travel": "Seilweg",
     "arc length": "Bogenlänge",
@@ -353,7 +353,7 @@ PHRASES: Mapping[str, str] = {
     "mean of": "Mittel von",
     " rollers": " Rollen",
     "judged after": "beurteilt nach",
-    "sampled at every solver step": "in jedem Schritt des Lösers abgetastet",
+    "sampled at every solver step": "in jedem Rechenschritt abgetastet",
     "sampled at every frame, unfiltered; EN 50318 filters it with a low-pass of 20 Hz": (
         "in jedem Bild abgetastet, ungefiltert; EN 50318 filtert mit einem Tiefpass von 20 Hz"
     ),
