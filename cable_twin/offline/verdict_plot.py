@@ -14,7 +14,8 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
 from cable_twin.key_figures.rules import RuleVerdict
-from cable_twin.key_figures.rules.verdicts import BROKEN, KEPT, OUTSIDE, limit_text, topic_of, value_text
+from cable_twin.key_figures.rules.comparison import topic_of
+from cable_twin.key_figures.rules.verdicts import BROKEN, KEPT, OUTSIDE, limit_text, value_text
 from cable_twin.offline.plots import COLORS, INK, QUIET, STYLE
 
 MOST = 1.6  # share of a limit at which bars end
@@ -46,8 +47,8 @@ def write_verdict_plot(title: str, verdicts: Sequence[RuleVerdict], path: Path) 
     if not shown:
         return False
     profiles = list(dict.fromkeys(one.profile for one in shown))
-    topics = list(dict.fromkeys(topic_of(one) for one in shown))
-    shown.sort(key=lambda one: (topics.index(topic_of(one)), profiles.index(one.profile)))
+    topics = list(dict.fromkeys(topic_of(one.quantity) for one in shown))
+    shown.sort(key=lambda one: (topics.index(topic_of(one.quantity)), profiles.index(one.profile)))
     with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
         figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT * len(shown) + 1.5))
         for row, one in enumerate(shown):
@@ -66,7 +67,7 @@ def write_verdict_plot(title: str, verdicts: Sequence[RuleVerdict], path: Path) 
         axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
         axes.grid(visible=False, axis="y")
         for row, (one, after) in enumerate(pairwise(shown)):
-            if topic_of(one) != topic_of(after):
+            if topic_of(one.quantity) != topic_of(after.quantity):
                 axes.axhline(row + 0.5, color=QUIET, linewidth=0.4)
         patches = [Patch(color=color, label=name) for color, name in zip(COLORS, profiles, strict=False)]
         patches.append(Patch(facecolor="white", edgecolor=QUIET, hatch="////", label="not decided"))

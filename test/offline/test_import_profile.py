@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -155,8 +156,26 @@ def test_a_jig_back_downwards_rests_with_its_counterweights_inside_their_travel(
     assert rest.columns[0].joint_position[0, 0] == pytest.approx(986.0, abs=2.0)
 
 
-SCRIPT = "- {time: 0, name: haul_rope, speed: 2.3}\n- {time: 20, event: emergency_stop}\n"
+SCRIPT = "- {time: 0, name: haul_rope, speed: 2.3}\n- {time: 10, event: emergency_stop}\n"
 CASES = Path(__file__).resolve().parents[2] / "examples" / "load_cases.yaml"
+NUMBER = re.compile(r'<data class="figure" data-id="([^"]*)" value="([^"]*)">')
+
+
+def figures_of(file):
+    """Value of each key figure of a run by its id."""
+    (run,) = json.loads(file.read_text())["runs"]
+    return {one["id"]: one["value"] for one in run["key_figures"]}
+
+
+def reported(source, scenario, values):
+    """Text of the report of a run or an envelope, whose every figure is that of its own command."""
+    page = source.parent / f"{source.stem}.html"
+    assert report.main([*map(str, (source, "--scenario", scenario, "--output", page))]) == 0
+    text = page.read_text(encoding="utf-8")
+    found = {id_: float(value) for id_, value in NUMBER.findall(text)}
+    assert found == values
+    assert 'class="note"' not in text  # the states at rest are found again
+    return text
 
 
 @pytest.mark.long
@@ -166,7 +185,7 @@ def test_the_nine_towers_go_from_survey_to_design_run_envelope_and_report(tmp_pa
     assert code == 0
     file = tmp_path / "higher.yaml"
     assert design.main([*map(str, (surveyed, "--for", "towers", "--output", file))]) == 0
-    run = [file, "--script", written(tmp_path, "stop.yaml", SCRIPT), "--duration", 30, "--record", "bag"]
+    run = [file, "--script", written(tmp_path, "stop.yaml", SCRIPT), "--duration", 16, "--record", "bag"]
     run += ["--output", tmp_path / "runs"]
     assert simulate.main([*map(str, run), "--json", str(tmp_path / "run.json")]) == 0
     assert envelope.main([*map(str, (file, "--cases", CASES, "--places", 1, "--json", tmp_path / "cases.json"))]) == 0
@@ -174,27 +193,39 @@ def test_the_nine_towers_go_from_survey_to_design_run_envelope_and_report(tmp_pa
     assert "25 load cases" in told
     cases = json.loads((tmp_path / "cases.json").read_text())
     assert all(one["fault"] == "" for one in cases["cases"])
-    for source in (next((tmp_path / "runs").iterdir()), tmp_path / "cases.json"):
-        page = tmp_path / "page.html"
-        assert report.main([*map(str, (source, "--scenario", file, "--output", page))]) == 0
-        text = page.read_text(encoding="utf-8")
+    reviewed = figures_of(tmp_path / "run.json")
+    enveloped = {one["id"]: one["value"] for one in cases["envelope"]}
+    for source, values in ((next((tmp_path / "runs").iterdir()), reviewed), (tmp_path / "cases.json", enveloped)):
+        text = reported(source, file, values)
         assert "T9_up" in text
         assert "raised by 4.61 m for least load of the sheaves of T3" in text
-        assert 'class="note"' not in text  # the states at rest are found again
+
+
+TRAMWAY_CASES = """\
+product:
+  loading: {empty: {loading: empty}, full: {loading: full}}
+  temperature: {cold: {set: {air.temperature: -20}}, hot: {set: {air.temperature: 40}}}
+"""
 
 
 @pytest.mark.long
-def test_the_tramway_goes_from_survey_to_run_and_report(tmp_path):
+def test_the_tramway_goes_from_survey_to_design_run_envelope_and_report(tmp_path):
     pytest.importorskip("jinja2")
     terrain, towers = (SURVEY / f"tramway_{name}.csv" for name in ("terrain", "towers"))
-    file, code = imported(tmp_path, "--type", "aerial_tramway", "--no-rest", terrain=terrain, towers=towers)
+    surveyed, code = imported(tmp_path, "--type", "aerial_tramway", "--no-rest", terrain=terrain, towers=towers)
     assert code == 0
+    file = tmp_path / "tauter.yaml"
+    assert design.main([*map(str, (surveyed, "--for", "rope", "--factor", 3.6, "--output", file))]) == 0
     script = written(
         tmp_path, "stop.yaml", "- {time: 0, name: cabin, speed: 7.0}\n- {time: 20, event: emergency_stop}\n"
     )
     run = [file, "--script", script, "--duration", 30, "--record", "bag", "--output", tmp_path / "runs"]
-    assert simulate.main([*map(str, run)]) == 0
-    page = tmp_path / "page.html"
-    options = [next((tmp_path / "runs").iterdir()), "--scenario", file, "--output", page]
-    assert report.main([*map(str, options)]) == 0
-    assert "safety factor 3.47 of 4950 kN" in page.read_text(encoding="utf-8")
+    assert simulate.main([*map(str, run), "--json", str(tmp_path / "run.json")]) == 0
+    given = written(tmp_path, "given.yaml", TRAMWAY_CASES)
+    assert envelope.main([*map(str, (file, "--cases", given, "--places", 3, "--json", tmp_path / "cases.json"))]) == 0
+    reviewed = figures_of(tmp_path / "run.json")
+    enveloped = {one["id"]: one["value"] for one in json.loads((tmp_path / "cases.json").read_text())["envelope"]}
+    for source, values in ((next((tmp_path / "runs").iterdir()), reviewed), (tmp_path / "cases.json", enveloped)):
+        text = reported(source, file, values)
+        assert "smallest in mm with a safety factor of 3.6" in text
+        assert "safety factor 3.47 of 4950 kN" in text

@@ -121,7 +121,8 @@ TEXTS: Mapping[str, str] = {
     "the": "der",
     # sentences
     "Numbers at the bottom are the largest sags of the spans in m. Heights and lengths have different scales.": (
-        "Die Zahlen unten sind die größten Durchhänge der Seilfelder in m. Höhen und Längen haben verschiedene Maßstäbe."
+        "Die Zahlen unten sind die größten Durchhänge der Seilfelder in m. Höhen und Längen haben verschiedene "
+        "Maßstäbe."
     ),
     "Solid ropes: at the start; dashed: lowest in the run.": (
         "Seile ausgezogen: am Anfang; gestrichelt: tiefste Lage im Lauf."

@@ -264,8 +264,7 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
     ]
     along = 1.0
     if weighted:
-        given = cable.ends[weighted[0]].direction
-        direction, span = np.array([given[0], given[-1]]), corner[1] - corner[0]
+        direction, span = np.array(cable.ends[weighted[0]].direction)[[0, -1]], corner[1] - corner[0]
         along = abs(float(direction @ span)) / float(np.hypot(*direction) * np.hypot(*span))
     supports = _supports(scenario, first, names) if len(tracks) > 1 else ()
     plain = [name.removesuffix("_1") for name in names] if supports else names
@@ -291,8 +290,8 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
 
 def _unlike(one: Scenario, other: Scenario) -> str:
     """What differs between two track ropes that one design is for; empty where nothing does."""
-    places = [np.array([(place[0], place[-1]) for place in rope.corners]) for rope in (one, other)]
-    if places[0].shape != places[1].shape or not np.allclose(*places, atol=1e-3):
+    first, second = (np.array([(place[0], place[-1]) for place in rope.corners]) for rope in (one, other))
+    if first.shape != second.shape or not np.allclose(first, second, atol=1e-3):
         return "course"
     if figures_of(one.cable) != figures_of(other.cable):
         return "rope"
