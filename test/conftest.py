@@ -1,18 +1,20 @@
-import fcntl
 import gc
 import os
 import signal
-from importlib import import_module
+from contextlib import suppress
 
 import pytest
+from kernels_in_turn import take_turns
 from twin_process import TwinProcess, allocate_domain, release_domain, write_quick_scenario
 
+from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.solution.relaxation import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-SHARED = ("seed_example", "chairlift"), ("windy_tramway", "jig_back")  # whose kernels most tests need: plane and space
+# whose kernels most tests need: several ropes and one, in a plane and in space, with nodes at loads and without
+SHARED = "jig_back", "chairlift", "windy_tramway", "aerial_tramway", "seed_example"
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under `nohup` all commands that tests start would ignore it
@@ -55,24 +57,17 @@ def _ros_log_directory(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def _kernels(tmp_path_factory):
-    """Kernels needed by all tests, compiled once under `-n` by one process a group on one core."""
+    """Kernels needed by most tests, each scenario compiled by one process of `-n`."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
-    cores, groups = os.sched_getaffinity(0), [*enumerate(SHARED)]
-    worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-    first, core = worker % len(SHARED), sorted(cores)[worker % len(cores)]
-    import_module("scipy.optimize")  # threads that it makes are to have all cores
-    for number, names in groups[first:] + groups[:first]:
-        with (tmp_path_factory.getbasetemp().parent / f"kernels_{number}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            os.sched_setaffinity(0, {core})  # or it would start another process for it
-            gc.disable()
-            try:
-                for name in names:
-                    Simulation(load_scenario(name)).advance_to(0.01)
-            finally:
-                os.sched_setaffinity(0, cores)
-                gc.enable()
+    take_turns()
+    gc.disable()
+    for name in SHARED:
+        with suppress(FileExistsError):  # another one has begun with it
+            (tmp_path_factory.getbasetemp().parent / f"kernels_of_{name}").touch(exist_ok=False)
+            simulation = Simulation(load_scenario(name))
+            KeyFigures(simulation.scenario).update(simulation.advance_to(0.01))
+    gc.enable()
 
 
 @pytest.fixture

@@ -24,6 +24,8 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
+from kernels_in_turn import take_turns
+
 COMMANDS = "ros.sim", "ros.client.drive", "offline.simulate", "offline.review", "offline.replay"
 LATER = "cable_twin.ros.node", "cable_twin.view.rerun_view", "scipy.optimize"  # what they import when they need it
 
@@ -98,6 +100,8 @@ def serve() -> None:
     """Fork a command for each line of the input and write its exit code to a file after its end."""
     for module in (*(f"cable_twin.{command}" for command in COMMANDS), *LATER):
         import_module(module)
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        take_turns()
     _load_kernels()
     gc.freeze()  # or each goes through all of it when it ends
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the tests

@@ -88,7 +88,6 @@ def test_launch_files_start_twins_and_end_them(workspace, domain, tmp_path, file
     extra = {
         **variables,
         "ROS_DOMAIN_ID": str(domain),
-        "NUMBA_DISABLE_JIT": "1",
         "LAUNCH": LAUNCH,
         "PYTHONPATH": os.pathsep.join(brought),
     }
@@ -145,8 +144,7 @@ def test_node_runs_from_the_workspace(workspace, domain, tmp_path):
         f". {directory}/install/setup.sh && exec $COLCON_PREFIX_PATH/cable_twin/lib/cable_twin/sim "
         "--scenario seed_example --frame-rate 10 --rerun none"
     )
-    # interpreted kernels, as compiling them once more for another place would take half a minute
-    extra = {**variables, "ROS_DOMAIN_ID": str(domain), "NUMBA_DISABLE_JIT": "1"}
+    extra = {**variables, "ROS_DOMAIN_ID": str(domain)}
     process = TwinProcess(tmp_path, domain=domain, command=["sh", "-c", script], variables=extra)
     try:
         participant = Participant(domain)
