@@ -1,6 +1,7 @@
 """First start: kernels compiled ahead by the second process are those needed, and progress is right."""
 
 import inspect
+import itertools
 import os
 import signal
 import subprocess
@@ -14,9 +15,10 @@ from rich.console import Console
 from twin_process import run_python, wait_until
 
 import cable_twin
+from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.kernel_cache import FROM_KERNELS, FROM_PYTHON, kept_kernels
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import load_scenario, scenario_names
 from cable_twin.simulation import Simulation, first_compilation
 from cable_twin.simulation.engine import Engine
 from cable_twin.simulation.first_compilation import (
@@ -45,7 +47,7 @@ from cable_twin.mechanics.solution.bundle.bullwheels import move_bullwheels
 from cable_twin.mechanics.solution.generalized_alpha import begin_rope, step
 from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld
 from cable_twin.mechanics.solution.newmark import Coefficients, predict_rope
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import load_scenario, scenario_names
 from cable_twin.simulation.engine import Engine
 
 class Typed(Exception):
@@ -115,6 +117,19 @@ def test_kernels_with_a_workspace_are_compiled_ahead(name):
         if argument not in known and "work" in inspect.signature(kernel.py_func).parameters
     ]
     assert not missing, f"Ropeway.typical, or Engine.typical, has no value for {', '.join(missing)}"
+
+
+@needs_kernels
+def test_scenarios_of_a_kind_have_the_same_kernels():
+    """One rope or several, plane or space, nodes at loads or none: few kinds, so that few are compiled."""
+    kinds = {}
+    for name, changes in itertools.product(scenario_names(), ({}, {"space": 3})):
+        engine = Engine(load_scenario(name, changes))
+        cable = engine.parts[0].system.cable
+        types = tuple(numba.typeof(pack(argument)) for argument in engine.arguments(0))
+        kinds.setdefault((len(engine.parts) > 1, len(cable.gravity), bool(cable.load_nodes)), set()).add(types)
+    assert len(kinds) == 8
+    assert {kind: len(found) for kind, found in kinds.items()} == dict.fromkeys(kinds, 1)
 
 
 @pytest.mark.parametrize(

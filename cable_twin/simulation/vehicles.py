@@ -61,6 +61,8 @@ def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Se
     bodies = np.concatenate([np.zeros(0), *(np.arange(starts[row], starts[row + 1]) for row in vehicles)])
     bodies = bodies.astype(np.int64)
     carriages, hauls = systems[0].carriages, systems[0].haul_ropes
+    limits = np.concatenate([np.array(one.carriages.limits) for one in systems], axis=1)
+    # `take` gives contiguous rows, as of a rope by itself: kernels of other arrays would be other kernels
     carriages = carriages._replace(
         body_offset=np.cumsum([0, *sizes[vehicles]], dtype=np.int64),
         **{
@@ -70,7 +72,7 @@ def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Se
             for name in carriages._fields[1:]
             if name != "limits"
         },
-        limits=DriveLimits(*np.concatenate([np.array(one.carriages.limits) for one in systems], axis=1)[:, vehicles]),
+        limits=DriveLimits(*limits.take(vehicles, axis=1)),
     )
     hauls = hauls._replace(
         present=any(one.haul_ropes.present for one in systems),
