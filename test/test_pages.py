@@ -25,6 +25,7 @@ from cable_twin.offline import (
 from cable_twin.recording.log_writer import FORMAT_VERSION
 from cable_twin.ros import sim
 from cable_twin.ros.client import drive
+from cable_twin.ros.door import plant_door
 from cable_twin.scenario.checks.fault import inner_model
 from cable_twin.scenario.schema import Scenario
 from cable_twin.simulation.snapshot_file import FORMAT_VERSION as SNAPSHOT_VERSION
@@ -40,6 +41,7 @@ COMMANDS = {
     "import_profile": import_profile,
     "plant": plant,
     "follow": follow,
+    "plant_door": plant_door,
     "report": report,
     **TOOLS,
 }

@@ -70,7 +70,7 @@ def test_it_has_the_form_of_sros2():
     assert (root.tag, root.attrib) == ("policy", {"version": "0.2.0"})
     assert [child.tag for child in root] == ["enclaves"]
     paths = [enclave.get("path") for enclave in root[0]]
-    assert paths == ["/cable_twin", "/operator", "/observer"]
+    assert paths == ["/cable_twin", "/operator", "/observer", "/plant_door"]
     for profile in root.iter("profile"):
         assert set(profile.attrib) == {"ns", "node"}
         for part in profile:

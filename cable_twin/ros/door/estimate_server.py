@@ -1,0 +1,267 @@
+"""OPC UA server of the door: estimates and alarms of a twin as variables, with a status that tells their age."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import logging
+import math
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from asyncua import Server as UaServer
+from asyncua import ua
+from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.server.user_managers import UserManager
+
+from cable_twin.basics.printable import printable
+from cable_twin.messages import SECOND, Status
+from cable_twin.ros.door.link import FIRST_WAIT, secrets_of, without
+from cable_twin.ros.door.map_file import secret_text
+from cable_twin.ros.door.opcua_link import application_uri
+from cable_twin.ros.door.plant_map import Server
+from cable_twin.ros.door.samples import Level, Tell
+
+logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)
+
+URI = "urn:cable_twin:estimates"
+ALARMS = 20  # newest ones that are kept
+LOST = 12.0  # times `stale_after`, after which values are not uncertain but bad
+MOST = 10_000  # variables of estimates
+LONGEST_WAIT = 30.0  # s between two attempts to listen
+WARNING = 1  # level of a status
+POLICIES = {
+    "none": ua.SecurityPolicyType.NoSecurity,
+    "sign": ua.SecurityPolicyType.Basic256Sha256_Sign,
+    "sign_and_encrypt": ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+}
+GOOD, WAITING = ua.StatusCodes.Good, ua.StatusCodes.BadWaitingForInitialData
+OLD, GONE = ua.StatusCodes.UncertainLastUsableValue, ua.StatusCodes.BadNoCommunication
+
+
+class _Users(UserManager):
+    """Check of user name and password; without any, everybody may read."""
+
+    def __init__(self, user: str | None, password: str | None) -> None:
+        self._given = None if user is None or password is None else (user.encode(), password.encode())
+
+    def get_user(
+        self, _server: Any, username: Any = None, password: Any = None, certificate: Any = None
+    ) -> User | None:
+        """User of a session; None is refused."""
+        if self._given is None:
+            return User(role=UserRole.User)
+        given = [text.encode() if isinstance(text, str) else bytes(text or b"") for text in (username, password)]
+        equal = [hmac.compare_digest(one, wanted) for one, wanted in zip(given, self._given, strict=True)]
+        return User(role=UserRole.User) if all(equal) else None
+
+
+class EstimateServer:
+    """Server with the folders Estimates, Alarms and Status below an object `cable_twin`.
+
+    Args:
+        section: of the map.
+        directory: of the map.
+        tell: takes lines, from any thread.
+
+    Attributes:
+        listens: whether clients can connect.
+    """
+
+    def __init__(self, section: Server, directory: Path, tell: Tell) -> None:
+        self._section, self._directory = section, directory
+        self._to, self._secrets = tell, [*secrets_of(section, directory)]
+        self.listens = False
+        self._server: UaServer | None = None
+        self._index = 2
+        self._folders: dict[str, Any] = {}
+        self._values: dict[str, tuple[ua.NodeId, ua.Variant, int]] = {}  # by name: node, value, stamp (ns)
+        self._made: set[str] = set()
+        self._updates: asyncio.Queue[tuple[str, list[Status], int]] = asyncio.Queue()
+        self._alarms: deque[str] = deque(maxlen=ALARMS)
+        self._count = 0
+        self._heard: float | None = None  # monotonic time (s) of the newest estimate
+        self._status = WAITING
+
+    def tell(self, level: Level, text: str) -> None:
+        """Say a line, without any secret."""
+        self._to(level, without(self._secrets, printable(text, 500)))
+
+    def update(self, topic: str, statuses: list[Status], stamp_ns: int) -> None:
+        """Take a message of the twin; in the loop of the server."""
+        self._updates.put_nowait((topic, statuses, stamp_ns))
+
+    async def run(self) -> None:
+        """Listen, and again where the address is taken, until cancelled."""
+        wait, told = FIRST_WAIT, ""
+        while True:
+            try:
+                await self._listen()
+                break
+            except (OSError, ua.UaError, ValueError) as error:
+                reason = getattr(error, "strerror", None) or str(error)
+                if reason != told:
+                    told = reason
+                    self.tell("warning", f"server: {self._section.url} cannot be opened: {reason}; trying again")
+                await asyncio.sleep(wait)
+                wait = min(2.0 * wait, LONGEST_WAIT)
+        self.listens = True
+        self.tell("info", f"server: {self._section.url} has the estimates and alarms of {self._section.twin}")
+        try:
+            while True:
+                with suppress(asyncio.TimeoutError):
+                    update = await asyncio.wait_for(self._updates.get(), min(self._section.stale_after / 4.0, 1.0))
+                    await self._write(*update)
+                await self._check_age()
+        finally:
+            self.listens = False
+            await self._server.stop()  # type: ignore[union-attr]
+
+    async def _listen(self) -> None:
+        section = self._section
+
+        def secret(key: str) -> str | None:
+            given = getattr(section, key)
+            return None if given is None else secret_text(given, self._directory)
+
+        server = UaServer(user_manager=_Users(secret("user"), secret("password")))  # type: ignore[arg-type]
+        await server.init()
+        server.set_endpoint(section.url)
+        server.set_server_name("cable_twin plant_door")
+        server.set_security_policy([POLICIES[section.security]])
+        server.allow_remote_admin(False)
+        server.set_identity_tokens([ua.AnonymousIdentityToken] if section.user is None else [ua.UserNameIdentityToken])
+        if section.certificate is not None and section.private_key is not None:
+            certificate = (self._directory / section.certificate).expanduser()
+            uri = await application_uri(certificate)
+            if uri:
+                await server.set_application_uri(uri)
+            await server.load_certificate(certificate)
+            key = (self._directory / section.private_key).expanduser()
+            await server.load_private_key(key, secret("private_key_password"))
+        self._index = await server.register_namespace(URI)
+        root = await server.nodes.objects.add_object(self._id("cable_twin"), self._name("cable_twin"))
+        for name in ("Estimates", "Alarms", "Status"):
+            self._folders[name] = await root.add_folder(self._id(name), self._name(name))
+        self._server = server
+        self._made.clear()
+        await self._variable("Status", "Age", ua.Variant(math.nan, ua.VariantType.Double), unit="s")
+        texts = ua.Variant([], ua.VariantType.String, is_array=True)
+        await self._variable("Alarms", "Newest", ua.Variant("", ua.VariantType.String))
+        await self._variable("Alarms", "List", texts)
+        await self._variable("Alarms", "Count", ua.Variant(0, ua.VariantType.UInt32))
+        await self._variable("Alarms", "Active", ua.Variant(False, ua.VariantType.Boolean))
+        await server.start()
+
+    def _id(self, name: str) -> ua.NodeId:
+        return ua.NodeId.from_string(f"ns={self._index};s={name}")
+
+    def _name(self, name: str) -> ua.QualifiedName:
+        return ua.QualifiedName(name, self._index)
+
+    async def _variable(self, folder: str, name: str, value: ua.Variant, *, unit: str = "") -> None:
+        """Make a variable that only this server writes."""
+        key = f"{folder}/{name}"
+        node = await self._folders[folder].add_variable(self._id(key), self._name(name), value)
+        if unit:
+            known = ua.EUInformation(
+                NamespaceUri="http://www.opcfoundation.org/UA/units/un/cefact",
+                UnitId=-1,
+                DisplayName=ua.LocalizedText(unit),
+                Description=ua.LocalizedText(unit),
+            )
+            await node.add_property(self._id(f"{key}/EngineeringUnits"), ua.QualifiedName("EngineeringUnits", 0), known)
+        self._made.add(key)
+        self._values[key] = node.nodeid, value, 0
+        await self._put(key, value, 0, WAITING)
+
+    async def _put(self, key: str, value: ua.Variant, stamp_ns: int, status: int) -> None:
+        """Write a variable with its status, and the stamp (ns) of the twin as that of its source."""
+        assert self._server is not None
+        node = self._values[key][0]
+        self._values[key] = node, value, stamp_ns
+        stamp = datetime.fromtimestamp(stamp_ns / SECOND, timezone.utc) if stamp_ns else None
+        written: Any = {"SourceTimestamp": stamp, "ServerTimestamp": datetime.now(timezone.utc)}
+        code = ua.StatusCode(status)  # type: ignore[arg-type]
+        await self._server.write_attribute_value(node, ua.DataValue(value, code, **written))
+
+    async def _write(self, topic: str, statuses: Sequence[Status], stamp_ns: int) -> None:
+        """Write what a message of the twin says."""
+        if topic == "estimate":
+            self._heard = time.monotonic()
+            self._status = GOOD
+            for status in statuses:
+                if "value" in status.values:
+                    await self._estimate(status, stamp_ns)
+            new = [text for status in statuses for key, text in status.values.items() if key.startswith("alarm_")]
+            await self._alarm(new, any(status.level >= WARNING for status in statuses), stamp_ns)
+        else:
+            for status in statuses:
+                name = printable(status.name, 80)
+                for key, value in (
+                    ("Level", ua.Variant(int(status.level), ua.VariantType.Byte)),
+                    ("Message", _text(status.message)),
+                ):
+                    await self._set("Status", f"{name}/{key}", value, stamp_ns)
+
+    async def _estimate(self, status: Status, stamp_ns: int) -> None:
+        name, unit = printable(status.name, 80), printable(status.values.get("unit", ""), 20)
+        for key, at in (("value", name), ("standard_deviation", f"{name}/StandardDeviation")):
+            value = _number(status.values.get(key, ""))
+            code = GOOD if math.isfinite(value) else ua.StatusCodes.BadNoData
+            await self._set("Estimates", at, ua.Variant(value, ua.VariantType.Double), stamp_ns, code, unit)
+
+    async def _alarm(self, new: Sequence[str], active: bool, stamp_ns: int) -> None:
+        self._alarms += (printable(text, 300) for text in new)
+        self._count += len(new)
+        await self._set("Alarms", "Active", ua.Variant(active, ua.VariantType.Boolean), stamp_ns)
+        await self._set("Alarms", "Count", ua.Variant(self._count, ua.VariantType.UInt32), stamp_ns)
+        if new or self._values["Alarms/List"][2] == 0:
+            texts = ua.Variant([*self._alarms], ua.VariantType.String, is_array=True)
+            await self._set("Alarms", "List", texts, stamp_ns)
+            await self._set("Alarms", "Newest", _text(self._alarms[-1] if self._alarms else ""), stamp_ns)
+
+    async def _set(
+        self, folder: str, name: str, value: ua.Variant, stamp_ns: int, status: int = GOOD, unit: str = ""
+    ) -> None:
+        """Write a variable, which is made at its first value."""
+        key = f"{folder}/{name}"
+        if key not in self._made:
+            if len(self._made) >= MOST:
+                return
+            await self._variable(folder, name, value, unit=unit)
+        await self._put(key, value, stamp_ns, status)
+
+    async def _check_age(self) -> None:
+        """Tell the age of the estimates, and mark all that are old."""
+        if self._heard is None:
+            return
+        age = time.monotonic() - self._heard
+        await self._put("Status/Age", ua.Variant(age, ua.VariantType.Double), time.time_ns(), GOOD)
+        stale = self._section.stale_after
+        status = GOOD if age <= stale else OLD if age <= LOST * stale else GONE
+        if status == self._status:
+            return
+        if status == OLD:
+            text = f"server: no estimate of {self._section.twin} for {stale:g} s; its values are uncertain"
+            self.tell("warning", text)
+        self._status = status
+        for key, (_, value, stamp_ns) in [*self._values.items()]:
+            if key.startswith(("Estimates/", "Alarms/")):
+                await self._put(key, value, stamp_ns, status)
+
+
+def _text(text: str) -> ua.Variant:
+    return ua.Variant(printable(text, 500), ua.VariantType.String)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

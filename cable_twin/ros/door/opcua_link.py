@@ -1,0 +1,285 @@
+"""Client of an OPC UA server: variables of a map as samples, with quality, stamps and the offset of its clock."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from asyncua import Client, ua
+from asyncua.crypto import security_policies, uacrypto
+
+from cable_twin.messages import SECOND
+from cable_twin.ros.door.clocks import OneWay, RoundTrips
+from cable_twin.ros.door.link import Link, Take
+from cable_twin.ros.door.plant_map import OpcUa, Tag
+from cable_twin.ros.door.samples import Sample, Tell
+
+logging.getLogger("asyncua").setLevel(logging.CRITICAL + 1)  # what matters is said in lines of our own
+logging.getLogger("asyncua.crypto").setLevel(logging.CRITICAL + 1)
+
+APPLICATION = "urn:cable_twin:plant_door"
+CURRENT_TIME = f"i={ua.ObjectIds.Server_ServerStatus_CurrentTime}"
+ASKED_EVERY = 1.0  # s between questions that tell whether the server is there
+COMPARED_EVERY = 20.0  # s between comparisons of clocks
+COMPARING, PAUSE, ANSWERS = 1.5, 0.01, 4  # s of a comparison at most, s between its questions, answers that are enough
+SOUGHT_EVERY = 30.0  # s between searches for nodes that were not there
+QUEUE = 4.0  # publishing intervals of which the server keeps samples
+CLOSING = 2.0  # s for a farewell
+EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
+CREDENTIALS = {
+    "BadUserAccessDenied": "user name or password refused",
+    "BadIdentityTokenRejected": "user name or password refused",
+    "BadIdentityTokenInvalid": "user name or password refused, or not in the form it wants",
+    "BadSecurityChecksFailed": "certificate or security refused",
+    "BadCertificateUntrusted": "the door's certificate is not trusted there",
+    "BadCertificateInvalid": "the door's certificate is not valid there",
+    "BadCertificateUriInvalid": "the door's certificate has no application URI",
+    "BadSecurityModeInsufficient": "it needs more security: sign or sign_and_encrypt",
+    "BadSecurityPolicyRejected": "it has no policy Basic256Sha256, or not in this mode",
+}
+FAILURES = (OSError, asyncio.TimeoutError, ua.UaError, ValueError, RuntimeError, EOFError)
+
+
+class OpcUaLink(Link):
+    """Connection to an OPC UA server.
+
+    Args:
+        name: of the server in the map.
+        section: of the map.
+        tags: of this server, by name.
+        directory: of the map.
+        take: takes samples, from any thread.
+        tell: takes lines, from any thread.
+    """
+
+    def __init__(
+        self, name: str, section: OpcUa, tags: Mapping[str, Tag], directory: Path, take: Take, tell: Tell
+    ) -> None:
+        super().__init__(name, section, directory, take, tell)
+        self._section, self._tags = section, dict(tags)
+        self._names = [*tags]
+        self._trips, self._delay = RoundTrips(), OneWay()
+        self._seen: set[str] = set()  # tags of this connection that had a sample
+
+    async def run(self) -> None:
+        """Connect, and again whenever the connection is lost, until cancelled."""
+        while True:
+            client = Client(self._section.url, timeout=self._section.timeout)
+            client.name = client.description = "cable_twin plant_door"
+            client.application_uri = APPLICATION
+            try:
+                await self._connect(client)
+                await self._follow(client)
+            except FAILURES as error:
+                self.lost(reason_of(error, self._section))
+            finally:
+                with suppress(*FAILURES):
+                    await asyncio.wait_for(client.disconnect(), CLOSING)
+            await asyncio.sleep(self.wait())
+
+    async def _connect(self, client: Client) -> None:
+        """Connect with the security and the user of the map."""
+        section = self._section
+        user, password = self.secret(section.user), self.secret(section.password)
+        if user is not None and password is not None:
+            client.set_user(user)
+            client.set_password(password)
+        if section.security != "none":
+            certificate, key = self.file(section.certificate), self.file(section.private_key)
+            assert certificate is not None
+            assert key is not None
+            client.application_uri = await application_uri(certificate) or APPLICATION
+            pinned = self.file(section.server_certificate)
+            await client.set_security(
+                security_policies.SecurityPolicyBasic256Sha256,
+                certificate=certificate,
+                private_key=key,
+                private_key_password=self.secret(section.private_key_password),
+                server_certificate=None if pinned is None else str(pinned),
+                mode=ua.MessageSecurityMode.Sign
+                if section.security == "sign"
+                else ua.MessageSecurityMode.SignAndEncrypt,
+            )
+        await asyncio.wait_for(client.connect(), 4.0 * section.timeout)
+
+    async def _follow(self, client: Client) -> None:
+        """Subscribe to all tags, and ask for the server's time until it does not answer."""
+        self._seen.clear()
+        await self._compare_clocks(client)
+        subscription = await client.create_subscription(1e3 * self._section.interval, self)
+        missing = await self._subscribe(client, subscription, self._names)
+        there = len(self._names) - len(missing)
+        self.made(f"{there} of {len(self._names)} tags")
+        sought = compared = time.monotonic()
+        while True:
+            await asyncio.sleep(ASKED_EVERY)
+            await self._time(client)
+            if time.monotonic() - compared > COMPARED_EVERY:
+                await self._compare_clocks(client)
+                compared = time.monotonic()
+            if missing and time.monotonic() - sought > SOUGHT_EVERY:
+                missing = await self._subscribe(client, subscription, missing)
+                sought = time.monotonic()
+
+    async def _compare_clocks(self, client: Client) -> None:
+        """Ask the server for its time until the offset of its clock is known."""
+        self._trips.begin()
+        until, counted = time.monotonic() + COMPARING, 0
+        while counted < ANSWERS and time.monotonic() < until:
+            sent, started = time.time_ns(), time.monotonic_ns()
+            theirs = await self._time(client)
+            counted += self._trips.add(sent, theirs, sent + time.monotonic_ns() - started)
+            await asyncio.sleep(PAUSE)
+        if self._trips.best is not None:
+            self.server_clock.update(*self._trips.best)
+
+    async def _time(self, client: Client) -> int:
+        """Time of the server, ns since 1970; an error where it does not answer."""
+        theirs = await asyncio.wait_for(client.get_node(CURRENT_TIME).read_value(), self._section.timeout)
+        if not isinstance(theirs, datetime):
+            raise ValueError(f"its time is a {type(theirs).__name__}")
+        return nanoseconds_of(theirs)
+
+    async def _subscribe(self, client: Client, subscription: Any, names: list[str]) -> list[str]:
+        """Subscribe to tags; returns those whose nodes the server does not have, each said once."""
+        requests, asked, missing = [], [], []
+        for name in names:
+            try:
+                node = await self._node(client, self._tags[name].address)
+            except (ua.UaError, ValueError) as error:
+                missing.append(self._not_there(name, reason_of(error, self._section)))
+                continue
+            asked.append(name)
+            requests.append(self._request(node, name))
+        results = await subscription.create_monitored_items(requests) if requests else []
+        again = [row for row, one in enumerate(results) if _is_filter_fault(one)]
+        for row in again:  # a server without filters tells changes of values only
+            requests[row].RequestedParameters.Filter = None
+            (results[row],) = await subscription.create_monitored_items([requests[row]])
+        for name, one in zip(asked, results, strict=True):
+            if isinstance(one, ua.StatusCode):
+                missing.append(self._not_there(name, one.name))
+            elif self.refused.pop(name, None):
+                self.tell("info", f"tags.{name}: {self._tags[name].address} is there now")
+        return missing
+
+    def _not_there(self, name: str, why: str) -> str:
+        if self.refused.get(name) != why:
+            self.refused[name] = why
+            address = self._tags[name].address
+            self.tell("warning", f"tags.{name}: {self.name} has no node {address} ({why}); left out until it has")
+        return name
+
+    async def _node(self, client: Client, address: str) -> Any:
+        """Node of an address, whose namespace may be given by its URI."""
+        if address.startswith("nsu="):
+            uri, _, own = address.removeprefix("nsu=").partition(";")
+            address = f"ns={await client.get_namespace_index(uri)};{own}"
+        return ua.NodeId.from_string(address)
+
+    def _request(self, node: ua.NodeId, name: str) -> ua.MonitoredItemCreateRequest:
+        tag = self._tags[name]
+        asked = ua.MonitoringParameters()
+        asked.ClientHandle = self._names.index(name) + 1
+        asked.SamplingInterval = 1e3 / tag.rate
+        asked.QueueSize = max(math.ceil(QUEUE * self._section.interval * tag.rate), 2)
+        asked.DiscardOldest = True
+        asked.Filter = ua.DataChangeFilter(
+            Trigger=ua.DataChangeTrigger.StatusValueTimestamp, DeadbandType=0, DeadbandValue=0.0
+        )
+        request = ua.MonitoredItemCreateRequest()
+        request.ItemToMonitor = _item(node)
+        request.MonitoringMode = ua.MonitoringMode.Reporting
+        request.RequestedParameters = asked
+        return request
+
+    def datachange_notification(self, _node: Any, value: Any, data: Any) -> None:
+        """Take a sample, as asyncua calls it."""
+        receipt_ns = time.time_ns()
+        item = data.monitored_item
+        name = self._names[item.ClientHandle - 1]
+        status = item.Value.StatusCode
+        quality = "good" if status is None or status.is_good() else "uncertain" if status.is_uncertain() else "bad"
+        stamp_ns = self._stamp(name, item.Value, receipt_ns)
+        detail = "" if quality == "good" else status.name
+        self.take([Sample(name, value, quality, detail, stamp_ns, receipt_ns)])  # type: ignore[arg-type]
+
+    def status_change_notification(self, status: Any) -> None:
+        """Take the end of the subscription by the server, which the next question shows as a loss."""
+
+    def _stamp(self, name: str, value: ua.DataValue, receipt_ns: int) -> int:
+        """Time of a sample by our clock, ns; that of its receipt for the first one of a connection that is old.
+
+        The first sample is the value as it is now, whenever it changed.
+        """
+        source, server = (
+            None if stamp is None else nanoseconds_of(stamp) for stamp in (value.SourceTimestamp, value.ServerTimestamp)
+        )
+        is_first = name not in self._seen
+        self._seen.add(name)
+        kind = self._section.stamp
+        if kind == "receipt" or (source is None and server is None):
+            return receipt_ns
+        if kind == "source" and source is not None:
+            if not is_first:
+                by_server = receipt_ns + self.server_clock.offset_ns
+                self._delay.add(source, by_server)
+                if self._delay.best is not None:
+                    self.source_clock.update(self._delay.best)
+            stamp_ns = source - self.server_clock.shift_ns - self.source_clock.shift_ns
+        else:
+            stamp_ns = (source if server is None else server) - self.server_clock.shift_ns  # type: ignore[operator]
+        old = receipt_ns - stamp_ns > self._tags[name].stale_after * SECOND
+        return receipt_ns if is_first and old else stamp_ns
+
+
+def _item(node: ua.NodeId) -> ua.ReadValueId:
+    item = ua.ReadValueId()
+    item.NodeId = node
+    item.AttributeId = ua.AttributeIds.Value
+    return item
+
+
+def _is_filter_fault(result: Any) -> bool:
+    return isinstance(result, ua.StatusCode) and "Filter" in result.name
+
+
+def nanoseconds_of(time_: datetime) -> int:
+    """Time of OPC UA, which is UTC, in ns since 1970."""
+    aware = time_ if time_.tzinfo is not None else time_.replace(tzinfo=timezone.utc)
+    passed = aware - EPOCH
+    return (passed.days * 86400 + passed.seconds) * SECOND + passed.microseconds * 1000
+
+
+async def application_uri(certificate: Path) -> str:
+    """Application URI in a certificate, which servers compare with that of the client; empty without one."""
+    from cryptography import x509  # noqa: PLC0415 - with asyncua
+
+    loaded = await uacrypto.load_certificate(certificate)
+    try:
+        names = loaded.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return ""
+    return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), "")
+
+
+def reason_of(error: BaseException, section: OpcUa) -> str:
+    """Reason of a failure in words."""
+    name = type(error).__name__
+    if name in CREDENTIALS:
+        return f"{CREDENTIALS[name]} ({name})"
+    if isinstance(error, ua.UaStatusCodeError):
+        return name
+    if isinstance(error, asyncio.TimeoutError | TimeoutError):
+        return f"no answer within {section.timeout:g} s"
+    if isinstance(error, ConnectionRefusedError):
+        return f"nothing listens at {section.url}"
+    text = getattr(error, "strerror", None) or " ".join(str(error).split())
+    return text or name

@@ -1,0 +1,165 @@
+"""Samples of tags: conversion to SI, reasons to leave one out, and lines about changes of the reason."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from cable_twin.basics.printable import printable
+from cable_twin.basics.units import rounded
+from cable_twin.messages import SECOND
+from cable_twin.ros.door.plant_map import Tag
+from cable_twin.ros.door.quantities import QUANTITIES, conversion
+
+Level = Literal["info", "warning", "error"]
+Tell = Callable[[Level, str], None]
+
+QUIET = 10.0  # s between two lines about a tag, which may change its mind with each sample
+FAR = 10.0  # times what is possible, beyond which a value a thousand times off has another unit
+FUTURE, PAST = 1.0, 60.0  # s after and before the receipt, beyond which a stamp is one of another clock
+
+
+class Sample(NamedTuple):
+    """Value of a tag as it arrived.
+
+    Attributes:
+        tag: its name.
+        value: of any type.
+        quality: good, uncertain or bad.
+        detail: name of a quality that is not good.
+        stamp_ns: of the measurement, by our clock, ns since 1970.
+        receipt_ns: of its arrival.
+    """
+
+    tag: str
+    value: object
+    quality: Literal["good", "uncertain", "bad"]
+    detail: str
+    stamp_ns: int
+    receipt_ns: int
+
+
+class Measured(NamedTuple):
+    """Value of a tag in SI units."""
+
+    stamp_ns: int
+    value: float
+
+
+class TagState:
+    """Judge of the samples of a tag, which says in a line when it begins to leave them out, and when it ends.
+
+    Args:
+        name: of the tag.
+        tag: its section of the map.
+        tell: takes lines.
+
+    Attributes:
+        counts: samples by what became of them: `taken`, or the reason to leave them out.
+        last: newest good value.
+    """
+
+    def __init__(self, name: str, tag: Tag, tell: Tell) -> None:
+        self.name, self.tag, self._tell = name, tag, tell
+        self._factor, self._constant = conversion(tag.quantity, tag.unit, tag.radius, tag.area)
+        self.counts: Counter[str] = Counter()
+        self.last: Measured | None = None
+        self._heard_ns = 0  # receipt of the newest sample, good or not
+        self._reason = ""  # of the newest sample that was left out; empty where it was taken
+        self._out = 0  # samples since it was told, or since the last good one
+        self._told_ns = 0
+        self._told_reason = ""
+
+    @property
+    def reason(self) -> str:
+        """Reason why nothing is published of this tag at present; empty where something is."""
+        return self._reason
+
+    def take(self, sample: Sample) -> Measured | None:
+        """Value of a sample in SI units; None for one that is left out."""
+        self._heard_ns = sample.receipt_ns
+        value, reason, text = self._judged(sample)
+        if reason:
+            self._leave_out(reason, text, sample.receipt_ns)
+            return None
+        if self.last is not None and sample.stamp_ns <= self.last.stamp_ns:
+            self.counts["repeated"] += 1  # as after a new connection, whose first sample is an old one
+            return None
+        self._recover(sample.receipt_ns)
+        self.counts["taken"] += 1
+        self.last = Measured(sample.stamp_ns, value)
+        return self.last
+
+    def check_age(self, now_ns: int) -> None:
+        """Say that nothing has arrived for longer than expected; for a tag whose server is connected."""
+        age = (now_ns - self._heard_ns) / SECOND
+        if self._heard_ns and age > self.tag.stale_after and not self._reason and not self.tag.hold:
+            text = f"no sample for {self.tag.stale_after:g} s"
+            self._leave_out("stale", text, now_ns, samples=0)
+
+    def lose(self, now_ns: int) -> None:
+        """Start the age anew, as the connection has been lost or made."""
+        self._heard_ns = now_ns
+        if self._reason == "stale":
+            self._reason = ""
+
+    def _judged(self, sample: Sample) -> tuple[float, str, str]:
+        """Value in SI units, the reason to leave it out, and that in words."""
+        tag = self.tag
+        if sample.quality == "bad" or (sample.quality == "uncertain" and tag.quality == "good"):
+            allowed = "good" if tag.quality == "good" else "good or uncertain"
+            return 0.0, "quality", f"quality {printable(sample.detail)} given; allowed: {allowed}"
+        raw = sample.value
+        if isinstance(raw, bool) or not isinstance(raw, int | float):
+            shown = f"'{printable(raw, 40)}'" if isinstance(raw, str) else f"a {type(raw).__name__}"
+            return 0.0, "no number", f"{shown} given; allowed: a number, in {tag.unit}"
+        try:
+            given = (float(raw) * tag.scale + tag.offset) * tag.sign
+        except OverflowError:  # a whole number of hundreds of digits
+            given = math.inf
+        if not math.isfinite(given):
+            shown = str(raw) if isinstance(raw, float) else "a huge number"
+            return 0.0, "not finite", f"{shown} given; allowed: a finite number, in {tag.unit}"
+        if tag.range is not None and not tag.range[0] <= given <= tag.range[1]:
+            low, high = (rounded(limit) for limit in tag.range)
+            text = f"{rounded(given)} {tag.unit} given; allowed: {low} to {high} {tag.unit}"
+            return 0.0, "range", text + ("; a thousand times off: another unit?" if self._is_other_unit(given) else "")
+        age = (sample.receipt_ns - sample.stamp_ns) / SECOND
+        if not -FUTURE <= age <= PAST:
+            when = f"{rounded(abs(age))} s {'ago' if age > 0.0 else 'from now'}"
+            allowed = f"{PAST:g} s ago to {FUTURE:g} s from now"
+            return 0.0, "stamp", f"a stamp {when} given; allowed: {allowed}, else `stamp: receipt`"
+        return given * self._factor + self._constant, "", ""
+
+    def _is_other_unit(self, given: float) -> bool:
+        """Whether a thousandth, or a thousand times the value, would be possible, and the value is far from it."""
+        assert self.tag.range is not None
+        low, high = self.tag.range
+        far = abs(given) > FAR * max(abs(low), abs(high))
+        if far:
+            return low <= given / 1e3 <= high
+        near = min(abs(low), abs(high))
+        return low * high > 0.0 and abs(given) < near / FAR and low <= given * 1e3 <= high
+
+    def _leave_out(self, reason: str, text: str, now_ns: int, samples: int = 1) -> None:
+        self.counts[reason] += samples
+        self._out += samples
+        self._reason = reason
+        if reason != self._told_reason and (not self._told_ns or now_ns - self._told_ns > QUIET * SECOND):
+            self._told_ns, self._told_reason = now_ns, reason
+            self._tell("warning", f"tags.{self.name}: {text}; left out until it is right again")
+
+    def _recover(self, now_ns: int) -> None:
+        if self._told_reason:
+            self._tell(
+                "info", f"tags.{self.name}: right again, after {self._out} sample{'s' * (self._out != 1)} left out"
+            )
+            self._told_reason, self._out = "", 0
+        self._reason = ""
+
+
+def unit_of(tag: Tag) -> str:
+    """SI unit of what a tag becomes."""
+    return QUANTITIES[tag.quantity].unit
