@@ -75,8 +75,9 @@ def executables():
     }
 
 
-def test_there_are_three():
-    assert [path.name for path in FILES] == ["control.launch.py", "sim.launch.py", "two_lifts.launch.py"]
+def test_there_are_four():
+    names = ["control.launch.py", "plant_door.launch.py", "sim.launch.py", "two_lifts.launch.py"]
+    assert [path.name for path in FILES] == names
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)

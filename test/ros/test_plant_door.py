@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped, WrenchStamped
 from plant_servers import PASSWORD, USER, Mosquitto, OpcUa, OpcUaReader, free_port, listens, make_certificate
 from ros_participant import Participant
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 
 from cable_twin.messages import SECOND
 from cable_twin.messages.figure_messages import estimate_message
@@ -45,7 +45,7 @@ class Plant:
 
     def __init__(self, directory):
         self.domain = allocate_domain()
-        self.server = OpcUa(directory, {"position": 0.0, "speed": 0.0, "load": 0.0, "late": 0.0}, clock=HOUR)
+        self.server = OpcUa(directory, {"position": 0.0, "speed": 0.0, "load": 0.0, "held": 1.5}, clock=HOUR)
         self.broker = Mosquitto(directory)
         self.server.start()
         self.broker.start()
@@ -83,11 +83,14 @@ class Plant:
                     "rate": 100.0,
                     "stale_after": 600.0,
                 },
-                "missing": {
+                "missing": {"source": "plc", "address": "ns=2;s=nowhere", "quantity": "temperature", "unit": "degC"},
+                "held": {
                     **common,
-                    "address": "ns=2;s=nowhere",
+                    "address": "ns=2;s=held",
                     "quantity": "payload",
-                    "unit": "kg",
+                    "unit": "t",
+                    "hold": True,
+                    "rate": 50.0,
                 },
                 "wrong": {**common, "address": "ns=2;s=speed", "quantity": "payload", "unit": "lb"},
                 "wind": {
@@ -111,7 +114,8 @@ class Plant:
         self.ros.subscribe("/plant/wind", Vector3Stamped)
         self.ros.subscribe("/diagnostics", DiagnosticArray)
         self.ros.subscribe("/plant/payload", JointState)
-        self.ros.until(lambda: self.told("plc: connected, 3 of 4 tags"), COMPILING, "the door")
+        self.ros.subscribe("/plant/temperature", Temperature)
+        self.ros.until(lambda: self.told("plc: connected, 4 of 5 tags"), COMPILING, "the door")
         self.until_told("broker: connected, 1 of 1 tags")
 
     def told(self, pattern):
@@ -143,6 +147,11 @@ class Plant:
                 if status.name == f"plant_door: {name}":
                     return status
         return None
+
+    def figures(self, name):
+        """Figures of a connection in the newest diagnostics."""
+        status = self.status(name)
+        return {} if status is None else {pair.key: pair.value for pair in status.values}
 
     def close(self):
         self.ros.close()
@@ -191,7 +200,15 @@ def test_what_is_missing_or_wrong_is_one_line_and_the_rest_goes_on(plant):
         len(plant.told(r"map_\d+\.yaml: tags\.wrong\.unit: given 'lb'; a mass or a force; .*this tag is left out")) == 1
     )
     assert len(plant.told(r"tags\.missing: plc has no node ns=2;s=nowhere \(BadNodeIdUnknown\)")) == 1
-    assert not plant.ros.received["/plant/payload"]
+    assert not plant.ros.received["/plant/temperature"]
+
+
+def test_a_held_value_is_repeated_without_a_change(plant):
+    messages = plant.ros.received["/plant/payload"]
+    messages.clear()
+    plant.ros.until(lambda: len(messages) >= 3, what="repeated payload")
+    assert [[*one.effort] for one in messages[:3]] == [[1500.0]] * 3
+    assert len({one.header.stamp.sec + one.header.stamp.nanosec / SECOND for one in messages[:3]}) == 3
 
 
 def test_bad_quality_nan_and_a_thousand_times_too_much_are_left_out(plant):
@@ -201,8 +218,8 @@ def test_bad_quality_nan_and_a_thousand_times_too_much_are_left_out(plant):
     messages.clear()
     plant.server.set("load", 260.0, "BadSensorFailure")
     plant.until_told(r"tags\.load: quality BadSensorFailure given; allowed: good; left out")
-    plant.ros.until(lambda: "2 of 4 tags left out" in plant.status("plc").message, what="status")
-    assert {pair.key: pair.value for pair in plant.status("plc").values}["left_out_load"] == "quality"
+    plant.ros.until(lambda: plant.figures("plc").get("left_out_load") == "quality", what="status")
+    assert plant.figures("plc")["left_out_missing"] == "BadNodeIdUnknown"
     plant.server.set("load", 261e3)
     plant.server.set("load", float("nan"))
     assert not messages
@@ -228,7 +245,7 @@ def test_a_killed_server_is_said_and_followed_again(plant):
         "/plant/wind", lambda: plant.broker.publish("lift/wind", {**wind, "at": time.time()})
     )  # the rest goes on
     plant.server.start()
-    plant.until_told(r"plc: connected again after [\d.]+ s, 3 of 4 tags")
+    plant.until_told(r"plc: connected again after [\d.]+ s, 4 of 5 tags")
     message = plant.sent("/plant/joint_states", lambda: move(plant, 130.0), lambda one: one.position[0] == 130.0)
     assert -0.5 < age(message) < 30.0
     assert len(plant.told(r"has no node")) == 1  # known from before

@@ -52,6 +52,10 @@ def faults(tmp_path):
         ({"range": [3.0, 3.0]}, "range: given [3.0, 3.0] m/s; allowed: the lowest, then a higher value"),
         ({"scale": float("nan")}, "scale: given nan; allowed: a finite number"),
         ({"rate": 0.0}, "rate: given 0.0; allowed: a finite number above 0 and at most 1000, in Hz"),
+        (
+            {"range": [0.0, "many"]},
+            "range: given [0.0, 'many'] m/s; allowed: a list of 2 finite numbers, in unit of the tag, or null",
+        ),
         ({"untt": 1}, "untt: this key does not exist; did you mean 'unit'?"),
         ({"field": "v"}, "field: given 'v'; allowed: for tags of mqtt only"),
         ({"sign": 0}, "sign: given 0; allowed: 1 or -1"),

@@ -185,7 +185,7 @@ class Door:
         """Publish the topics that nobody else does, and say which those are that somebody does."""
         for name, topic in self._table.items():
             mine = name in self._senders
-            others = self.node.count_publishers(name) - mine
+            others = self.node.count_publishers(self.node.resolve_topic_name(name)) - mine
             if others > 0 and name not in self._others:
                 self._others.add(name)
                 whose = ", ".join(self._publishers(name)) or "somebody else"
@@ -200,7 +200,7 @@ class Door:
     def _publishers(self, name: str) -> list[str]:
         """Full names of the nodes that publish a topic, without this one."""
         own = self.node.get_fully_qualified_name()
-        infos = self.node.get_publishers_info_by_topic(name)
+        infos = self.node.get_publishers_info_by_topic(self.node.resolve_topic_name(name))
         names = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in infos]
         if name in self._senders and own in names:
             names.remove(own)

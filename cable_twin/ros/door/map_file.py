@@ -5,17 +5,18 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.basics.printable import printable
-from cable_twin.ros.door.plant_map import OUT_OF_THE_MAP, Mqtt, OpcUa, PlantMap, Secret, Server, Tag
+from cable_twin.ros.door.plant_map import OUT_OF_THE_MAP, UNIT_OF_TAG, Mqtt, OpcUa, PlantMap, Secret, Server, Tag
 from cable_twin.ros.door.quantities import HINTS, POLAR, QUANTITIES, UNITS, units_of
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.checks.fault import NAME, allowed, inner_model, listed, show
@@ -103,29 +104,36 @@ def _lines(model: type[BaseModel], error: ValidationError, data: Any) -> Iterato
     """Faults that the schema finds, a line each, without the values of secrets."""
     for one in error.errors():
         path = [str(part) for part in one["loc"]]
-        field, owner = None, model
-        inner: type[BaseModel] | None = model
-        for number, part in enumerate(path):
-            if inner is None or part not in inner.model_fields:
-                if number and inner is not None and field is not None and inner_model(field)[0] is dict:
-                    field = None  # the name of an item
-                    continue
-                break
-            owner, field = inner, inner.model_fields[part]
-            inner = inner_model(field)[1]
-        key = ".".join(path)
+        field, owner, used = _located(model, path)
         if one["type"] == "extra_forbidden":
-            known = list((inner or owner).model_fields)
+            known = list(owner.model_fields)
             near = get_close_matches(path[-1], known, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"allowed: {listed(known, 'nothing')}"
-            yield f"{key}: this key does not exist; {hint}"
+            yield f"{'.'.join(path)}: this key does not exist; {hint}"
             continue
         given: Any = data
-        for part in path:
+        for part in path[:used]:
             given = given.get(part, _MISSING) if isinstance(given, Mapping) else _MISSING
         hidden = any(part in SECRETS for part in path)
         shown = "nothing" if given is _MISSING else "something that is not shown" if hidden else show(given)
-        yield f"{key}: given {shown}; allowed: {allowed(field)}"
+        unit = str(data.get("unit", UNIT_OF_TAG)) if isinstance(data, Mapping) else UNIT_OF_TAG
+        yield f"{'.'.join(path[:used])}: given {shown}; allowed: {allowed(field).replace(UNIT_OF_TAG, unit)}"
+
+
+def _located(model: type[BaseModel], path: Sequence[str]) -> tuple[FieldInfo | None, type[BaseModel], int]:
+    """Deepest field on a path, None for an item of a mapping; its section; number of parts of the path up to there."""
+    field: FieldInfo | None = None
+    owner, used = model, 0
+    inner: type[BaseModel] | None = model
+    while inner is not None and used < len(path) and path[used] in inner.model_fields:
+        owner, field = inner, inner.model_fields[path[used]]
+        container, model_of_field = inner_model(field)
+        used += 1
+        if container is dict and used < len(path):
+            field, used = None, used + 1  # the name of an item
+        inner = model_of_field
+        owner = inner or owner
+    return field, owner, used
 
 
 _MISSING = object()

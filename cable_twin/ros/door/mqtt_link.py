@@ -129,7 +129,7 @@ class MqttLink(Link):
             if refused and name not in self.refused:
                 self.refused[name] = refused[0]
                 self.tell("warning", f"tags.{name}: {self.name} refuses {tag.address} ({refused[0]}); left out")
-            elif not refused and self.refused.pop(name, None):
+            elif not refused and self.refused.pop(name, ""):
                 self.tell("info", f"tags.{name}: {self.name} allows {tag.address} now")
         self._waiting -= 1
         if self._waiting == 0:

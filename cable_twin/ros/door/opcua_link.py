@@ -30,6 +30,7 @@ ASKED_EVERY = 1.0  # s between questions that tell whether the server is there
 COMPARED_EVERY = 20.0  # s between comparisons of clocks
 COMPARING, PAUSE, ANSWERS = 1.5, 0.01, 4  # s of a comparison at most, s between its questions, answers that are enough
 SOUGHT_EVERY = 30.0  # s between searches for nodes that were not there
+KEPT_ALIVE, LIFETIME, SILENT = 2.0, 20, 5.0  # s; times that long until the server ends it; until it counts as ended
 QUEUE = 4.0  # publishing intervals of which the server keeps samples
 CLOSING = 2.0  # s for a farewell
 EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
@@ -65,6 +66,7 @@ class OpcUaLink(Link):
         super().__init__(name, section, directory, take, tell)
         self._section, self._tags = section, dict(tags)
         self._names = [*tags]
+        self._ended = ""  # why the server has ended the subscription
         self._trips, self._delay = RoundTrips(), OneWay()
         self._seen: set[str] = set()  # tags of this connection that had a sample
 
@@ -113,7 +115,8 @@ class OpcUaLink(Link):
         """Subscribe to all tags, and ask for the server's time until it does not answer."""
         self._seen.clear()
         await self._compare_clocks(client)
-        subscription = await client.create_subscription(1e3 * self._section.interval, self)
+        self._ended = ""
+        subscription = await client.create_subscription(self._parameters(), self)
         missing = await self._subscribe(client, subscription, self._names)
         there = len(self._names) - len(missing)
         self.made(f"{there} of {len(self._names)} tags")
@@ -121,12 +124,24 @@ class OpcUaLink(Link):
         while True:
             await asyncio.sleep(ASKED_EVERY)
             await self._time(client)
+            if self._ended or subscription.is_stale(SILENT):
+                raise ValueError(f"it has ended the subscription ({self._ended or 'silence'})")
             if time.monotonic() - compared > COMPARED_EVERY:
                 await self._compare_clocks(client)
                 compared = time.monotonic()
             if missing and time.monotonic() - sought > SOUGHT_EVERY:
                 missing = await self._subscribe(client, subscription, missing)
                 sought = time.monotonic()
+
+    def _parameters(self) -> ua.CreateSubscriptionParameters:
+        """Parameters of the subscription, which is kept alive by an empty message every `KEPT_ALIVE`."""
+        found: Any = ua.CreateSubscriptionParameters()
+        found.RequestedPublishingInterval = 1e3 * self._section.interval
+        found.RequestedMaxKeepAliveCount = max(math.ceil(KEPT_ALIVE / self._section.interval), 1)
+        found.RequestedLifetimeCount = LIFETIME * found.RequestedMaxKeepAliveCount
+        found.MaxNotificationsPerPublish = 0  # no limit
+        found.PublishingEnabled = True
+        return found  # type: ignore[no-any-return]
 
     async def _compare_clocks(self, client: Client) -> None:
         """Ask the server for its time until the offset of its clock is known."""
@@ -166,7 +181,7 @@ class OpcUaLink(Link):
         for name, one in zip(asked, results, strict=True):
             if isinstance(one, ua.StatusCode):
                 missing.append(self._not_there(name, one.name))
-            elif self.refused.pop(name, None):
+            elif self.refused.pop(name, ""):
                 self.tell("info", f"tags.{name}: {self._tags[name].address} is there now")
         return missing
 
@@ -212,7 +227,8 @@ class OpcUaLink(Link):
         self.take([Sample(name, value, quality, detail, stamp_ns, receipt_ns)])  # type: ignore[arg-type]
 
     def status_change_notification(self, status: Any) -> None:
-        """Take the end of the subscription by the server, which the next question shows as a loss."""
+        """Take the end of the subscription by the server."""
+        self._ended = getattr(getattr(status, "Status", status), "name", "") or "without a reason"
 
     def _stamp(self, name: str, value: ua.DataValue, receipt_ns: int) -> int:
         """Time of a sample by our clock, ns; that of its receipt for the first one of a connection that is old.
@@ -281,5 +297,7 @@ def reason_of(error: BaseException, section: OpcUa) -> str:
         return f"no answer within {section.timeout:g} s"
     if isinstance(error, ConnectionRefusedError):
         return f"nothing listens at {section.url}"
+    if isinstance(error, ConnectionError | asyncio.IncompleteReadError):
+        return f"{section.url} has ended it"
     text = getattr(error, "strerror", None) or " ".join(str(error).split())
     return text or name
