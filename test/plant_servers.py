@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from twin_process import wait_until
+from twin_process import PATIENCE, wait_until
 
 BROKER = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 USER, PASSWORD = "operator", "Correct-horse_9"
@@ -159,16 +159,20 @@ def _fork_server() -> subprocess.Popen[str]:
 class OpcUaReader:
     """Client of an OPC UA server in a thread, for values with their status."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, security: str = "", password: str = "") -> None:
         from asyncua import Client  # noqa: PLC0415 - an extra
 
         self._loop = asyncio.new_event_loop()
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
         self.client = Client(url)
+        if security:
+            self.client.set_user(USER)
+            self.client.set_password(password)
+            self.call(self.client.set_security_string(security))
         self.call(self.client.connect())
 
     def call(self, coroutine: Any) -> Any:
-        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(10.0)
+        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(PATIENCE)
 
     def read(self, name: str) -> Any:
         """Value with status and stamps of ns=2;s=NAME; None where there is none."""
@@ -202,7 +206,7 @@ def make_certificate(directory: Path, name: str) -> tuple[Path, Path]:
     ]
     usage = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]
     certificate = cert_gen.generate_self_signed_app_certificate(key, name, {}, names, usage)
-    files = directory / f"{name}.pem", directory / f"{name}.key"
+    files = directory / f"{name}.pem", directory / f"{name}_key.pem"
     files[0].write_bytes(certificate.public_bytes(Encoding.PEM))
     files[1].write_bytes(cert_gen.dump_private_key_as_pem(key))
     return files
@@ -237,8 +241,8 @@ async def serve(server: Any, given: dict[str, Any]) -> None:
         certificate, key = given["security"]
         server.iserver.user_manager = _Users()
         await server.set_application_uri("urn:test:server")
-        await server.load_certificate(certificate)
-        await server.load_private_key(key)
+        await server.load_certificate(certificate, "pem")
+        await server.load_private_key(key, format="pem")
         server.set_identity_tokens([ua.UserNameIdentityToken])
     server.set_security_policy([policy])
     index = await server.register_namespace("urn:test")

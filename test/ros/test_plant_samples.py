@@ -121,6 +121,17 @@ def test_a_tag_that_changes_its_mind_with_each_sample_is_no_flood(judge, told):
     assert len(told.texts()) <= 10
 
 
+def test_a_reason_that_came_too_soon_to_be_said_is_said_later(judge, told):
+    state, take = judge(range=[1.0, 2.0])
+    take(0.0)
+    take(1.5)
+    take(math.nan)
+    assert len(told.texts()) == 2
+    for second in range(15):
+        state.check_age(NOW + second * SECOND)
+    assert told.texts() == ["tags.load: nan given; allowed: a finite number, in kN; left out until it is right again"]
+
+
 @pytest.mark.parametrize(
     ("age", "words"), [(3600.0, "3600 s ago"), (-7200.0, "7200 s from now"), (0.5, None), (-0.5, None)]
 )

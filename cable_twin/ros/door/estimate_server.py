@@ -21,9 +21,9 @@ from asyncua.server.user_managers import UserManager
 
 from cable_twin.basics.printable import printable
 from cable_twin.messages import SECOND, Status
+from cable_twin.ros.door.certificates import certificate_in, key_in
 from cable_twin.ros.door.link import FIRST_WAIT, secrets_of, without
 from cable_twin.ros.door.map_file import secret_text
-from cable_twin.ros.door.opcua_link import application_uri
 from cable_twin.ros.door.plant_map import Server
 from cable_twin.ros.door.samples import Level, Tell
 
@@ -137,13 +137,12 @@ class EstimateServer:
         server.allow_remote_admin(False)
         server.set_identity_tokens([ua.AnonymousIdentityToken] if section.user is None else [ua.UserNameIdentityToken])
         if section.certificate is not None and section.private_key is not None:
-            certificate = (self._directory / section.certificate).expanduser()
-            uri = await application_uri(certificate)
+            own, uri = certificate_in((self._directory / section.certificate).expanduser())
             if uri:
                 await server.set_application_uri(uri)
-            await server.load_certificate(certificate)
-            key = (self._directory / section.private_key).expanduser()
-            await server.load_private_key(key, secret("private_key_password"))
+            await server.load_certificate(own.path_or_content, own.extension)
+            key = key_in((self._directory / section.private_key).expanduser(), secret("private_key_password"))
+            await server.load_private_key(key.path_or_content, key.password, key.extension)
         self._index = await server.register_namespace(URI)
         root = await server.nodes.objects.add_object(self._id("cable_twin"), self._name("cable_twin"))
         for name in ("Estimates", "Alarms", "Status"):

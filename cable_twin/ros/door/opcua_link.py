@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from asyncua import Client, ua
-from asyncua.crypto import security_policies, uacrypto
+from asyncua.crypto import security_policies
 
 from cable_twin.messages import SECOND
+from cable_twin.ros.door.certificates import certificate_in, key_in
 from cable_twin.ros.door.clocks import OneWay, RoundTrips
 from cable_twin.ros.door.link import Link, Take
 from cable_twin.ros.door.plant_map import OpcUa, Tag
@@ -97,14 +98,14 @@ class OpcUaLink(Link):
             certificate, key = self.file(section.certificate), self.file(section.private_key)
             assert certificate is not None
             assert key is not None
-            client.application_uri = await application_uri(certificate) or APPLICATION
+            own, uri = certificate_in(certificate)
+            client.application_uri = uri or APPLICATION
             pinned = self.file(section.server_certificate)
             await client.set_security(
                 security_policies.SecurityPolicyBasic256Sha256,
-                certificate=certificate,
-                private_key=key,
-                private_key_password=self.secret(section.private_key_password),
-                server_certificate=None if pinned is None else str(pinned),
+                certificate=own,
+                private_key=key_in(key, self.secret(section.private_key_password)),
+                server_certificate=None if pinned is None else certificate_in(pinned)[0],
                 mode=ua.MessageSecurityMode.Sign
                 if section.security == "sign"
                 else ua.MessageSecurityMode.SignAndEncrypt,
@@ -272,18 +273,6 @@ def nanoseconds_of(time_: datetime) -> int:
     aware = time_ if time_.tzinfo is not None else time_.replace(tzinfo=timezone.utc)
     passed = aware - EPOCH
     return (passed.days * 86400 + passed.seconds) * SECOND + passed.microseconds * 1000
-
-
-async def application_uri(certificate: Path) -> str:
-    """Application URI in a certificate, which servers compare with that of the client; empty without one."""
-    from cryptography import x509  # noqa: PLC0415 - with asyncua
-
-    loaded = await uacrypto.load_certificate(certificate)
-    try:
-        names = loaded.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    except x509.ExtensionNotFound:
-        return ""
-    return next(iter(names.get_values_for_type(x509.UniformResourceIdentifier)), "")
 
 
 def reason_of(error: BaseException, section: OpcUa) -> str:

@@ -68,6 +68,7 @@ class TagState:
         self.last: Measured | None = None
         self._heard_ns = 0  # receipt of the newest sample, good or not
         self._reason = ""  # of the newest sample that was left out; empty where it was taken
+        self._text = ""  # of that in words
         self._out = 0  # samples since it was told, or since the last good one
         self._told_ns = 0
         self._told_reason = ""
@@ -93,7 +94,8 @@ class TagState:
         return self.last
 
     def check_age(self, now_ns: int) -> None:
-        """Say that nothing has arrived for longer than expected; for a tag whose server is connected."""
+        """Say what is left to say, as that nothing has arrived for longer than expected; while its server is connected."""
+        self._say(now_ns)
         age = (now_ns - self._heard_ns) / SECOND
         if self._heard_ns and age > self.tag.stale_after and not self._reason and not self.tag.hold:
             text = f"no sample for {self.tag.stale_after:g} s"
@@ -146,10 +148,15 @@ class TagState:
     def _leave_out(self, reason: str, text: str, now_ns: int, samples: int = 1) -> None:
         self.counts[reason] += samples
         self._out += samples
-        self._reason = reason
-        if reason != self._told_reason and (not self._told_ns or now_ns - self._told_ns > QUIET * SECOND):
-            self._told_ns, self._told_reason = now_ns, reason
-            self._tell("warning", f"tags.{self.name}: {text}; left out until it is right again")
+        self._reason, self._text = reason, text
+        self._say(now_ns)
+
+    def _say(self, now_ns: int) -> None:
+        """Say why samples are left out, where that is news, and the last such line is not of just now."""
+        quiet = self._told_ns and now_ns - self._told_ns <= QUIET * SECOND
+        if self._reason and self._reason != self._told_reason and not quiet:
+            self._told_ns, self._told_reason = now_ns, self._reason
+            self._tell("warning", f"tags.{self.name}: {self._text}; left out until it is right again")
 
     def _recover(self, now_ns: int) -> None:
         if self._told_reason:
