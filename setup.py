@@ -55,7 +55,8 @@ setup(
         ("share/cable_twin/survey", glob("examples/survey/*.*")),
         ("share/cable_twin/security", glob("security/*.xml")),
         ("share/cable_twin/doors", ["examples/plant_map.yaml", "examples/opcua_plant.py"]),
-        ("share/cable_twin/docs", ["docs/scenario.schema.json", "docs/plant_map.schema.json"]),  # where the first line of each scenario looks for it
+        # where the first line of each scenario, and of a map, looks for it
+        ("share/cable_twin/docs", ["docs/scenario.schema.json", "docs/plant_map.schema.json"]),
         *behind_ros2_run(),
     ],
 )

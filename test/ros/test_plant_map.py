@@ -54,7 +54,7 @@ def faults(tmp_path):
         ({"rate": 0.0}, "rate: given 0.0; allowed: a finite number above 0 and at most 1000, in Hz"),
         (
             {"range": [0.0, "many"]},
-            "range: given [0.0, 'many'] m/s; allowed: a list of 2 finite numbers, in unit of the tag, or null",
+            "range: given [0.0, 'many']; allowed: a list of 2 finite numbers, in m/s, or null",
         ),
         ({"untt": 1}, "untt: this key does not exist; did you mean 'unit'?"),
         ({"field": "v"}, "field: given 'v'; allowed: for tags of mqtt only"),

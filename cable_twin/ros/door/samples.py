@@ -94,7 +94,7 @@ class TagState:
         return self.last
 
     def check_age(self, now_ns: int) -> None:
-        """Say what is left to say, as that nothing has arrived for longer than expected; while its server is connected."""
+        """Say what is left to say, as that nothing has arrived for too long; while the server is connected."""
         self._say(now_ns)
         age = (now_ns - self._heard_ns) / SECOND
         if self._heard_ns and age > self.tag.stale_after and not self._reason and not self.tag.hold:
