@@ -219,13 +219,13 @@ def test_the_page_shows_where_profiles_differ(page):
     assert "Only pennsylvania has a rule on: rope safety factor (USPA-01)" in section
     table = section[section.index('class="differences"') : section.index("</table>")]
     assert "mean deceleration of the stop<br>" in table
-    assert "at most 2.5 m/s^2: <strong>not decided</strong> (FR09-25, annex 3, note 4)" in table
+    assert "at most 2.5 m/s²: <strong>not decided</strong> (FR09-25, annex 3, note 4)" in table
     assert "stopping distance: at most 0.914 m: <strong>not decided</strong> (NZ72-01, 5.4)" in table
-    assert "that is at least 3.419 m/s^2, a stop from the rated speed within this distance" in table
+    assert "that is at least 3.419 m/s², a stop from the rated speed within this distance" in table
     assert "no rule</td>" in table  # pennsylvania
     (clash,) = re.findall(r'<p class="clash">(.*)</p>', section)
-    assert "france_2009 FR09-25 (annex 3, note 4) at most 2.5 m/s^2 (stop with both brakes together)" in clash
-    assert "new_zealand_1972 NZ72-01 (5.4) at least 3.419 m/s^2" in clash
+    assert "france_2009 FR09-25 (annex 3, note 4) at most 2.5 m/s² (stop with both brakes together)" in clash
+    assert "new_zealand_1972 NZ72-01 (5.4) at least 3.419 m/s²" in clash
     assert "§ 7.429(a)(2)" in section
 
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
+UNITS = {"m/s^2": "m/s²", "N/mm^2": "N/mm²", "kg/m^3": "kg/m³", "kg m^2": "kg m²"}  # as they are printed
+
+
 def write_page(
     results: Results, texts: Texts, command: str, version: str, sections: Sequence[Section] = SECTIONS
 ) -> str:
@@ -48,6 +51,8 @@ def write_page(
         version=version,
         made=f"{datetime.now(timezone.utc):%Y-%m-%d %H:%M} UTC",
     )
+    for plain, raised in UNITS.items():
+        page = page.replace(plain, raised)
     return re.sub(r"\n\s*\n+", "\n", page)
 
 
