@@ -13,6 +13,7 @@ import pytest
 from numba.extending import overload
 
 from cable_twin.offline import (
+    calibrate,
     design,
     envelope,
     follow,
@@ -70,6 +71,7 @@ HELPS = {
     "study": study.parser,
     "plant": plant.parser,
     "follow": follow.parser,
+    "calibrate": calibrate.parser,
 }
 
 

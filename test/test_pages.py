@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from cable_twin.offline import (
+    calibrate,
     envelope,
     follow,
     import_profile,
@@ -41,6 +42,7 @@ COMMANDS = {
     "import_profile": import_profile,
     "plant": plant,
     "follow": follow,
+    "calibrate": calibrate,
     "plant_door": plant_door,
     "report": report,
     **TOOLS,

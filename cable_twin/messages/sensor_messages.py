@@ -136,9 +136,10 @@ class SensorOutput:
 
     def messages(self, snapshot: Snapshot, epoch_ns: int) -> list[tuple[str, bytes]]:
         """Messages of measurements that arrived until a frame, stamped with the time of measurement."""
-        return [self._message(item, epoch_ns + nanoseconds(item.time)) for item in self._sensors.take(snapshot)]
+        return [self.message(item, epoch_ns + nanoseconds(item.time)) for item in self._sensors.take(snapshot)]
 
-    def _message(self, measurement: Measurement, stamp_ns: int) -> tuple[str, bytes]:
+    def message(self, measurement: Measurement, stamp_ns: int) -> tuple[str, bytes]:
+        """Topic and message of a measurement, with a stamp (ns since 1970)."""
         sensor, values = self._scenario.sensors[measurement.sensor], measurement.values
         topic = sensor_topic(sensor)
         if sensor.kind == "encoder":

@@ -129,7 +129,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(line)
     heading = f"Designed for {options.wanted} from {source}: `design:` beside a value says what decided it."
     try:
-        options.output.write_text(rewritten(scenario_file(source), found.changes, heading), encoding="utf-8")
+        text = scenario_file(source).read_text(encoding="utf-8")
+        options.output.write_text(rewritten(text, found.changes, heading), encoding="utf-8")
         scenario = load_scenario(str(options.output))
     except OSError as error:
         return fail("design", f"{error.filename or options.output}: {error.strerror or error}", FAILED)

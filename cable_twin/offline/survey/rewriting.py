@@ -26,17 +26,17 @@ def scenario_file(source: str) -> Path:
     return path if path.suffix in (".yaml", ".yml") else config_directory() / f"{source}.yaml"
 
 
-def rewritten(file: Path, changes: Mapping[str, Change], heading: str) -> str:
+def rewritten(text: str, changes: Mapping[str, Change], heading: str) -> str:
     """Text of a scenario file with other values, each with a comment.
 
     Args:
-        file: a valid scenario.
-        changes: by dotted key in the file.
+        text: of a valid scenario.
+        changes: by dotted key in the file; sections that it leaves out are made.
         heading: line of the comment at the begin.
     """
     yaml = YAML()
     yaml.preserve_quotes = True
-    content = yaml.load(file.read_text(encoding="utf-8"))
+    content = yaml.load(text)
     for key, change in changes.items():
         _set(content, key.split("."), change)
     return f"# {heading}\n{dumped(content)}"
@@ -49,10 +49,14 @@ def _set(content: CommentedMap, parts: list[str], change: Change) -> None:
     for part in parts:
         if isinstance(here, CommentedMap) and not here.fa.flow_style():
             owner, last = here, part
-        if part != parts[-1]:
-            here = here[part]
+        if part is parts[-1]:
+            break
+        if isinstance(here, CommentedMap) and here.get(part) is None:
+            here[part] = CommentedMap()
+        here = here[int(part) if isinstance(here, CommentedSeq) else part]
     if isinstance(here, CommentedSeq):
-        here[len(here) - 1 if parts[-1] == "z" else int(parts[-1])] = change.value
+        axes = ("x", "y", "z") if len(here) == 3 else ("x", "z")
+        here[axes.index(parts[-1]) if parts[-1] in axes else int(parts[-1])] = change.value
     else:
         here[parts[-1]] = change.value
     _remark(owner, last, change.why)

@@ -1,0 +1,190 @@
+"""Measured data of a calibration: commands and measurements of logs, with stretches that are held out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_twin.ensemble.estimate.quantities import Reading
+from cable_twin.frame.records import AppliedCommand, FloatArray
+from cable_twin.offline.calibration.parameters import CalibrationError
+from cable_twin.offline.following.plant_log import PlantLog
+from cable_twin.offline.plant import with_usual_sensors
+from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.simulation import Simulation
+
+SHORTEST = 5.0  # s, of a log
+SILENCE = 10.0  # s without a measurement, which is told
+STRETCH, OUT_OF = 10.0, 5  # s, and one of how many is held out
+PARTS = ("cables", "vehicles", "towers", "drives", "sheaves")
+
+
+class Series(NamedTuple):
+    """Measurements of one sensor in one log."""
+
+    sensor: str
+    times: FloatArray  # s, (n,)
+    values: FloatArray  # (n,)
+    held: NDArray[np.bool_]  # (n,) held out, for validation
+
+
+class Package(NamedTuple):
+    """One log, ready for calibration."""
+
+    path: Path
+    commands: tuple[AppliedCommand, ...]
+    series: tuple[Series, ...]
+    end: float  # s, of the last measurement
+
+    @property
+    def moved(self) -> bool:
+        """Whether anything was commanded."""
+        return bool(self.commands)
+
+
+def logs_of(paths: Sequence[Path]) -> list[Log]:
+    """Open logs of one scenario.
+
+    Raises:
+        LogError: one cannot be read.
+        CalibrationError: one begins in the middle of a run, or two are of different scenarios.
+    """
+    logs = [read_log(path) for path in paths]
+    for log in logs:
+        if log.snapshot is not None or log.files[0].number != 0:
+            raise CalibrationError(f"{log.path}: begins in the middle of a run; allowed: logs from a start at rest")
+    first = _without_sensors(logs[0].scenario)
+    for log in logs[1:]:
+        for key, one, other in _differences(first, _without_sensors(log.scenario), ""):
+            raise CalibrationError(
+                f"{log.path}: {key} is {other!r}, in {logs[0].path} {one!r}; allowed: logs of one scenario"
+            )
+    return logs
+
+
+def _without_sensors(scenario: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in scenario.items() if key not in ("sensors", "description")}
+
+
+def _differences(one: Any, other: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
+    """Keys with different values in two scenarios."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        for name in [*one, *(name for name in other if name not in one)]:
+            yield from _differences(one.get(name), other.get(name), f"{key}.{name}".lstrip("."))
+    elif one != other:
+        first, second = ("a section" if isinstance(value, Mapping | list) else value for value in (one, other))
+        yield key, first, second
+
+
+def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulation:
+    """Simulation of the twin at rest, with the sensors of its scenario, else those of the log, else the usual ones.
+
+    Args:
+        log: of the plant.
+        source: scenario, or None for that of the log.
+        values: by dotted key.
+
+    Raises:
+        ScenarioError, EquilibriumError: it cannot be simulated.
+        CalibrationError: the log is of another one.
+    """
+    scenario = load_scenario(log.scenario if source is None else source, dict(values))
+    if source is not None:
+        check_same(scenario, log)
+    if not scenario.sensors and (sensors := log.scenario.get("sensors")):
+        scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
+    simulation = Simulation(scenario)
+    return simulation if scenario.sensors else with_usual_sensors(simulation)
+
+
+def check_same(scenario: Scenario, log: Log) -> None:
+    """Refuse a log of another scenario: other ropes, vehicles, towers or drives.
+
+    Raises:
+        CalibrationError: one line with the first difference.
+    """
+    of_log = load_scenario(log.scenario)
+    for part in PARTS:
+        own, other = ([*getattr(one, part)] for one in (scenario, of_log))
+        if own != other:
+            raise CalibrationError(
+                f"{log.path}: a log of '{of_log.name}' with {part} {', '.join(other) or 'none'}; allowed: those of "
+                f"'{scenario.name}': {', '.join(own) or 'none'}"
+            )
+
+
+def package(
+    log: Log, scenario: Scenario, readings: Mapping[str, Reading], say: Callable[[str], object], *, held: bool = False
+) -> Package:
+    """Measurements and commands of a log; what is left out of it is said.
+
+    Args:
+        log: of the plant.
+        scenario: of the twin, with the sensors.
+        readings: of its sensors by name.
+        say: gets a line for each finding.
+        held: hold out all of the log, else one stretch of five.
+
+    Raises:
+        LogError: a message is not of this plant.
+        CalibrationError: there are no measurements, or too few.
+    """
+    plant, commands = PlantLog(log, scenario.sensors), []
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in readings}
+    unread: dict[str, int] = {}
+    for item in plant.items():
+        if isinstance(item, AppliedCommand):
+            commands.append(item)
+        elif (reading := readings.get(item.sensor)) is not None:
+            value = item.values[0] if reading.places.size == 1 else float(np.linalg.norm(item.values))
+            found[item.sensor].append((round(item.time, 6), value))
+        else:
+            unread[item.sensor] = unread.get(item.sensor, 0) + 1
+    for count, what in ((plant.invalid, "not finite"), (plant.late, "too late")):
+        if count:
+            say(f"{log.path}: {count} measurements are {what} and left out")
+    for name, count in unread.items():
+        say(f"{log.path}: {count} measurements of {name}, an inertial sensor, are left out")
+    times = sorted({time for rows in found.values() for time, _ in rows})
+    if not times:
+        raise CalibrationError(
+            f"{log.path}: no measurements of {', '.join(readings) or 'any sensor'}; allowed: a log of `plant`, or of a "
+            "twin with sensors"
+        )
+    if times[-1] < SHORTEST:
+        raise CalibrationError(f"{log.path}: {times[-1]:.3g} s long; allowed: {SHORTEST:g} s or more")
+    for before, after in pairwise([0.0, *times]):
+        if after - before > SILENCE:
+            say(f"{log.path}: nothing from {before:.1f} to {after:.1f} s: the twin goes on by its model there")
+    series = []
+    for name, rows in found.items():
+        if not rows:
+            say(f"{log.path}: nothing of sensor {name}")
+            continue
+        own = dict(rows)  # of two samples of one time the last
+        when = np.array(sorted(own))
+        apart = np.full(when.size, held) if held else (when // STRETCH).astype(int) % OUT_OF == OUT_OF - 1
+        series.append(Series(name, when, np.array([own[time] for time in when.tolist()]), apart))
+    return Package(log.path, tuple(commands), tuple(series), times[-1])
+
+
+def fingerprint(packages: Sequence[Package], *more: object) -> str:
+    """Fingerprint of all data and of what else a state depends on."""
+    found = hashlib.sha256()
+    for one in packages:
+        for applied in one.commands:
+            found.update(repr((applied.time, applied.command)).encode())
+        for series in one.series:
+            found.update(series.sensor.encode())
+            for array in (series.times, series.values, series.held):
+                found.update(np.ascontiguousarray(array).tobytes())
+    for thing in more:
+        found.update(repr(thing).encode())
+    return found.hexdigest()

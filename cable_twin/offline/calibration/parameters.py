@@ -1,0 +1,232 @@
+"""Parameters of a calibration: keys of a scenario and errors of sensors, each with prior, bounds and unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import Any, NamedTuple
+
+from cable_twin.basics.printable import printable
+from cable_twin.basics.units import with_unit
+from cable_twin.scenario import Scenario, ScenarioError, full_key, load_scenario
+from cable_twin.scenario.reference import explained
+from cable_twin.simulation import Simulation
+from cable_twin.simulation.same_model import OtherModelError
+
+AXES = ("x", "y", "z")  # ends of keys of vectors
+OF_SENSORS = "sensors"
+ERRORS = ("bias", "gain", "delay")  # of a sensor
+GAIN, DELAY = 0.01, 0.05  # -, s, prior standard deviations
+BIAS = {"encoder": 0.05, "inclinometer": 0.005}  # m, rad; of others a share of the load at rest, or of the limit
+BIAS_SHARE = 0.01
+LONGEST_DELAY = 1.0  # s
+SHARE, WIDEST, NARROWEST = 0.2, 6.0, 0.02  # prior deviation over value; bounds in deviations above, as share below
+# prior standard deviation by the end of a key: share of the value, or a value where the unit is given; all assumed
+SHARES = (
+    (r"(\.|_)stiffness$", 0.15),
+    (r"\.mass_per_length$", 0.05),
+    (r"\.(start|end|counterweight)\.mass$", 0.03),
+    (r"\.payload\.mass$", 0.5),
+    (r"\.(mass|inertia)$", 0.1),
+    (r"friction|resistance", 0.5),
+    (r"damping", 0.75),
+    (r"\.drag", 0.3),
+)
+ABSOLUTE = ((r"^air\.wind\.", 5.0), (r"temperature$", 15.0), (r"\.ice", 1.0))
+
+
+class CalibrationError(ValueError):
+    """Something that `calibrate` cannot use: one line."""
+
+
+class Parameter(NamedTuple):
+    """Free parameter with its prior."""
+
+    key: str
+    unit: str
+    mean: float
+    deviation: float
+    low: float
+    high: float
+    sensor: str = ""  # whose error it is; empty for a key of the scenario
+    error: str = ""  # of `ERRORS`
+    given: bool = False  # whether its prior is given by the user
+
+    @property
+    def prior(self) -> str:
+        """Prior in words."""
+        return f"{with_unit(self.mean, self.unit)} +- {with_unit(1.96 * self.deviation, self.unit, 3)}"
+
+
+class Prior(NamedTuple):
+    """Prior that the user gives: mean and standard deviation."""
+
+    mean: float
+    deviation: float
+
+
+def prior_of(text: str) -> tuple[str, Prior]:
+    """Parse KEY=VALUE:DEVIATION.
+
+    Raises:
+        ValueError: one line with the given text and the allowed form.
+    """
+    key, _, numbers = text.partition("=")
+    try:
+        mean, deviation = (float(part) for part in numbers.split(":"))
+    except ValueError:
+        mean = deviation = math.nan
+    if not key.strip() or not math.isfinite(mean) or not 0.0 < deviation < math.inf:
+        raise ValueError(
+            f"{printable(text)!r} given; allowed: KEY=VALUE:DEVIATION, finite and the deviation above 0, "
+            "as in air.wind.x=0:5"
+        )
+    return full_key(key.strip()), Prior(mean, deviation)
+
+
+def value_at(scenario: Mapping[str, Any], key: str) -> Any:
+    """Value of a resolved scenario by its dotted key; None where there is none."""
+    node: Any = scenario
+    for part in key.split("."):
+        if isinstance(node, Mapping):
+            node = node.get(part)
+        elif isinstance(node, list | tuple):
+            row = len(node) - 1 if part == "z" else "xy".find(part) if part in ("x", "y") else -1
+            row = int(part) if part.isdecimal() else row
+            node = node[row] if 0 <= row < len(node) else None
+        else:
+            return None
+    return node
+
+
+def parameters_of(
+    simulation: Simulation, keys: Sequence[str], priors: Mapping[str, Prior], scale: Mapping[str, float]
+) -> tuple[Parameter, ...]:
+    """Free parameters by their keys; a key of a sensor may have * for any text.
+
+    Args:
+        simulation: of the twin at rest.
+        keys: dotted; `sensors.NAME.bias`, `.gain` and `.delay` are errors of sensors.
+        priors: that are given, by key.
+        scale: typical size of what each sensor measures, by its name.
+
+    Raises:
+        CalibrationError: a key does not exist or cannot be free; one line.
+    """
+    scenario, found = simulation.scenario, {}
+    for given in keys:
+        key = full_key(given)
+        if key.startswith(f"{OF_SENSORS}.") and key.rpartition(".")[2] in ERRORS:
+            own = _errors_of(scenario, key, priors, scale)
+        else:
+            own = [_of_scenario(simulation, key, priors.get(key))]
+        for one in own:
+            if one.key in found:
+                raise CalibrationError(f"--free: {one.key} given twice; allowed: once")
+            found[one.key] = one
+    for key in priors:
+        if key not in found:
+            raise CalibrationError(f"--prior: {printable(key)} given; allowed: of a key in --free")
+    return tuple(found.values())
+
+
+def _errors_of(
+    scenario: Scenario, key: str, priors: Mapping[str, Prior], scale: Mapping[str, float]
+) -> list[Parameter]:
+    """Parameters for an error of one sensor, or of all whose names fit."""
+    _, _, rest = key.partition(".")
+    pattern, _, error = rest.rpartition(".")
+    names = [name for name in scenario.sensors if fnmatchcase(name, pattern) and name in scale]
+    if not names:
+        raise CalibrationError(f"--free: no sensor '{printable(pattern)}'; allowed: {', '.join(scale)}")
+    found = []
+    for name in names:
+        own, kind = f"{OF_SENSORS}.{name}.{error}", scenario.sensors[name].kind
+        unit = {"encoder": "m", "inclinometer": "rad"}.get(kind, "N")
+        usual = BIAS.get(kind, BIAS_SHARE * scale[name]) if error == "bias" else GAIN if error == "gain" else DELAY
+        mean, deviation = priors.get(own, Prior(0.0, usual))
+        most = LONGEST_DELAY if error == "delay" else WIDEST * deviation
+        unit = unit if error == "bias" else "-" if error == "gain" else "s"
+        found.append(Parameter(own, unit, mean, deviation, mean - most, mean + most, name, error, given=own in priors))
+    return found
+
+
+def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Parameter:
+    """Parameter for a key of the scenario."""
+    scenario = simulation.scenario
+    above, _, last = key.rpartition(".")
+    try:
+        entries = explained(above if last in AXES or last.isdecimal() else key)
+    except KeyError as error:
+        raise CalibrationError(f"--free: {error.args[0]}") from None
+    resolved = scenario.resolved()
+    value = value_at(resolved, key)
+    if value is None or isinstance(value, bool | str) or not isinstance(value, int | float):
+        given = "a section" if isinstance(value, Mapping | list | tuple) else "no number in this scenario"
+        raise CalibrationError(f"--free: {printable(key)} is {given}; allowed: keys of numbers")
+    if isinstance(value, int) and not isinstance(value, bool) and "whole" in entries[0].allowed:
+        raise CalibrationError(f"--free: {key} is a whole number; allowed: keys of numbers that vary by any amount")
+    if prior is None and value == 0.0 and not _absolute(key):
+        raise CalibrationError(
+            f"--free: {key} is 0 in the scenario, from which no prior follows; allowed: with --prior {key}=0:DEVIATION"
+        )
+    mean, deviation = (float(value), _usual(key, float(value), resolved)) if prior is None else prior
+    low, high = _bounds(key, mean, deviation, resolved)
+    unit = entries[0].unit if len(entries) == 1 else "-"
+    for end in (low, high):
+        _try_value(scenario, key, end)
+    _try_free(simulation, key, mean + 0.1 * deviation if mean + 0.1 * deviation <= high else mean - 0.1 * deviation)
+    return Parameter(key, unit or "-", mean, deviation, low, high, given=prior is not None)
+
+
+def _usual(key: str, value: float, resolved: Mapping[str, Any]) -> float:
+    """Prior standard deviation where none is given."""
+    if (absolute := _absolute(key)) is not None:
+        return absolute
+    share = next((share for pattern, share in SHARES if re.search(pattern, key)), SHARE)
+    if key.endswith(".payload.mass") and (most := value_at(resolved, f"{key.removesuffix('mass')}capacity")):
+        return 0.3 * float(most)
+    return share * abs(value)
+
+
+def _absolute(key: str) -> float | None:
+    return next((value for pattern, value in ABSOLUTE if re.search(pattern, key)), None)
+
+
+def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
+    """Lowest and highest value of a key: of the sign of its prior, and a payload within its capacity."""
+    low, high = mean - WIDEST * deviation, mean + WIDEST * deviation
+    if _absolute(key) is None:
+        low, high = (max(low, NARROWEST * mean), high) if mean >= 0.0 else (low, min(high, NARROWEST * mean))
+    if key.endswith(".payload.mass"):
+        most = value_at(resolved, f"{key.removesuffix('mass')}capacity")
+        low, high = 0.0, float(most) if most else high
+    return low, high
+
+
+def _try_value(scenario: Scenario, key: str, value: float) -> None:
+    """Refuse bounds that the scenario does not allow."""
+    try:
+        load_scenario(scenario.resolved(), {key: value})
+    except ScenarioError as error:
+        raise CalibrationError(
+            f"--free: {key} may come to {value:.6g}: {str(error).splitlines()[0]}; allowed: with a narrower --prior"
+        ) from None
+
+
+def _try_free(simulation: Simulation, key: str, value: float) -> None:
+    """Refuse a key that needs another mesh, other parts or another solver."""
+    resolved = simulation.scenario.resolved()
+    try:
+        other = load_scenario(resolved, {key: value})
+        simulation.with_values(other, rest=False)
+        simulation.engine.go_to_start()
+    except OtherModelError as error:
+        raise CalibrationError(
+            f"--free: {key} needs {error}; allowed: keys that leave ropes, meshes, vehicles, supports and the solver "
+            "as they are, such as masses, payloads, stiffnesses, damping, friction, drag, wind and ice"
+        ) from None
+    except ScenarioError as error:
+        raise CalibrationError(f"--free: {key}: {str(error).splitlines()[0]}") from None

@@ -1,0 +1,197 @@
+"""Bounded least squares over the told parameters, and the intervals of what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from cable_twin.frame.records import FloatArray
+from cable_twin.offline.calibration.check import Check, covariance_of
+from cable_twin.offline.calibration.data import STRETCH
+from cable_twin.offline.calibration.parameters import Parameter
+from cable_twin.offline.calibration.prediction import Evaluation, Predictor, Rows
+
+NEAR = 3.0  # standard deviations of what is found, within which a Jacobian is kept
+NO_STEP = 0.03  # standard deviations of what is found, below which a step counts nothing
+NO_LONGER_SMOOTH = 0.3  # the same of a step that makes it worse
+NO_GAIN = 0.005  # of the cost
+LEAST_DAMPING = 1e-3  # of the diagonal of the normal matrix
+MOST_EVALUATIONS = 25
+NORMAL_95 = 1.959964
+AT_BOUND = 1e-3  # prior deviations
+FEWEST_CLUSTERS = 5
+
+
+class Estimate(NamedTuple):
+    """Parameter with its interval of 95 %; one that is not told has its prior."""
+
+    parameter: Parameter
+    value: float
+    deviation: float
+    told: bool
+    at_bound: bool
+    inflated: float  # factor on the deviation for the error of the model that shows in the residuals
+
+    @property
+    def half(self) -> float:
+        """Half of the interval of 95 %."""
+        return NORMAL_95 * self.deviation
+
+
+class Fit(NamedTuple):
+    """Residuals of one sensor, as root mean square in its standard deviations."""
+
+    sensor: str
+    before: float  # training, at the priors
+    after: float  # training
+    held: float  # validation; NaN without any
+    samples: int
+
+
+class Solution(NamedTuple):
+    """Result of a calibration."""
+
+    estimates: tuple[Estimate, ...]
+    correlation: FloatArray  # (n, n); of untold ones 0
+    fits: tuple[Fit, ...]
+    prior: Evaluation
+    last: Evaluation
+    converged: bool
+    evaluations: int
+
+
+def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
+    """Least squares of training data and priors.
+
+    Args:
+        predictor: of the measurements.
+        check: what the data tell; the rest keeps its prior.
+        prior: evaluation at the means of the priors.
+
+    Raises:
+        CalibrationError: the twin failed.
+    """
+    told, rows = check.told, predictor.rows
+    training = ~rows.held
+    if not told:
+        return _solution(predictor, told, prior, prior, converged=True)
+
+    point, at = prior.point.copy(), prior
+    low, high = (side[told] for side in predictor.bounds)
+    damping, converged = 0.0, False
+    while not converged and len(predictor.evaluations) < MOST_EVALUATIONS:
+        step, size = _step(at, training, told, damping, (low - point[told], high - point[told]))
+        if size < NO_STEP:
+            converged = True
+            break
+        beside = point.copy()
+        beside[told] = np.clip(point[told] + step, low, high)
+        tried = predictor.evaluate(beside, at if size < NEAR else None)
+        gained = cost(at, training) - cost(tried, training)
+        if gained >= 0.0:
+            damping = 0.0 if damping <= LEAST_DAMPING else damping / 10.0
+            point, at = beside, tried
+            converged = gained < NO_GAIN
+        elif size < NO_LONGER_SMOOTH:
+            converged = True
+        elif not at.fresh:
+            at = predictor.evaluate(point)
+        else:
+            damping = max(10.0 * damping, LEAST_DAMPING)
+    return _solution(predictor, told, prior, at, converged=converged)
+
+
+def cost(evaluation: Evaluation, training: NDArray[np.bool_]) -> float:
+    """Half of the sum of squares of training data and priors."""
+    return 0.5 * float(np.sum(evaluation.residuals[training] ** 2) + np.sum(evaluation.point**2))
+
+
+def _step(
+    at: Evaluation,
+    training: NDArray[np.bool_],
+    told: Sequence[int],
+    damping: float,
+    bounds: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, float]:
+    """Step of Levenberg and Marquardt within bounds, and its size in standard deviations of what is found."""
+    jacobian, residuals = at.jacobian[training][:, told], at.residuals[training]
+    normal = jacobian.T @ jacobian + np.eye(len(told))
+    slope = jacobian.T @ residuals + at.point[told]
+    root = np.linalg.cholesky(normal + damping * np.diag(np.diag(normal)))
+    wanted = np.linalg.solve(root, -slope)  # of the triangle root.T @ step
+    inside = np.minimum(bounds[0], -1e-12), np.maximum(bounds[1], 1e-12)
+    found: FloatArray = lsq_linear(root.T, wanted, inside, method="bvls").x
+    return found, float(np.sqrt(found @ normal @ found))
+
+
+def _solution(
+    predictor: Predictor, told: Sequence[int], prior: Evaluation, last: Evaluation, *, converged: bool
+) -> Solution:
+    rows, parameters = predictor.rows, predictor.parameters
+    training = ~rows.held
+    covariance, inflated = intervals(last, rows, told)
+    deviations = np.ones(len(parameters))
+    deviations[told] = np.sqrt(np.diag(covariance))
+    correlation = np.eye(len(parameters))
+    if told:
+        correlation[np.ix_(told, told)] = covariance / np.outer(deviations[told], deviations[told])
+    low, high = predictor.bounds
+    values, estimates = predictor.values(last.point), []
+    for number, one in enumerate(parameters):
+        at_bound = (
+            number in told and min(last.point[number] - low[number], high[number] - last.point[number]) < AT_BOUND
+        )
+        factor = float(inflated[told.index(number)]) if number in told else 1.0
+        deviation = float(deviations[number] * one.deviation)
+        estimates.append(Estimate(one, float(values[number]), deviation, number in told, at_bound, factor))
+    fits = []
+    for number, name in enumerate(rows.sensors):
+        own, held = (rows.sensor == number) & training, (rows.sensor == number) & rows.held
+        if own.any() or held.any():
+            fits.append(
+                Fit(
+                    name,
+                    _rms(prior.residuals[own]),
+                    _rms(last.residuals[own]),
+                    _rms(last.residuals[held]),
+                    int(own.sum()),
+                )
+            )
+    return Solution(tuple(estimates), correlation, tuple(fits), prior, last, converged, len(predictor.evaluations))
+
+
+def intervals(last: Evaluation, rows: Rows, told: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Covariance (told, told) in prior deviations, and the factor (told,) on deviations for the error of the model.
+
+    Noise and priors give the first part, and so do parameters that keep their priors (considered ones, Schmidt 1966).
+    Errors of the model make residuals of neighbouring samples alike: sums of whole stretches of time then vary by
+    more than noise does, from which the factor follows (Liang and Zeger 1986), or from the mean square of residuals.
+    """
+    training = ~rows.held
+    jacobian, residuals = last.jacobian[training], last.residuals[training]
+    own = jacobian[:, told]
+    covariance = covariance_of(own)
+    rest = [number for number in range(jacobian.shape[1]) if number not in told]
+    noise = np.sqrt(np.diag(covariance))
+    stretch = (rows.log[training] * 10**6 + rows.time[training] // STRETCH).astype(int)
+    _, cluster = np.unique(stretch, return_inverse=True)
+    count = int(cluster.max(initial=-1)) + 1
+    factor = np.full(len(told), max(1.0, _rms(residuals)))
+    if count >= FEWEST_CLUSTERS and told:
+        sums = np.zeros((count, len(told)))
+        np.add.at(sums, cluster, own * residuals[:, None])
+        spread = covariance @ (sums.T @ sums) @ covariance * count / max(count - len(told), 1)
+        factor = np.maximum(factor, np.sqrt(np.diag(spread)) / noise)
+    covariance = covariance * np.outer(factor, factor)
+    if rest:
+        gain = -covariance_of(own) @ own.T @ jacobian[:, rest]
+        covariance = covariance + gain @ gain.T
+    return covariance, factor
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -1,0 +1,194 @@
+"""`calibrate`: known truth comes back, intervals cover it, and what the logs cannot tell is named with its reason."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from cable_twin.offline import plant
+from cable_twin.offline.calibrate import main
+from cable_twin.offline.calibration.check import check
+from cable_twin.offline.calibration.parameters import Parameter
+from cable_twin.offline.calibration.prediction import Evaluation, Rows
+from cable_twin.offline.calibration.solve import NORMAL_95, solve
+from cable_twin.scenario import load_scenario
+
+PAYLOAD, ROLLING = "carriages.cabin.payload.mass", "carriages.cabin.friction.rolling"
+DAMPING, MASS = "cable.damping_time", "cable.start.mass"
+TRUTH = {PAYLOAD: 4200.0, ROLLING: 0.0065, MASS: 131e3}
+COARSE = ["--set", "cable.elements={target: 30.0, at_towers: 8.0, growth: 2.0}"]  # for speed
+SENSORS = """\
+encoder_cabin: {kind: encoder, of: cabin, rate: 5}
+force_cabin: {kind: drive_force, of: cabin, rate: 5}
+load_start: {kind: load_cell, of: start, rate: 5}
+load_tower: {kind: load_cell, of: tower, rate: 5}
+"""
+
+
+class Linear:
+    """Measurements that depend on parameters linearly, in place of twins."""
+
+    def __init__(self, jacobian, measured, bounds=(-6.0, 6.0)):
+        count = jacobian.shape[1]
+        self.parameters = [Parameter(f"p{row}", "-", 0.0, 1.0, *bounds) for row in range(count)]
+        self.bounds = np.full(count, bounds[0]), np.full(count, bounds[1])
+        number = np.arange(len(measured))
+        none = np.zeros(len(measured), dtype=int)
+        self.rows = Rows(none, none, 0.5 * number, number % 100 >= 80, ("sensor",))
+        self._jacobian, self._measured, self.evaluations = jacobian, measured, []
+
+    def values(self, point):
+        return point
+
+    def evaluate(self, point, near=None):
+        self.evaluations.append(Evaluation(point, self._measured - self._jacobian @ point, -self._jacobian))
+        return self.evaluations[-1]
+
+
+def solved(jacobian, measured, **options):
+    linear = Linear(jacobian, measured, **options)
+    prior = linear.evaluate(np.zeros(jacobian.shape[1]))
+    return solve(linear, check(linear.parameters, prior, linear.rows), prior)
+
+
+def test_the_check_names_what_is_not_felt_and_what_is_told_together_only():
+    draws = np.random.default_rng(1)
+    own, common = draws.standard_normal((2, 500))
+    jacobian = np.column_stack([own, common, common + 1e-3 * own, np.zeros(500)])
+    linear = Linear(jacobian, np.zeros(500))
+    found = check(linear.parameters, linear.evaluate(np.zeros(4)), linear.rows)
+    assert [one.told for one in found.findings] == [True, False, False, False]
+    assert found.rank == 2
+    assert "cannot be told apart from p2 (correlation -1.00)" in found.findings[1].reason(moved=True)
+    assert "no sensor feels it here (nothing was commanded)" in found.findings[3].reason(moved=False)
+
+
+def test_least_squares_keep_to_bounds_and_to_the_priors_of_what_is_not_told():
+    draws = np.random.default_rng(2)
+    jacobian = 3.0 * draws.standard_normal((400, 3))
+    jacobian[:, 2] *= 1e-4
+    found = solved(jacobian, jacobian @ [0.7, 3.0, 1.0], bounds=(-2.0, 2.0))
+    first, second, third = found.estimates
+    assert abs(second.value - 2.0) < 1e-6
+    assert (first.at_bound, second.at_bound, third.told) == (False, True, False)
+    assert (third.value, third.half) == (0.0, pytest.approx(NORMAL_95))
+    assert found.converged
+
+
+@pytest.mark.parametrize("lasting", [0.0, 1.0], ids=["noise", "error of the model that lasts"])
+def test_intervals_cover_the_truth(lasting):
+    """With noise alone, and where an error of the model makes neighbouring residuals alike."""
+    draws, inside, factors = np.random.default_rng(3), [], []
+    for _ in range(150):
+        truth = draws.standard_normal(2)
+        slow = np.repeat(draws.standard_normal((100, 3)), 10, axis=0)  # each for 5 s
+        jacobian = slow[:, :2]
+        measured = jacobian @ truth + draws.standard_normal(1000) + lasting * slow[:, 2]
+        found = solved(jacobian, measured)
+        inside += [abs(one.value - value) <= one.half for one, value in zip(found.estimates, truth, strict=True)]
+        factors += [one.inflated for one in found.estimates]
+    assert 0.90 <= np.mean(inside) <= 0.99
+    assert (np.median(factors) > 2.0) == (lasting > 0.0)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    """Bags of a plant with an emergency stop, of one that never moves, and of one of other values."""
+    directory = tmp_path_factory.mktemp("plant")
+    (directory / "trip.yaml").write_text(
+        "- {time: 0.5, name: cabin, speed: 4.0}\n- {time: 8, event: emergency_stop}\n", encoding="utf-8"
+    )
+    (directory / "sensors.yaml").write_text(SENSORS, encoding="utf-8")
+    values = [part for key, value in TRUTH.items() for part in ("--set", f"{key}={value}")]
+    trip = ["--script", str(directory / "trip.yaml")]
+    for name, more in (
+        ("trip", [*values, *trip, "--duration", "14"]),
+        ("still", [*values, "--duration", "6"]),
+        ("short", ["--duration", "2"]),
+    ):
+        sensors = ["--sensors", str(directory / "sensors.yaml")]
+        assert plant.main(["aerial_tramway", *COARSE, *sensors, *more, "--log", str(directory / name)]) == 0
+    return {path.parent.parent.name: path.parent for path in directory.rglob("*.mcap")}
+
+
+def test_known_truth_comes_back_and_the_same_command_goes_on(bags, tmp_path, capsys):
+    command = [str(bags["trip"]), "--scenario", "aerial_tramway", *COARSE, "--free", ",".join(TRUTH)]
+    command += ["--output", str(tmp_path)]
+    assert main(command) == 0
+    found = json.loads((tmp_path / "calibration.json").read_text())
+    for one in found["parameters"]:
+        assert one["value"] == pytest.approx(TRUTH[one["key"]], rel=1e-3)
+        assert one["low"] < one["value"] < one["high"]
+    assert {one["sensor"] for one in found["residuals"]} == {*re.findall(r"^(\w+):", SENSORS, re.MULTILINE)}
+    text = (tmp_path / "calibrated.yaml").read_text()
+    assert load_scenario(str(tmp_path / "calibrated.yaml")).carriages["cabin"].payload.mass == pytest.approx(4200, 1e-3)
+    assert "# kg/m: steel of 7850 kg/m^3" in text  # what stood there stays
+    (line,) = re.findall(r"rolling: .*", text)
+    assert re.search(r"# calibrated: \+- \S+ \(95 %\), prior 0.005 \+- ", line)
+    assert (tmp_path / "calibration.png").stat().st_size > 30_000
+    first = capsys.readouterr()
+    assert main(command) == 0
+    again = capsys.readouterr()
+    assert again.out == first.out
+    assert f"goes on with {found['evaluations']} evaluations" in again.err
+
+
+def test_a_run_that_never_moved_says_what_it_cannot_give(bags, tmp_path, capsys):
+    keys = f"{PAYLOAD},{MASS},{ROLLING},{DAMPING}"
+    output = tmp_path / "out"
+    command = [str(bags["still"]), "--scenario", "aerial_tramway", *COARSE, "--free", keys, "--output", str(output)]
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    for key, run in ((ROLLING, "a run at constant speed"), (DAMPING, "a run with an emergency stop")):
+        assert re.search(rf"^  {re.escape(key)} cannot be told: .*\(nothing was commanded\); {run}", out, re.MULTILINE)
+    found = {one["key"]: one for one in json.loads((output / "calibration.json").read_text())["parameters"]}
+    assert (found[ROLLING]["value"], found[ROLLING]["told"], found[DAMPING]["told"]) == (0.005, False, False)
+    assert found[PAYLOAD]["value"] == pytest.approx(4200.0, rel=1e-3)
+    (line,) = re.findall(r"rolling: .*", (output / "calibrated.yaml").read_text())
+    assert "prior kept: the logs do not tell it" in line
+
+
+@pytest.mark.parametrize(
+    ("bag", "options", "said"),
+    [
+        ("trip", ["--free", "cable.no_such"], "cable.no_such: this key does not exist"),
+        ("trip", ["--free", "carriages.other.payload.mass"], "is no number in this scenario"),
+        ("trip", ["--free", "cable.unstrained_length"], "needs another mesh; allowed: keys that leave ropes"),
+        ("trip", ["--free", "cable.elastic_model"], "is no number in this scenario; allowed: keys of numbers"),
+        ("trip", ["--free", "wind.x,wind.x"], "air.wind.x given twice"),
+        ("trip", ["--free", "cable.ice.thickness"], "cable.ice.thickness"),
+        ("trip", ["--free", "sensors.no_such.bias"], "no sensor 'no_such'; allowed: encoder_cabin"),
+        ("trip", ["--free", PAYLOAD, "--prior", "wind.x=0:1"], "air.wind.x given; allowed: of a key in --free"),
+        ("trip", ["--free", PAYLOAD, "--prior", f"{PAYLOAD}=4000:0"], "allowed: KEY=VALUE:DEVIATION"),
+        ("trip", ["--free", PAYLOAD, "--scenario", "single_span"], "a log of 'aerial_tramway' with towers tower"),
+        ("short", ["--free", PAYLOAD], "2 s long; allowed: 5 s or more"),
+        (
+            "trip",
+            ["--free", PAYLOAD, "--set", "sensors={a: {kind: imu, of: cabin}}"],
+            "no measurements of any sensor; allowed: a log of `plant`",
+        ),
+        ("nothing", ["--free", PAYLOAD], "no such file or directory"),
+    ],
+)
+def test_what_cannot_be_used_is_a_line(bags, tmp_path, capsys, bag, options, said):
+    def code():
+        try:
+            return main([str(bags.get(bag, tmp_path / "nothing")), *options, "--output", str(tmp_path / "out")])
+        except SystemExit as end:
+            return end.code
+
+    assert code() == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert line.startswith("calibrate: ")
+    assert said in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_logs_of_different_scenarios_are_a_line(bags, tmp_path, capsys):
+    assert main([str(bags["trip"]), str(bags["short"]), "--free", PAYLOAD, "--output", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "allowed: logs of one scenario" in line
+    assert re.search(r"is \S+, in .*trip", line)
