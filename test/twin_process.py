@@ -136,8 +136,11 @@ class TwinProcess:
         self.domain = allocate_domain() if domain is None else domain
         self.output_path = directory / f"{Path(module).stem if '/' in module else module}_{time.monotonic_ns()}.txt"
         self.output_path.touch()
+        self.name = " ".join((module, *arguments))
         if module == "ros.sim":
             _twins[self.domain] = self
+            if command is None and not any(argument.startswith("--outlook") for argument in arguments):
+                arguments = "--outlook", "false", *arguments  # which would run a minute ahead all the time
         self.process: subprocess.Popen[bytes] | ForkedProcess
         if command is None and variables is None:
             variables = environment(directory, self.domain)
@@ -173,8 +176,12 @@ class TwinProcess:
         self.process.send_signal(number)
 
     def wait(self, timeout: float = PATIENCE) -> int:
-        """Wait for the end of the process; returns its exit code."""
-        return self.process.wait(timeout)
+        """Wait for the end of the process; returns its exit code. One that goes on is killed and named."""
+        try:
+            return self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            raise AssertionError(f"{self.name} went on for {timeout:g} s and was killed: {self.output}") from None
 
     def end(self) -> int:
         """End the process as by Ctrl-C."""

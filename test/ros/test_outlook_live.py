@@ -78,12 +78,3 @@ def forecast_is_what_happens(log, messages):
     twin.advance_to(time)
     future = twin.outlook(horizon=3.0)["emergency stop"]
     assert future["stopping_distance/carriages.cabin/highest"].value == distance.value
-
-
-def test_the_outlook_can_be_left_out(processes, participants, tmp_path):
-    (tmp_path / "tramway.yaml").write_text(load_scenario(TRAMWAY).to_yaml())
-    sim = processes("--scenario", "tramway.yaml", "--outlook", "false")
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
-    assert "/cable_twin/outlook" not in dict(participant.node.get_topic_names_and_types())
-    assert sim.end() == 0

@@ -82,6 +82,7 @@ def test_topics_have_the_names_they_were_remapped_to_also_in_texts(running, twin
     twin.until(lambda: twin.received["/south/clock"], what="/south/clock")
     names = {name for name, _ in twin.node.get_topic_names_and_types()}
     assert not {"/clock", f"{TWIN}/joint_states", f"{TWIN}/joint_commands"} & names
+    assert f"{TWIN}/outlook" not in names, "with the option outlook"
     twin.until(lambda: "commands on /desk" in running[0].output, what="the line that says so")
     publisher = twin.node.create_publisher(JointState, "/desk", 10)
     twin.until(publisher.get_subscription_count, what="a twin that listens")
