@@ -198,7 +198,7 @@ def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[
         found[f"force_{name}"] = {"kind": "drive_force", "of": name, "noise": noise, **common}
     for row, name in enumerate(layout.supports):
         load = float(np.linalg.norm(rest.columns.support_force[row]))
-        found[f"load_{name}"] = {"kind": "load_cell", "of": name, "noise": LOAD_CELL * load, **common}
+        found[f"load_{name.replace('/', '_')}"] = {"kind": "load_cell", "of": name, "noise": LOAD_CELL * load, **common}
     for name in layout.carriages:
         found[f"tilt_{name}"] = {"kind": "inclinometer", "of": name, "noise": INCLINOMETER, **common}
     return found

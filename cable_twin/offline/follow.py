@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from cable_twin.ensemble.estimate.follower import Alarm, Correction, Follower
-from cable_twin.ensemble.estimate.quantities import unfollowable
+from cable_twin.ensemble.estimate.follower import Alarm, Correction
+from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
@@ -93,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         log = read_log(options.log)
         with left_at_once("follow"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
             simulation = twin_of(log, options.scenario, dict(options.set))
-            follower = Follower(simulation.scenario)
+            follower = follower_of(simulation.scenario)
     except UNUSABLE_INPUT as error:
         tell("follow", error)
         return UNUSABLE
@@ -144,7 +144,7 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
     return simulation if scenario.sensors else with_usual_sensors(simulation)
 
 
-def _follow(log: Log, follower: Follower, run: Run, end: float, console: Console) -> list[Correction]:
+def _follow(log: Log, follower: AnyFollower, run: Run, end: float, console: Console) -> list[Correction]:
     """Follow a plant to a time (s), with a progress bar, and record the estimates."""
     scenario = run.simulation.scenario
     plant = PlantLog(log, scenario.sensors)
@@ -195,7 +195,7 @@ def _time(item: Item) -> float:
 
 
 def _report(
-    log: Log, follower: Follower, corrections: Sequence[Correction], run: Run, options: argparse.Namespace
+    log: Log, follower: AnyFollower, corrections: Sequence[Correction], run: Run, options: argparse.Namespace
 ) -> int:
     """Print the last estimates, and draw all."""
     last = corrections[-1]
@@ -226,7 +226,7 @@ def _report(
     return FAILED if run.recorder.faults else DONE
 
 
-def true_values(log: Log, follower: Follower) -> dict[str, tuple[Any, Any]]:
+def true_values(log: Log, follower: AnyFollower) -> dict[str, tuple[Any, Any]]:
     """Times (s) and values of what is estimated, by name, as far as the plant's log has them; for comparison only."""
     found: dict[str, tuple[Any, Any]] = {}
     for one in follower.slow:

@@ -36,7 +36,7 @@ def with_plant_sensors(simulation: Simulation) -> Scenario:
         ScenarioError: it is of a kind that cannot be followed yet; one line.
     """
     scenario = simulation.scenario
-    if fault := unfollowable(scenario):
+    if fault := unfollowable(scenario, live=True):
         raise ScenarioError(f"follow: {fault}")
     if scenario.sensors:
         return scenario

@@ -16,8 +16,8 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import IO, Any, NamedTuple, cast
 
+from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import Pursuit
-from cable_twin.ensemble.estimate.quantities import unfollowable
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT
 from cable_twin.runtime.outlook import AGAIN, GLANCE, NICE, receive, send
 from cable_twin.runtime.separate_process import start_process

@@ -22,13 +22,23 @@ def domain():
     release_domain(number)
 
 
-def plant(directory, domain):
+@pytest.fixture
+def started():
+    """Processes, which end with the test."""
+    processes = []
+    yield processes
+    for one in processes:
+        one.kill()
+
+
+def plant(directory, domain, started):
     """Plant with another payload, as a process of its own."""
     options = [*COARSE, "--set", f"{PAYLOAD}={TRUTH}"]
     variables = environment(directory, domain)  # not forked, as it becomes another process
-    return TwinProcess(
-        directory, "aerial_tramway", *options, module="offline.plant", domain=domain, variables=variables
+    started.append(
+        TwinProcess(directory, "aerial_tramway", *options, module="offline.plant", domain=domain, variables=variables)
     )
+    return started[-1]
 
 
 def following(participant):
@@ -49,13 +59,15 @@ def payload(participant):
     return float(values["value"]), float(values["standard_deviation"])
 
 
-def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, domain):
+@pytest.mark.long
+def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, domain, started):
     """The twin says when it goes on alone; its log has what the plant said, and replays to the last bit."""
     (tmp_path / "plant").mkdir()
-    first = plant(tmp_path / "plant", domain)
+    first = plant(tmp_path / "plant", domain, started)
     options = [*COARSE, "--follow", "--outlook=false", "--rerun=none"]
     variables = environment(tmp_path, domain)
     twin = TwinProcess(tmp_path, "aerial_tramway", *options, domain=domain, variables=variables)
+    started.append(twin)
     participant = Participant(domain)
     participant.subscribe("/diagnostics", DiagnosticArray)
     participant.subscribe("estimate", DiagnosticArray)
@@ -64,15 +76,15 @@ def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, d
     participant.until(lambda: participant.received["/plant/joint_states"], COMPILING, "a plant")
     participant.until(lambda: following(participant) == "follows", COMPILING, "a twin that follows")
     timer = participant.node.create_timer(0.1, lambda: commands.publish(JointState(name=["cabin"], velocity=[5.0])))
-    participant.until(lambda: payload(participant)[1] < 150.0, what="a narrow band")
+    participant.until(lambda: payload(participant)[1] < 150.0, COMPILING, "a narrow band")
     value, deviation = payload(participant)
     assert abs(value - TRUTH) < 4.0 * deviation
     first.kill()
-    participant.until(lambda: following(participant) == "goes on by its model", what="a twin on its own")
+    participant.until(lambda: following(participant) == "goes on by its model", COMPILING, "a twin alone")
     seen = len(participant.received["estimate"])
-    participant.until(lambda: len(participant.received["estimate"]) > seen, what="estimates by the model")
+    participant.until(lambda: len(participant.received["estimate"]) > seen, COMPILING, "estimates by the model")
     participant.node.destroy_timer(timer)
-    second = plant(tmp_path / "plant", domain)
+    second = plant(tmp_path / "plant", domain, started)
     participant.until(lambda: following(participant) == "follows", COMPILING, "a twin that follows again")
     participant.close()
     second.kill()

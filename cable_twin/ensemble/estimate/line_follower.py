@@ -1,0 +1,300 @@
+"""Filter for a line with many carriers: the payload of each from the loads of towers that it passes.
+
+An ensemble with a member for each chair would be too much. The twin is one simulation with the planned payloads, and
+the effect of another payload on what sensors read is that of statics: a weight between two supports rests on both by
+the rule of the lever, as the tension of a line with a counterweight stays; what it weighs along the rope is carried by
+all that is above it, towers and drive. So each measurement has a sparse row of derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from cable_twin.ensemble.estimate.follower import CERTAIN, Alarm, Correction, Estimate
+from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
+from cable_twin.ensemble.estimate.quantities import Reading, Slow, readings
+from cable_twin.frame.records import AppliedCommand
+from cable_twin.frame.sensors import Measurement
+from cable_twin.frame.snapshot import Snapshot
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario import Scenario
+from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.simulation import Simulation
+
+WINDOW = 1.0  # s, of which the mean of each sensor is taken
+PAYLOAD = 0.4  # of the capacity, standard deviation of the payload of a carrier from the plan
+FRICTION = 0.4  # standard deviation of the friction of all towers, as share of that of the scenario
+BIAS, FAST = 0.003, 0.006  # of the load of a tower at rest: slow and fast error of the model
+DRIVE_BIAS, DRIVE_FAST = 150.0, 300.0  # N, the same of a drive
+FORGOTTEN = 200.0  # s, in which a slow error changes
+NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
+STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
+SURE, SUSPECT_WINDOWS = 1e-7, 3  # as those of `follower`
+PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
+Place = tuple[float, float]  # m, along the track and up
+HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
+
+
+class LineFollower:
+    """Twin that follows a plant with carriers on a loop.
+
+    Attributes:
+        slow: none; the truth of a payload is no key of a scenario.
+        readings: sensors that are read, by name: load cells of towers and forces of drives.
+        left_out: sensors that lie, with the alarm that says so.
+
+    Args:
+        scenario: of the twin; its `sensors` are those of the plant.
+    """
+
+    slow: tuple[Slow, ...] = ()
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._twin = Simulation(scenario, samples=2)
+        start, layout = self._twin.snapshot, self._twin.layout
+        supports = layout.support_rows
+        self._rest = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
+        known = readings(scenario.sensors, layout, self._rest)
+        self._of = {name: scenario.sensors[name].of for name in known}
+        self._kinds = {name: scenario.sensors[name].kind for name in known}
+        self.readings: dict[str, Reading] = {
+            name: one
+            for name, one in known.items()
+            if self._kinds[name] == "drive_force" or self._of[name] in layout.towers
+        }
+        self.carriers = layout.carriers
+        self._rows = np.array([layout.vehicle_rows[name] for name in self.carriers])
+        assert scenario.carriers is not None
+        kinds = scenario.carriers.kinds_by_path.values()
+        self._capacity = max(kind.payload.capacity for kind in kinds if kind.payload is not None)
+        self._gravity = scenario.gravity
+        towers = {name: one for rope in scenario.cables for name, one in scenario.of_rope(rope).towers.items()}
+        self._friction = {
+            name: TOWER_FRICTION[one.kind] if one.friction is None else one.friction for name, one in towers.items()
+        }
+        self._lines, self._profiles = _lines(scenario, layout.supports)
+        size = len(self.carriers) + 1 + len(self.readings)
+        self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self.readings])
+        deviations = np.concatenate([[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION], self._bias])
+        self._belief = Belief(np.zeros(size), np.diag(deviations**2))
+        self._plan = start.columns.payload[self._rows].copy()
+        self._sums: dict[str, list[tuple[float, float, FloatArray]]] = {}
+        self._since, self._speed = 0.0, (0.0, 0.0)
+        self._suspected: dict[str, int] = {}
+        self._told: set[str] = set()
+        self.left_out: dict[str, Alarm] = {}
+
+    @property
+    def time(self) -> float:
+        """Simulated time (s) of the twin."""
+        return self._twin.time
+
+    def close(self) -> None:
+        """End the follower, which has no threads."""
+
+    def command(self, applied: AppliedCommand) -> None:
+        """Give a command of the plant to the twin at its time.
+
+        Raises:
+            CommandError: the twin refuses it.
+        """
+        self._twin.advance_to(max(applied.time, self.time))
+        self._twin.apply(applied.command)
+
+    def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
+        """Take the measurements of one time (s), which are not older than those before; a correction where due."""
+        snapshot = self._twin.advance_to(max(time, self.time))
+        self._exchange(snapshot)
+        numbers = snapshot.numbers[None, :]
+        for one in measurements:
+            reading = self.readings.get(one.sensor)
+            if reading is None or one.sensor in self.left_out or not self._counts(one.sensor, snapshot):
+                continue
+            value = one.values[0] if reading.places.size == 1 else float(np.linalg.norm(one.values))
+            row = self._effects(one.sensor, snapshot)
+            self._sums.setdefault(one.sensor, []).append((value, float(reading.of(numbers)[0]), row))
+        if time - self._since < WINDOW - 1e-6:
+            return None
+        return self._correct(time, snapshot)
+
+    def _correct(self, time: float, snapshot: Snapshot) -> Correction:
+        """Correct payloads and friction by the means of a window."""
+        terms = {name: self._terms(name, found) for name, found in self._sums.items() if len(found) > 2}
+        alarms = self._lying(time, terms)
+        innovation = 1.0
+        if terms:
+            rows = [np.concatenate(parts) for parts in zip(*(one[:1] + one[2:] for one in terms.values()), strict=True)]
+            jacobian = np.vstack([one[1] for one in terms.values()])
+            innovation = normalised_square(rows[0], jacobian, rows[1], self._belief.covariance) / len(terms)
+            self._belief = update(self._belief, rows[0], jacobian, rows[1])
+        lasted, self._since, self._sums = time - self._since, time, {}
+        kept = np.exp(-lasted / FORGOTTEN)
+        known = len(self.carriers) + 1
+        decay = np.concatenate([np.ones(known), np.full(self._bias.size, kept)])
+        self._belief = predict(self._belief, decay, np.concatenate([np.zeros(known), (1.0 - kept**2) * self._bias**2]))
+        slow = self._slow()
+        alarms += self._against_plan(time, slow)
+        return Correction(time, slow, self._hidden(snapshot), innovation, tuple(alarms))
+
+    def _terms(
+        self, name: str, found: Sequence[tuple[float, float, FloatArray]]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Innovation (1,), derivatives (1, n) and variance (1,) of the mean of a sensor in a window."""
+        values, predicted, rows = zip(*found, strict=True)
+        jacobian = np.mean(rows, axis=0)[None, :]
+        innovation = np.array([np.mean(values) - np.mean(predicted)]) - jacobian @ self._belief.mean
+        fast = self._scale(name, FAST, DRIVE_FAST)
+        return innovation, jacobian, np.array([self.readings[name].noise ** 2 / len(values) + fast**2])
+
+    def _lying(self, time: float, terms: dict[str, tuple[FloatArray, FloatArray, FloatArray]]) -> list[Alarm]:
+        """Alarms for sensors that contradict what is believed; their terms are taken out."""
+        squares = {name: normalised_square(*one, self._belief.covariance) for name, one in terms.items()}
+        worst = max(squares, key=lambda name: squares[name], default="")
+        if not worst or squares[worst] < chi2.isf(SURE, 1):
+            self._suspected = {}
+            return []
+        del terms[worst]
+        self._suspected = {worst: self._suspected.get(worst, 0) + 1}
+        if self._suspected[worst] < SUSPECT_WINDOWS:
+            return []
+        alarm = Alarm(time, f"sensor {worst} contradicts all others and is left out")
+        self.left_out[worst] = alarm
+        return [alarm]
+
+    def _against_plan(self, time: float, slow: dict[str, Estimate]) -> list[Alarm]:
+        """Alarms for payloads that are surely not those of the plan."""
+        alarms = []
+        for row, name in enumerate(self.carriers):
+            got, plan = slow[f"{name}/payload"], float(self._plan[row])
+            if name not in self._told and abs(got.value - plan) > PLAN * self._capacity + CERTAIN * got.deviation:
+                self._told.add(name)
+                found = f"{got.value:.4g} kg, standard deviation {got.deviation:.2g}"
+                alarms.append(Alarm(time, f"{name}/payload is {found}; {plan:.4g} in the plan"))
+        return alarms
+
+    def _slow(self) -> dict[str, Estimate]:
+        deviations, mean = np.sqrt(np.diag(self._belief.covariance)), self._belief.mean
+        found = {
+            f"{name}/payload": Estimate(float(self._plan[row] + mean[row]), float(deviations[row]), "kg")
+            for row, name in enumerate(self.carriers)
+        }
+        row = len(self.carriers)
+        found["towers/friction"] = Estimate(1.0 + float(mean[row]), float(deviations[row]), "-")
+        return found
+
+    def _hidden(self, snapshot: Snapshot) -> dict[str, Estimate]:
+        """Forces of towers with the deviations that follow from those of payloads."""
+        found, known = {}, len(self.carriers) + 1
+        for name in self._lines:
+            effects = self._of_tower(name, snapshot)[:known]
+            force = float(np.linalg.norm(snapshot.columns.support_force[snapshot.layout.support_rows[name]]))
+            variance = effects @ self._belief.covariance[:known, :known] @ effects + (HIDDEN * self._rest[name]) ** 2
+            value = force + float(effects @ self._belief.mean[:known])
+            found[f"{name}/force"] = Estimate(value, float(np.sqrt(variance)), "N")
+        return found
+
+    def _exchange(self, snapshot: Snapshot) -> None:
+        """Forget the payloads of carriers whose plan has changed, as in a station."""
+        plan = snapshot.columns.payload[self._rows]
+        for row in np.flatnonzero(plan != self._plan).tolist():
+            mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
+            mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
+            covariance[row, row] = (PAYLOAD * self._capacity) ** 2
+            self._belief = Belief(mean, covariance)
+            self._told.discard(self.carriers[row])
+        self._plan = plan.copy()
+
+    def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
+        """Whether a sensor can be predicted at present: no carrier on the sheaves of its tower, or a steady drive."""
+        if self._kinds[sensor] == "drive_force":
+            row = snapshot.layout.drive_rows[self._of[sensor]]
+            speed, (time, before) = float(snapshot.columns.drive_speed[row]), self._speed
+            if snapshot.time > time:
+                self._speed = snapshot.time, speed
+                return abs(speed) > 0.2 and abs(speed - before) < STARTING * (snapshot.time - time)
+            return False
+        rope, _, x, _ = self._lines[self._of[sensor]]
+        here, places = self._on(rope, snapshot)
+        return bool((np.abs(places[here, 0] - x) > NEAR).all())
+
+    def _on(self, rope: int, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
+        """Mask (carriers,) of those on a rope, and places (carriers, 3) of all."""
+        columns = snapshot.columns
+        here = (columns.vehicle_rope[self._rows] == rope) & (columns.attached[self._rows] == 1.0)
+        return here, columns.joint_position[self._rows]
+
+    def _effects(self, sensor: str, snapshot: Snapshot) -> FloatArray:
+        """Derivatives (n,) of what a sensor reads by payloads, friction, and slow errors."""
+        tower = self._kinds[sensor] == "load_cell"
+        row = self._of_tower(self._of[sensor], snapshot) if tower else self._of_drive(self._of[sensor], snapshot)
+        row[len(self.carriers) + 1 + [*self.readings].index(sensor)] = 1.0
+        return row
+
+    def _of_tower(self, name: str, snapshot: Snapshot) -> FloatArray:
+        """Derivatives (n,) of the force of a tower."""
+        effects = np.zeros(self._belief.mean.size)
+        rope, neighbours, x, z = self._lines[name]
+        here, places = self._on(rope, snapshot)
+        force = snapshot.columns.support_force[snapshot.layout.support_rows[name]]
+        size = float(np.linalg.norm(force))
+        along = places[:, 0]
+        before, after = sorted(neighbours, key=lambda place: place[0])
+        share = np.interp(along, [before[0], x, after[0]], [0.0, 1.0, 0.0])
+        upright = abs(float(force[2])) / max(size, 1.0)
+        slope = _slopes(along, self._profiles[rope])
+        tension = float(snapshot.columns.highest_tension[rope, 0])
+        below = (places[:, 2] < z) * np.abs(slope) * size / max(tension, 1.0)
+        effects[: len(self.carriers)] = here * self._gravity * (share * upright + below)
+        return effects
+
+    def _of_drive(self, name: str, snapshot: Snapshot) -> FloatArray:
+        """Derivatives (n,) of the force of a drive: weights along the rope, and friction of all towers."""
+        effects, columns = np.zeros(self._belief.mean.size), snapshot.columns
+        layout = snapshot.layout
+        for rope in range(len(layout.ropes)):
+            here, places = self._on(rope, snapshot)
+            profile = self._profiles[rope]
+            rising = 1.0 if profile[-1][1] > profile[0][1] else -1.0
+            slope = np.abs(_slopes(places[:, 0], profile))
+            effects[: len(self.carriers)] += here * rising * self._gravity * slope
+        speed = float(columns.drive_speed[layout.drive_rows[name]])
+        loads = np.linalg.norm(columns.support_force, axis=1)
+        for one, friction in self._friction.items():  # of rollers, by their loads
+            effects += np.sign(speed) * friction * self._of_tower(one, snapshot)
+            effects[len(self.carriers)] += np.sign(speed) * friction * loads[layout.support_rows[one]]
+        return effects
+
+    def _scale(self, sensor: str, of_tower: float, of_drive: float) -> float:
+        """Error of a sensor: a share of the load of a tower at rest, or a force of a drive, N."""
+        return of_drive if self._kinds[sensor] == "drive_force" else of_tower * self._rest[self._of[sensor]]
+
+
+def _lines(
+    scenario: Scenario, supports: Sequence[str]
+) -> tuple[dict[str, tuple[int, tuple[Place, Place], float, float]], list[list[Place]]]:
+    """Of each tower its rope, the supports before and after it, x and z (m); and of each rope all supports in order."""
+    towers, profiles = {}, []
+    for row, rope in enumerate(scenario.cables):
+        alone: Any = scenario.of_rope(rope)
+        ends = scenario.end_names(rope)
+        named = [(ends[0], alone.cable.start), *alone.towers.items(), (ends[1], alone.cable.end)]
+        places = [(float(one.position[0]), float(one.position[-1])) for _, one in named]
+        for number in range(1, len(named) - 1):
+            name = named[number][0]
+            if name in supports:
+                towers[name] = row, (places[number - 1], places[number + 1]), *places[number]
+        profiles.append(places)
+    return towers, profiles
+
+
+def _slopes(along: FloatArray, profile: Sequence[Place]) -> FloatArray:
+    """Sines (n,) of the slope of the line at places along the track, m."""
+    places = sorted(profile)
+    spans = np.diff(np.array(places), axis=0)
+    number = np.clip(np.searchsorted([place[0] for place in places], along) - 1, 0, len(spans) - 1)
+    slopes: FloatArray = spans[number, 1] / np.hypot(spans[number, 0], spans[number, 1])
+    return slopes
