@@ -33,7 +33,7 @@ MESH = {"solver.step": 0.005} | {
 
 
 class Score(NamedTuple):
-    """Error of an estimate beside its deviation; of a payload also how many load cells the chair has passed."""
+    """Error of an estimate beside its deviation; of a payload also how many load cells the chair has passed with it."""
 
     time: float  # s
     name: str
@@ -69,6 +69,7 @@ def follow(seed: int, duration: float, said: list[str]) -> Iterator[Score]:
     sensors, waiting = Sensors(plant.scenario, plant.layout), list[Measurement]()
     passed = np.zeros(len(follower.carriers), dtype=int)
     before = plant.snapshot.columns.joint_position[:, 0].copy()
+    loads = plant.snapshot.columns.payload.copy()
     towers = sorted({float(one.position[0]) for one in bare.of_rope("up").towers.values()})
     for frame in range(1, round(duration / FRAME) + 1):
         time = round(frame * FRAME, 9)
@@ -79,7 +80,8 @@ def follow(seed: int, duration: float, said: list[str]) -> Iterator[Score]:
             follower.command(AppliedCommand(time, command, "plant"))
         here = snapshot.columns.joint_position[:, 0]
         passed += [sum((a - x) * (b - x) <= 0.0 for x in towers) for a, b in zip(before, here, strict=True)]
-        before = here.copy()
+        passed[snapshot.columns.payload != loads] = 0  # since it was filled or emptied
+        before, loads = here.copy(), snapshot.columns.payload.copy()
         waiting += sensors.take(snapshot)
         due = [one for one in waiting if one.time <= time - 0.1]
         waiting = [one for one in waiting if one.time > time - 0.1]
