@@ -15,6 +15,7 @@ from cable_twin.offline.calibration.data import STRETCH
 from cable_twin.offline.calibration.parameters import Parameter
 from cable_twin.offline.calibration.prediction import Evaluation, Predictor, Rows
 
+SLOW, MOST_ROUGH = 10.0, 3  # s, evaluations: of the first, rough search
 NEAR = 3.0  # standard deviations of what is found, within which a Jacobian is kept
 NO_STEP = 0.03  # standard deviations of what is found, below which a step counts nothing
 NO_LONGER_SMOOTH = 0.3  # the same of a step that makes it worse
@@ -76,49 +77,86 @@ def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
         CalibrationError: the twin failed.
     """
     told, rows = check.told, predictor.rows
-    training = ~rows.held
     if not told:
         return _solution(predictor, told, prior, prior, converged=True)
 
-    point, at = prior.point.copy(), prior
+    at, _ = _search(predictor, told, prior, Means(rows, SLOW), roughly=True)
+    at, converged = _search(predictor, told, at, Means(rows, 0.0))
+    return _solution(predictor, told, prior, at, converged=converged)
+
+
+class Means:
+    """Residuals of training data, as they are or as means over stretches of time with the weight of all their samples.
+
+    Means know nothing of the phase of oscillations, which is far from linear where parameters are far off.
+
+    Args:
+        rows: of the residuals.
+        length: of a stretch (s), 0 for none.
+    """
+
+    def __init__(self, rows: Rows, length: float) -> None:
+        self._training = ~rows.held
+        self._groups: NDArray[np.intp] | None = None
+        if length > 0.0:
+            columns = (rows.log, rows.sensor, (rows.time // length).astype(np.int64))
+            names = np.column_stack([column[self._training] for column in columns])
+            self._groups = np.unique(names, axis=0, return_inverse=True)[1].ravel()
+            self._roots = np.sqrt(np.bincount(self._groups))
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """Means (n,) of a column (rows,), or of each of several (rows, m)."""
+        chosen: FloatArray = values[self._training]
+        if self._groups is None:
+            return chosen
+        if chosen.ndim == 1:
+            return np.asarray(np.bincount(self._groups, weights=chosen) / self._roots, dtype=np.float64)
+        return np.column_stack([np.bincount(self._groups, weights=column) / self._roots for column in chosen.T])
+
+
+def _search(
+    predictor: Predictor, told: Sequence[int], at: Evaluation, means: Means, *, roughly: bool = False
+) -> tuple[Evaluation, bool]:
+    """Least squares from an evaluation on; returns the best one, and whether it is the end of the search."""
     low, high = (side[told] for side in predictor.bounds)
-    damping, converged = 0.0, False
-    while not converged and len(predictor.evaluations) < MOST_EVALUATIONS:
-        step, size = _step(at, training, told, damping, (low - point[told], high - point[told]))
-        if size < NO_STEP:
-            converged = True
-            break
+    point, damping, first = at.point.copy(), 0.0, len(predictor.evaluations)
+    most = MOST_ROUGH if roughly else MOST_EVALUATIONS
+    while len(predictor.evaluations) < first + most:
+        step, size = _step(at, means, told, damping, (low - point[told], high - point[told]))
+        if size < (NEAR if roughly else NO_STEP):
+            return at, True
         beside = point.copy()
         beside[told] = np.clip(point[told] + step, low, high)
         tried = predictor.evaluate(beside, at if size < NEAR else None)
-        gained = cost(at, training) - cost(tried, training)
+        gained = cost(at, means) - cost(tried, means)
         if gained >= 0.0:
             damping = 0.0 if damping <= LEAST_DAMPING else damping / 10.0
             point, at = beside, tried
-            converged = gained < NO_GAIN
+            if gained < NO_GAIN:
+                return at, True
         elif size < NO_LONGER_SMOOTH:
-            converged = True
+            return at, True
         elif not at.fresh:
             at = predictor.evaluate(point)
         else:
             damping = max(10.0 * damping, LEAST_DAMPING)
-    return _solution(predictor, told, prior, at, converged=converged)
+    return at, False
 
 
-def cost(evaluation: Evaluation, training: NDArray[np.bool_]) -> float:
+def cost(evaluation: Evaluation, means: Means) -> float:
     """Half of the sum of squares of training data and priors."""
-    return 0.5 * float(np.sum(evaluation.residuals[training] ** 2) + np.sum(evaluation.point**2))
+    return 0.5 * float(np.sum(means.of(evaluation.residuals) ** 2) + np.sum(evaluation.point**2))
 
 
 def _step(
     at: Evaluation,
-    training: NDArray[np.bool_],
+    means: Means,
     told: Sequence[int],
     damping: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, float]:
     """Step of Levenberg and Marquardt within bounds, and its size in standard deviations of what is found."""
-    jacobian, residuals = at.jacobian[training][:, told], at.residuals[training]
+    jacobian, residuals = means.of(at.jacobian)[:, told], means.of(at.residuals)
     normal = jacobian.T @ jacobian + np.eye(len(told))
     slope = jacobian.T @ residuals + at.point[told]
     root = np.linalg.cholesky(normal + damping * np.diag(np.diag(normal)))
