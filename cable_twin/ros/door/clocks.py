@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
+from collections.abc import Callable
 
 from cable_twin.basics.units import rounded
 from cable_twin.messages import SECOND
@@ -10,6 +12,7 @@ from cable_twin.ros.door.samples import Tell
 
 SPAN = 60 * SECOND  # ns in which the best measurement counts
 CHANGED = SECOND // 10  # ns by which an offset has to change until it is said again
+SELDOM = 60.0  # s between two lines about delays that change
 STEADY = 2  # answers in a row that differ from those before, of a clock that is renewed at each question
 DELAY = SECOND  # ns below which what is known one way only is taken for a delay
 
@@ -88,14 +91,24 @@ class Correction:
         tell: takes lines.
         correct: whether stamps are shifted, or taken as they are.
         tolerance_ns: offset from which on a clock is another one.
+        clock: gives time in s.
     """
 
-    def __init__(self, whose: str, tell: Tell, *, correct: bool, tolerance_ns: int = 0) -> None:
+    def __init__(
+        self,
+        whose: str,
+        tell: Tell,
+        *,
+        correct: bool,
+        tolerance_ns: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._whose, self._tell, self._correct, self._tolerance = whose, tell, correct, tolerance_ns
         self.offset_ns = 0  # theirs minus ours
         self.uncertainty_ns: int | None = None
         self._said: int | None = None
         self._said_uncertainty = 0
+        self._said_at, self._said_shifts, self._time = 0.0, False, clock
         self._shifts = False
 
     def update(self, offset_ns: int, uncertainty_ns: int | None = None) -> None:
@@ -104,7 +117,10 @@ class Correction:
         edge = self._tolerance // 2 if self._shifts else self._tolerance
         self._shifts = self._correct and abs(offset_ns) >= max(edge, uncertainty_ns or 0)
         edge = max(CHANGED, 2 * (uncertainty_ns or 0) + self._said_uncertainty)
-        if self._said is None or abs(offset_ns - self._said) >= edge:
+        now = self._time()
+        drifts = uncertainty_ns is None and self._said_shifts == self._shifts and now - self._said_at < SELDOM
+        if self._said is None or (abs(offset_ns - self._said) >= edge and not drifts):
+            self._said_at, self._said_shifts = now, self._shifts
             self._say()
 
     @property

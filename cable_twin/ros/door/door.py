@@ -163,10 +163,7 @@ class Door:
                 if not tag.hold or last is None or state.reason:
                     continue
                 newest = max(last.stamp_ns, self._held_ns.get(name, 0))
-                if (
-                    last.stamp_ns >= link.since_ns - round(tag.stale_after * SECOND)
-                    and now_ns - newest >= SECOND / tag.rate
-                ):
+                if state.confirmed_ns >= link.begun_ns and now_ns - newest >= SECOND / tag.rate:
                     self._held_ns[name] = now_ns
                     found.append((name, Measured(now_ns, last.value)))
         return found

@@ -35,6 +35,7 @@ class Link:
     Attributes:
         connected: whether samples can come.
         since_ns: of the last change of that.
+        begun_ns: of the newest connection, before which nothing comes from it.
         attempts: to connect, since the last success.
         losses: of the connection.
         fault: of the program, which has ended the work of this connection.
@@ -45,7 +46,7 @@ class Link:
         self.name, self.section, self.directory = name, section, directory
         self.take = take
         self._tell, self._secrets = tell, [*secrets_of(section, directory)]
-        self.connected, self.since_ns = False, time.time_ns()
+        self.connected, self.since_ns, self.begun_ns = False, time.time_ns(), 0
         self.attempts = self.losses = 0
         self._reason = ""
         self._made = False

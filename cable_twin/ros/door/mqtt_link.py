@@ -115,6 +115,7 @@ class MqttLink(Link):
             self._refusal = f"refused: {reason}"
             return
         self._asked.clear()
+        self.begun_ns = time.time_ns()
         self._waiting = len(self._by_topic)
         for topic in self._by_topic:
             _, number = client.subscribe(topic, self._section.quality_of_service)

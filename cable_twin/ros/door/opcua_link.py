@@ -116,7 +116,7 @@ class OpcUaLink(Link):
         """Subscribe to all tags, and ask for the server's time until it does not answer."""
         self._seen.clear()
         await self._compare_clocks(client)
-        self._ended = ""
+        self._ended, self.begun_ns = "", time.time_ns()
         subscription = await client.create_subscription(self._parameters(), self)
         missing = await self._subscribe(client, subscription, self._names)
         there = len(self._names) - len(missing)

@@ -59,6 +59,7 @@ class TagState:
     Attributes:
         counts: samples by what became of them: `taken`, or the reason to leave them out.
         last: newest good value.
+        confirmed_ns: receipt of the newest good sample, be it that of `last` or an old one again.
     """
 
     def __init__(self, name: str, tag: Tag, tell: Tell) -> None:
@@ -66,6 +67,7 @@ class TagState:
         self._factor, self._constant = conversion(tag.quantity, tag.unit, tag.radius, tag.area)
         self.counts: Counter[str] = Counter()
         self.last: Measured | None = None
+        self.confirmed_ns = 0
         self._heard_ns = 0  # receipt of the newest sample, good or not
         self._reason = ""  # of the newest sample that was left out; empty where it was taken
         self._text = ""  # of that in words
@@ -85,6 +87,7 @@ class TagState:
         if reason:
             self._leave_out(reason, text, sample.receipt_ns)
             return None
+        self.confirmed_ns = sample.receipt_ns
         if self.last is not None and sample.stamp_ns <= self.last.stamp_ns:
             self.counts["repeated"] += 1  # as after a new connection, whose first sample is an old one
             return None
