@@ -148,8 +148,8 @@ def changed(**changes):
         ({"clamped_to": {"track": 1.0}}, "carriages.cabin_1.clamped_to.track: given 'track': the rope on which it sli"),
         ({"clamped_to": {"haul": -1.0}}, "carriages.cabin_1.clamped_to: given -1 m: between the ends of no ropes"),
         ({"clamped_to": {"haul": "x"}}, "carriages.cabin_1.clamped_to.haul: given 'x'"),
-        ({"joint": "fixed"}, "carriages.cabin_1.clamped_to: given a mapping: beside a joint or drive that holds it"),
-        ({"drive": {"mode": "speed"}}, "carriages.cabin_1.clamped_to: given a mapping: beside a joint or drive that h"),
+        ({"joint": "fixed"}, "carriages.cabin_1.clamped_to: given a mapping: a joint or drive holds the carriage"),
+        ({"drive": {"mode": "speed"}}, "carriages.cabin_1.clamped_to: given a mapping: a joint or drive holds"),
         ({"clamped_to": {}, "clamp_offset": [0.0, 0.3]}, "carriages.cabin_1.clamp_offset: given [0.0, 0.3] m: without"),
     ],
 )

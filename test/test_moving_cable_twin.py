@@ -49,7 +49,7 @@ SHORT = short_scenario().resolved()  # nothing is compiled to collect the tests
 
 FAULTS = [
     ("carriers.spacing", 61.0, "given 61.0 m; allowed: at most 60 m, the length of the cable"),
-    ("carriers.count", 2, "given 2: every 20 m, a loop of 40 m; allowed: at least 3, for the cable of 60 m to fit in"),
+    ("carriers.count", 2, "given 2: carriers every 20 m fill a loop of 40 m; allowed: at least 3, for the cable o"),
     ("carriers.count", 0, "given 0; allowed: a whole number at least 1 and at most 10000"),
     ("carriers.spacing", -20.0, "given -20.0 m; allowed: a finite number above 0, in m"),
     ("carriers.first", 121.0, "given 121.0 m; allowed: 0 to 120 m, on the loop"),
@@ -65,7 +65,7 @@ FAULTS = [
     ("drives", {"haul_rope": MOVES, "other": MOVES}, "given a second drive of the cable; allowed: one"),
     ("drives", {"chair_2": MOVES}, "given 'chair': a carrier would have the name 'chair_2' as well"),
     ("cable.end.support", "free", "given 'free': an end of a cable that moves; allowed: pinned or clamped, at a stati"),
-    ("solver.integrator", "runge_kutta", "given 'runge_kutta': for a cable that moves; allowed: generalized_alpha"),
+    ("solver.integrator", "runge_kutta", "given 'runge_kutta': this cable moves; allowed: generalized_alpha"),
     ("carriages", {"car": {**CLAMPED, "joint": "sliding"}}, "'sliding': on a cable that moves; allowed: clamped"),
     ("carriages", {"car": {**CLAMPED, "arc_length": 121.0}}, "given 121.0 m; allowed: 0 to 120 m, on the loop"),
     ("carriages", {"car": {**CLAMPED, "drive": {"mode": "speed"}}}, "given 'speed'; allowed: free, as a clamped"),

@@ -185,7 +185,7 @@ def test_reset_goes_back_to_the_start_of_the_one_that_was_saved(quick, tmp_path)
 def test_state_of_another_scenario_is_refused(quick):
     full = Simulation(quick).capture()
     other = Simulation(load_scenario(quick.resolved(), {"gravity": 1.62}))
-    with pytest.raises(SnapshotError, match="it is of another scenario than 'quick', or of one with other v"):
+    with pytest.raises(SnapshotError, match="saved from another scenario than 'quick', or from other v"):
         other.restore(full)
     Simulation(load_scenario(quick.resolved())).restore(full)
 

@@ -25,7 +25,7 @@ class Target(NamedTuple):
 
 
 class CpuClass(NamedTuple):
-    """Class of CPUs, and the settings that hold numpy and OpenBLAS to the class before they are loaded."""
+    """Class of CPUs, and the environment variables that hold numpy and OpenBLAS to the class before their import."""
 
     target: Target
     beyond: str  # features that numpy uses where it finds them

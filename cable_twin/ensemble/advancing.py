@@ -54,7 +54,7 @@ class Looks(NamedTuple):
 
 @kernel
 def advance_members(code, queue, order, first, budget, members, looks, bundles, arguments):
-    """Advance members from a queue until it is empty, one of them needs Python, or the queue says stop.
+    """Advance members of an ensemble from a queue until the queue is empty or stopped, or a member needs Python.
 
     Args:
         code: address of the integrator.
@@ -89,7 +89,7 @@ def advance_members(code, queue, order, first, budget, members, looks, bundles, 
 
 @kernel
 def advance_member(code, queue, member, budget, members, looks, bundles, arguments):
-    """Advance one member by `budget` steps or a few more; returns whether it needs Python before its next step."""
+    """Advance one member by `budget` steps or a few more; returns whether the next step needs Python."""
     like, moving, good, before, scratch, any_system, state, work = arguments
     bundle, system = record_at(bundles[member], like), record_at(members.systems[member, 0], any_system)
     copy_array(members.states[member], state.memory)

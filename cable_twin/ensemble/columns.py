@@ -36,7 +36,7 @@ class MemberColumns(Mapping[str, FloatArray]):
 
 
 def figure_columns(figures: Sequence[Sequence[KeyFigure]]) -> MemberColumns:
-    """Columns of the key figures of each member, in the order in which the first one has them.
+    """Columns of the key figures of each member, in the order of the first member.
 
     Args:
         figures: of each member; a figure that a member does not have is NaN there.

@@ -158,7 +158,7 @@ class Ensemble:
         self._threads.forget([one.engine.bundle for one in states.variants])
 
     def begin(self, scenario: Scenario, member: int) -> None:
-        """Let a member begin at the rest of another loaded scenario of the same ropes, meshes, vehicles and solver.
+        """Start a member from the equilibrium of another scenario with equal ropes, meshes, vehicles and solver.
 
         Raises:
             EquilibriumError: there is no rest; the member stays what it was.
@@ -221,7 +221,7 @@ class Ensemble:
         blend(self._states, weights)
 
     def swing(self, member: int, turns: Sequence[Turn]) -> None:
-        """Turn bodies of a member, all below stays hung together; the rope and the joint on it stay as they are."""
+        """Turn bodies of a member and move all bodies below along; the rope and its joint keep their state."""
         (row,) = self._rows(member)
         turn(self._states, row, turns)
 
@@ -327,7 +327,7 @@ class Ensemble:
         return apart
 
     def figures(self) -> MemberColumns:
-        """Key figures of all members so far: columns (members, n) by name, with units.
+        """Key figures of all members from the start to the present time: columns (members, n) by name, with units.
 
         Raises:
             ValueError: the ensemble was made without `figures_period`.

@@ -130,7 +130,7 @@ class Forecaster:
 
 
 class _Run:
-    """Future while it is run: its key figures, tensions over time, and when limits are passed."""
+    """Future during its run: key figures, tensions over time, and the times at which limits are exceeded."""
 
     def __init__(self, scenario: Scenario, name: str, assumed: str) -> None:
         self.name, self.assumed, self.fault = name, assumed, ""
@@ -151,7 +151,7 @@ class _Run:
         self._last = snapshot
 
     def check(self) -> list[KeyFigure]:
-        """Key figures so far, after a look at their limits."""
+        """Key figures up to the present time; stores the times at which limits are exceeded."""
         found = [one for one in self.figures.figures() if one.id.quantity != LEFT_OUT]
         for one in found:
             if one.kept is False:
@@ -159,7 +159,7 @@ class _Run:
         return found
 
     def future(self, *, run: bool) -> Future:
-        """Future as it has been found; without figures where it was not run."""
+        """Future as a result; without figures where it was not run."""
         found = self.check() if run else []
         shown = tuple(one for one in found if one.id.quantity in SHOWN or one.id in self._passed)
         times, highest, lowest = (np.array(one) for one in (self._times, self._highest, self._lowest))

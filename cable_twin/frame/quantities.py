@@ -1,4 +1,4 @@
-"""Quantities of a frame by name, unit and column, as environments and ensembles observe them."""
+"""Quantities of a frame by name, unit and column, for the observations of environments and ensembles."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Dissipation:
             self._lost, self._moved, self._start = 0.0, 0.0, time
 
     def _judge(self, block: Block, moved_next: float) -> None:
-        """Keep a block of the highest relative loss so far; `moved_next` (J) is the energy moved in the next block."""
+        """Store a block with the highest relative loss of the run; `moved_next` (J): energy moved in the next block."""
         self._judged = True
         block = block._replace(moved=max(block.moved, moved_next))
         self._most = max(self._most, block.moved)

@@ -1,4 +1,4 @@
-"""Extremes over a run, declared once, and the constants of a scenario that they are taken with."""
+"""Extremes over a run, declared once, and the constants of a scenario for their calculation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NO_ROPE = -1  # number of the rope of extremes on no rope, and of carriers, whic
 
 @by_reference
 class Extremes(NamedTuple):
-    """Extremes of a run so far, highest ones unless said otherwise, and running means and sums.
+    """Extremes of a run up to the present time, highest values unless noted, and running means and sums.
 
     Vehicles that are off the rope do not count. Nor do forces and accelerations of a carrier on the first and the last
     element of a moving cable: the end of the model is a point, and a mass that moves over it a singular load, where a

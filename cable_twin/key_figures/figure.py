@@ -45,7 +45,7 @@ class FigureId(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """Subject of figures: its part of their id, and its printed name, empty where it needs none."""
+    """Subject of key figures: part of the figure's id, and printed name, empty where no name is printed."""
 
     key: str
     name: str = ""

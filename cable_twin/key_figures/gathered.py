@@ -144,7 +144,7 @@ class KeyFigures:
         return [self._touch(row, touch) for row, touch in enumerate(self._extremes.touch) if not isnan(touch[0])]
 
     def figures(self) -> list[KeyFigure]:
-        """Return all key figures with a value so far."""
+        """Return all key figures that have a value."""
         if self._layout is None:
             return []
         frames = "" if isnan(self._period) else f"samples taken every {self._period:.4g} s"
@@ -325,7 +325,7 @@ class KeyFigures:
         return Touch(self._vehicles[row], self._vehicles[int(other)], time, place, speed)
 
     def _of_buffers(self, rope: int) -> Iterator[KeyFigure]:
-        """Highest buffer force of each pair of vehicles of a rope in contact so far."""
+        """Highest buffer force of each pair of vehicles of a rope that have been in contact."""
         for row in np.flatnonzero(~np.isnan(self._extremes.push[:, VALUE])).tolist():
             if max(self._constants.vehicle_rope[row], 0) != rope:
                 continue
@@ -427,7 +427,7 @@ def compile_figures(scenario: Scenario, first: Snapshot) -> None:
 def extreme(
     quantity: str, subject: Subject, statistic: str, row: FloatArray, at: str = "arc length", *, detail: str = ""
 ) -> KeyFigure:
-    """Key figure of one extreme, without a limit; NaN without a value so far.
+    """Key figure of one extreme, without a limit; NaN before its first value.
 
     Args:
         quantity: row of `QUANTITIES`.

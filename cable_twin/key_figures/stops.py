@@ -26,7 +26,7 @@ RIM = "of the rim of its bullwheel"
 
 
 class Group(NamedTuple):
-    """Vehicles with common key figures, those of the worst of them: a single carriage, or all carriers."""
+    """Group of vehicles with the key figures of its worst vehicle: a single carriage, or all carriers."""
 
     subject: Subject
     rows: tuple[int, ...]  # of the vehicles
@@ -334,7 +334,7 @@ class SeatStops:
         yield from self._found.values()
 
     def _begin(self, number: int, kind: str, time: float, last: Snapshot) -> None:
-        """Begin the stop of one vehicle, by index, if it moves."""
+        """Begin the stop of one moving vehicle, by index."""
         row, self._stands[number] = self._travel.vehicles[number], True
         speed = float(last.columns.speed[row])
         if abs(speed) > SLOWEST and last.columns.attached[row] == 1.0:

@@ -228,7 +228,7 @@ class RowDecoder:
 
 
 class _Parts(NamedTuple):
-    """Arrangement of the numbers in messages with the same groups of columns."""
+    """Arrangement of the numbers in messages with equal groups of columns."""
 
     head: bytes  # of the message, up to its numbers
     size: int  # number of numbers

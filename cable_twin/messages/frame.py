@@ -300,7 +300,7 @@ class MessageEncoder:
 
 
 def read_rope(data: bytes, layout: Layout, numbers: FloatArray) -> None:
-    """Fill shape and tension of the ropes from the message `cable`, where the numbers of its frame lack them.
+    """Fill shape and tension of the ropes from the message `cable` into a frame that lacks these columns.
 
     Raises:
         ValueError: The message is shorter than its points.

@@ -1,4 +1,4 @@
-"""Course of a scripted run: the times up to which a simulation is to be advanced, and what happens in between."""
+"""Course of a scripted run: times to advance a simulation to, with the commands between these times."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class EndedError(Exception):
 
 
 class Scripted(Protocol):
-    """Simulation that a script is given to, or what stands for one."""
+    """Interface of a simulation that a script drives."""
 
     scenario: Scenario
 
@@ -196,7 +196,7 @@ def _half(simulation: Scripted) -> float:
 
 
 def _distance(item: ScriptedCommand, simulation: Scripted) -> tuple[float, float]:
-    """Distance (m) past the place of a command, negative before it, and speed (m/s)."""
+    """Distance (m) of a vehicle past the place of a command, negative before the place, and its speed (m/s)."""
     assert item.at is not None
     columns, layout = simulation.snapshot.columns, simulation.layout
     name, position = item.at

@@ -42,7 +42,7 @@ def print_entries(key: str) -> None:
 
 
 def _print_block(console: Console, entry: Entry) -> None:
-    """Print an entry as a filled block: key with unit, below it meaning, default and allowed values."""
+    """Print an entry as a filled block: key with unit, then meaning, default and allowed values."""
     unit = f" [{entry.unit}]" if entry.unit else ""
     rest = "; ".join(f"{title}: {text}" for title, text in zip(("default", "allowed"), entry[2:4], strict=True) if text)
     lines = [f"{entry.key}{unit}"]

@@ -149,7 +149,7 @@ def with_usual_sensors(simulation: Simulation, seed: int = 0) -> Simulation:
 
 
 def _read_sensors(path: Path) -> dict[str, Any]:
-    """Content of a file of sensors, of which the scenario says what is wrong in it."""
+    """Read a file of sensors; its faults are those of the section `sensors` of a scenario."""
     try:
         content = read_yaml(path.read_text(encoding="utf-8")).content
     except OSError as error:

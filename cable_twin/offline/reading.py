@@ -159,5 +159,5 @@ class Reading:
 
 
 def _from_time(items: Iterator[Item], start: float) -> Iterator[Item]:
-    """Items of a log from a time (s) on, without figures recorded by its run, which are of all of it."""
+    """Items of a log from a time (s) on, without recorded key figures, which are of the whole run."""
     return (item for item in items if not isinstance(item, RecordedFigures) and item.time >= start)

@@ -135,7 +135,7 @@ def join(
     *,
     exactly: bool,
 ) -> Joint:
-    """Go on from one file of a log to the next: compare its attached state with the present one, or take it over.
+    """Continue a replay in the next file of a log: compare its attached state with the present one, or adopt it.
 
     A state that is damaged is said; where it is needed, the file is left out.
 

@@ -75,7 +75,7 @@ class Effort:
 
 @dataclass(slots=True)
 class _Step:
-    """Constant speed command with the response so far."""
+    """Constant speed command with the recorded response."""
 
     start: float  # s
     before: float  # m/s

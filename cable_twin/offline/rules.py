@@ -122,7 +122,7 @@ def markdown() -> list[str]:
 
 
 def reasons() -> list[str]:
-    """Lines of the table of what no figure decides, in Markdown."""
+    """Lines of the Markdown table of checks that no figure decides."""
     rows = []
     for name, document in map(load_profile, profile_names()):
         found: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""Scripted runs of scenarios side by side: members of ensembles, each of those with the same mesh."""
+"""Scripted runs of scenarios side by side, as members of ensembles; an ensemble has one mesh."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Job:
 
 
 class Member:
-    """Member of an ensemble in the place of a simulation, which the ensemble advances.
+    """Adapter of a member of an ensemble to the interface of a simulation; the ensemble advances the member.
 
     Args:
         ensemble: with snapshots as those of simulations.
@@ -146,7 +146,7 @@ class _Begun(NamedTuple):
 
 
 def _begin(jobs: dict[int, Job], threads: int, bar: _Bar) -> _Begun:
-    """Begin runs, as far as they may be members of one ensemble."""
+    """Begin runs; runs of one mesh become members of one ensemble, others run alone."""
     begun = _Begun(None, {}, {}, [])
     for number, job in jobs.items():
         try:

@@ -216,7 +216,7 @@ def _run(
 
 
 def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
-    """Load the requested scenario, or the scenario of the bag with changes; None where a state contains it.
+    """Load the requested scenario, or the scenario of the bag with changes; None where the state file contains one.
 
     Raises:
         SnapshotError: a state has its scenario, and another one is given.

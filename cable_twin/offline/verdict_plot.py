@@ -23,7 +23,7 @@ HEIGHT, WIDTH = 0.34, 11.0  # inches, of a bar and of the picture
 
 
 def used_share(one: RuleVerdict) -> float:
-    """Share of the limit that a figure uses: above 1 it is exceeded."""
+    """Share of the limit that a figure uses: above 1 the limit is exceeded."""
     assert one.value is not None
     low, high, value = one.limits[0], one.limits[-1], one.value
     above = abs(value / high) if high else float(value > 0.0)

@@ -1,4 +1,4 @@
-"""Table of the verdicts of rule profiles on a run, and of what differs between profiles."""
+"""Table of the verdicts of rule profiles on a run, and of the differences between profiles."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ COLUMNS = (
 def print_verdicts(
     console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict], scenario: Scenario | None = None
 ) -> None:
-    """Print the verdicts of each profile, then what differs between several profiles.
+    """Print the verdicts of each profile, then the differences between profiles.
 
     Args:
         console: where to.
@@ -104,7 +104,7 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
 
 
 def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict]) -> None:
-    """Print a row for each quantity on which profiles differ, and a line of those that one of them alone has."""
+    """Print a row for each quantity on which profiles differ, and a line of quantities of one profile only."""
     names = [profile.name for profile in profiles]
     table = Table("where the profiles differ", *names, box=box.SIMPLE_HEAD, pad_edge=False)
     alone: dict[str, list[str]] = {}

@@ -59,7 +59,7 @@ examples:
 
 
 class BranchError(ValueError):
-    """Branch that cannot be made: lines with what was given and what is allowed."""
+    """Error of an impossible branch of a run: lines with given and allowed values."""
 
 
 UNUSABLE_INPUT = (BranchError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
@@ -168,7 +168,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
-    """Repeat a run to the branching time, and prepare what goes on from there.
+    """Repeat a run to the branching time, and prepare its continuations.
 
     Raises:
         One of UNUSABLE_INPUT: something cannot be used.
@@ -319,7 +319,7 @@ def _compare(a: Log, b: Log, start: float, options: argparse.Namespace, export: 
 
 
 def differs(comparison: Comparison) -> bool:
-    """Whether any sample of two runs differs, or one has what the other one has not.
+    """Whether any sample of two runs differs, or is missing in one run.
 
     Between complete frames a log holds tensions along the rope in single precision; there they are compared in it.
     """

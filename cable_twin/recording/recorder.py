@@ -82,7 +82,7 @@ class _Item(NamedTuple):
 
 
 class _LogSink:
-    """Sink for the bag; after the loss of its directory idle until it begins a file in a new one.
+    """Sink for the bag; after the loss of its directory idle until a new file begins in another directory.
 
     Attributes:
         gone: Whether that is so.

@@ -109,7 +109,7 @@ class PlantSubscriber:
             return
 
     def _measure(self, now: float, time: float, joint: str, place: float) -> None:
-        """Take a measured place (m) of a time (s); both clocks are those of a day, if they are of one."""
+        """Accept a measured place (m) of a time (s); measurements stamped by another clock are left out."""
         if not abs(place) < float("inf") or abs(now - time) > OTHER_CLOCK:
             return
         self._pursuit.measure(time, joint, place)

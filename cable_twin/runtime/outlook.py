@@ -1,4 +1,4 @@
-"""Outlook beside a running twin: copies its state between two steps, and publishes what a process of its own foresees.
+"""Outlook beside a running twin: state copied between two steps, and forecasts of a separate process published.
 
 The frame loop gives a copy of its memory at a frame boundary, and knows nothing else of it. All else is done by a
 process at the lowest priority. Where that takes longer than the period, the next outlook is later, and each says its
@@ -141,7 +141,7 @@ class LiveOutlook:
                 self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
 
     def _look(self, process: subprocess.Popen[bytes]) -> None:
-        """Ask the process about the present state again and again, until it ends or this does."""
+        """Request forecasts of the present state from the separate process, until either of both ends."""
         questions, answers = cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
         send(questions, self._options)
         while not self._stopping.is_set():

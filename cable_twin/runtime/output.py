@@ -89,7 +89,7 @@ class Output:
             self._publishers[topic](data)
 
     def publish(self, frame: Prepared) -> None:
-        """Publish a frame at its due time, then update the key figures, so that they cover published frames."""
+        """Publish a frame at its due time, then update the key figures, which cover published frames."""
         self._send_frame(frame)
         self.figures.update(frame.snapshot)
 
@@ -123,7 +123,7 @@ class Output:
         self.record(messages, stamp_ns)
 
     def send_ahead(self, message: bytes, ahead: TensionAhead, stamp_ns: int) -> None:
-        """Publish and record an outlook, and draw it in the recording."""
+        """Publish, record and draw an outlook."""
         self.send([(OUTLOOK, message)], stamp_ns)
         if self.run is not None and self._frames.frames > 0:
             self.run.recorder.record_ahead(ahead, stamp_ns)

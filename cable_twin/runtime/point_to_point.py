@@ -233,7 +233,7 @@ class Goals:
                 yield Command("speed", {name: value}), SOURCE
 
     def note(self, command: Command, source: str) -> None:
-        """Record an applied command, and abandon goals that it overrides."""
+        """Record an applied command, and abandon the goals overridden by the command."""
         kind = KINDS[command.kind]
         if source not in (SOURCE, ARRIVAL) and (kind.drives or kind.halts):
             for name in list(self._under_way):

@@ -1,4 +1,4 @@
-"""Foreign input processed in a separate process within limits, so that it can neither delay nor end the twin.
+"""Processing of foreign input in a separate process within limits, which can neither delay nor end the twin.
 
 A regular expression from another node is such an input, as matching one may take hours.
 """

@@ -124,7 +124,7 @@ class TravelRange(NamedTuple):
 
 
 def travel_between_stops(scenario: Scenario, name: str) -> TravelRange:
-    """Travel of the haul rope between the end stops of a carriage clamped to it, for inextensible ropes."""
+    """Travel of the haul rope between the end stops of a clamped carriage, for inextensible ropes."""
     carriage = scenario.carriages[name]
     track = scenario.rope_of(carriage)
     stroke, length = stop_stroke(scenario.of_rope(track), carriage), scenario.ropes[track].unstrained_length

@@ -226,7 +226,7 @@ def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
 
 @lru_cache(maxsize=4)  # the cases of a study are one text with other values
 def _document(text: str) -> Document:
-    """YAML text as it is read, which nobody may change."""
+    """Document read from a YAML text; shared, not to be changed."""
     return read_yaml(text)
 
 

@@ -268,7 +268,7 @@ class Written:
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
 
     def shown(self, path: KeyPath) -> str:
-        """Key path of the file in words, with the names of sections that it has."""
+        """Key path in words, with the names of its sections."""
         words = [self._aliases.get(str(path[0]), path[0]), *path[1:]] if path else []
         return ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in words)
 

@@ -230,7 +230,7 @@ class Scenario(Section):
 
     @property
     def joint(self) -> Literal["paper", "node"]:
-        """Joint of vehicles on the one rope of this scenario: as given; else at nodes, where that works and suits it.
+        """Joint of vehicles on the one rope of this scenario: as given, else at nodes where possible and accurate.
 
         A rope that begins straight, or has a free end, may lack the tension beside which its bending moment at a
         vehicle, which a node with two slopes does not pass on, counts for little. Carriers that are closer than two
@@ -351,7 +351,7 @@ class Scenario(Section):
         return {**state, "__dict__": own}
 
     def _made(self, name: str, parts: tuple[Any, ...], make: Callable[[], R]) -> R:
-        """Something made of parts of the scenario, kept until it is a copy with other parts."""
+        """Cached object built from parts of the scenario; rebuilt in copies with other parts."""
         kept: dict[str, tuple[tuple[Any, ...], R]] = self.__dict__  # as of `cached_property`, no field
         made = kept.get(f"_{name}_made")
         if made is None or any(own is not other for own, other in zip(parts, made[0], strict=True)):

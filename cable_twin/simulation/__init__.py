@@ -1,4 +1,4 @@
-"""One twin: only owner of state and solver time, effect of commands on it, and its snapshots."""
+"""Twin: only owner of state and solver time, effects of commands on the state, and snapshots."""
 
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.simulation.snapshot_file import SnapshotError

@@ -438,7 +438,7 @@ class Engine:
         self.follow_temperature()
 
     def rest_of(self, like: Engine) -> None:
-        """Take over the start of another engine, and what depends on its rest, in place of an own search for rest."""
+        """Copy the equilibrium of another engine and all constants from it, instead of a search for equilibrium."""
         self.bundle.wires.tension[:] = like.bundle.wires.tension
         own = tuple((part.system, part.packed_system) for part in self.parts)
         settings = like.settings()

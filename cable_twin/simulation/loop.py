@@ -132,7 +132,7 @@ class Loop:
             hang_carriages(part.system, state)
 
     def take_up(self) -> None:
-        """Set the travel of bullwheels to that which gives each strand the rope that it has in the present state."""
+        """Set the travel of bullwheels to the rope lengths of the strands in the present state."""
         if not self._names:
             return
         sheaves, rows = self._bundle.sheaves, {name: row for row, name in enumerate(self._parts)}

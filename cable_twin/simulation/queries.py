@@ -208,7 +208,7 @@ class Observer:
             self._of_ropes.append((part, read, (lateral, pack(self.layout.columns_of(number, self._columns)))))
 
     def arguments(self) -> tuple[tuple[Any, ...], FloatArray]:
-        """Arguments of the kernel `observe` for the first rope, and the row of numbers (n,) that it fills."""
+        """Arguments of the kernel `observe` for the first rope, and its output row of numbers (n,)."""
         if not self._of_ropes:
             self._prepare()
         part, read, written = self._of_ropes[0]

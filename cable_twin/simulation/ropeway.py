@@ -62,7 +62,7 @@ class Ropeway:
         self.state.temperature[0] = scenario.air.temperature
 
     def holds(self, vehicle: Carriage) -> bool:
-        """Return whether a vehicle of the rope is on it at the start, not in a station."""
+        """Return whether a vehicle is on the rope at the start, not in a station."""
         riding = self.scenario.riding
         if riding and vehicle.clamped_to:
             return riding.on_track(vehicle.clamped_to[riding.strand])
@@ -127,7 +127,7 @@ class Ropeway:
         self.commands = self._set_in_motion()
 
     def _set_in_motion(self) -> dict[str, Command]:
-        """Set the initial speeds of the scenario; returns the commands that keep them, by carriage or drive."""
+        """Set the initial speeds of the scenario; returns the commands that keep these speeds, by carriage or drive."""
         held, system, state = {}, self.system, self.state
         for name, drive in self.scenario.drives.items():
             if drive.speed != 0.0:
@@ -159,7 +159,7 @@ class Ropeway:
             brake(self.system, self.state, row)
 
     def check_travel(self, together: list[Ropeway], find_rest: Callable[[], None]) -> None:
-        """Refuse a counterweight at its upper travel limit in equilibrium, where it does not tension the rope.
+        """Refuse a counterweight that rests on its upper travel limit in equilibrium and does not tension the rope.
 
         Args:
             together: all ropes that rest together, this one too.
@@ -266,7 +266,7 @@ def drive(state: State, index: int, kind: str, value: float) -> None:
 
 
 def brake(system: System, state: State, index: int) -> None:
-    """Stop one carriage by the means of its scenario: its drive, brakes on it, or the track-rope brake alone."""
+    """Emergency stop of one carriage as in the scenario: by its drive, its brakes, or the track-rope brake alone."""
     drives = system.carriages
     if drives.clamped[index]:
         return

@@ -103,7 +103,7 @@ class FullState:
         return self.scenario is scenario and self.foreign is None
 
     def check(self, scenario: Scenario, systems: Sequence[System], own: FullState) -> None:
-        """Refuse a simulation with another scenario or other arrays, and numbers that it cannot continue from.
+        """Refuse a simulation with another scenario or other arrays, and saved numbers that cannot be continued.
 
         Args:
             scenario: of the simulation.
@@ -114,7 +114,7 @@ class FullState:
             SnapshotError: They do not fit.
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
-            raise SnapshotError(f"it is of another scenario than '{scenario.name}', or of one with other values")
+            raise SnapshotError(f"saved from another scenario than '{scenario.name}', or from other values of its keys")
         if self.between.keys() != own.between.keys():
             raise SnapshotError(
                 f"{', '.join(self.between.keys() ^ own.between.keys())}: in either the snapshot or the simulation only"
@@ -345,7 +345,7 @@ def _own_arrays(system: System, state: State) -> dict[str, Any]:
 
 
 def _mesh_faults(system: System, state: State) -> Iterator[str]:
-    """Faults of the mesh: nodes out of order, and such as follow loads that do not know of them."""
+    """Faults of the mesh: nodes out of order, and nodes that follow a load without a reference back."""
     places = state.mesh.arc_length
     if not np.all(np.diff(places) > 0.0) or np.any(np.abs(np.diff(places) - state.mesh.length) > 1e-9 * places[-1]):
         yield "mesh.arc_length: nodes are out of order, or apart by other than mesh.length"

@@ -160,7 +160,7 @@ class Simulation(Queries):
         self._forecaster: Forecaster | None = None
 
     def _find_start(self, meanwhile: Meanwhile | None, near: tuple[Kept, BundleState] | None = None) -> None:
-        """Find the static equilibrium, and set out from it."""
+        """Find the static equilibrium, and start the simulation there."""
         scenario = self.scenario
         expect_kernels(self._engine)
         with compiling_ahead(scenario, self._engine):
@@ -225,7 +225,7 @@ class Simulation(Queries):
         self.show(report)
 
     def show(self, report: SolverReport) -> None:
-        """Take over the solver report of a state that has been written into memory, with the settings as they are."""
+        """Update the snapshot for a state written into memory from outside, with its solver report."""
         self._at_start = False
         self._show(report)
 
@@ -354,7 +354,7 @@ class Simulation(Queries):
         return self.apply(Command("gust", {"x": x, "z": z, "y": y, "duration": duration}))
 
     def temperature(self, degrees: float) -> AppliedCommand:
-        """Set the temperature of all ropes (degC) from now on, by which they get longer or tighter at once.
+        """Set the temperature of all ropes (degC) from the present time on; rope lengths or tensions change at once.
 
         Raises:
             CommandError: when it is refused: not finite, or one that no rope has.

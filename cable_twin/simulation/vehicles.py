@@ -171,7 +171,7 @@ class Vehicles:
         self.note_stations()
 
     def carry(self, masses: FloatArray) -> None:
-        """Put payloads (vehicles,) in kg into the parameters of all ropes, if they have changed."""
+        """Write changed payloads (vehicles,) in kg into the parameters of all ropes."""
         if self._carried is not None and np.array_equal(masses, self._carried):
             return
         carriages = load_bodies(self._empty, self._payloads, masses)

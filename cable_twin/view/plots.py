@@ -180,7 +180,7 @@ class Plots:
                 stream.log(entity_path(f"plots/{name}", AXIS), invisible, static=True)
 
     def axes(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]]:
-        """Return the axis range of each signal for all values so far, with `cells` as in `begin`."""
+        """Return the axis range of each signal for all recorded values, with `cells` as in `begin`."""
         units = self._heights(cells)
         return {name: with_ticks(*span, *units[name]) for name, span in self.spans.items()}
 

@@ -313,7 +313,7 @@ class Vehicles:
             self.close_ups |= {path: reaches[index] for path, index in self._followed.items()}
 
     def send(self, stream: rr.RecordingStream, c: Columns, rows: NDArray[np.intp]) -> None:
-        """Send the poses of vehicles in selected frames of a batch."""
+        """Send the poses of vehicles in selected frames of a batch to a rerun recording."""
         times = c.time[rows, 0]
         joints = plane(planar(c.joint_position[rows]))
         bodies = plane(planar(c.body_position[rows]))
@@ -339,7 +339,7 @@ class Vehicles:
         return LIFT + float(self._label_sizes[0, 1]) if self._labelled else 0.0
 
     def _send_names(self, stream: rr.RecordingStream, times: FloatArray, joints: FloatArray) -> None:
-        """Send name positions above the joints (frames, vehicles, 2) in m, stacked where they would overlap."""
+        """Send vehicle names above the joints (frames, vehicles, 2) in m, stacked without overlap."""
         known = rows_without_gaps(joints)
         if not known.any():
             return

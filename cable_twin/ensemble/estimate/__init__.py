@@ -1,1 +1,1 @@
-"""Estimate: what a twin learns about its plant from the plant's sensors, with standard deviations."""
+"""Estimate of slow quantities and swing of a plant from the plant's sensors, with standard deviations."""

@@ -1,4 +1,4 @@
-"""Arrivals of a plant: measurements put in the order of their stamps, and what has to be left out named."""
+"""Arrivals of a plant: measurements sorted by their stamps, and notes on rejected measurements."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class Arrivals:
         return bool(self._offsets)
 
     def now(self, arrival: float) -> float:
-        """Time (s) of the plant at a time (s) by our clock."""
+        """Time (s) of the plant's clock at a time (s) of this computer's clock."""
         return arrival - min((offset for _, offset in self._offsets), default=0.0)
 
     def put(self, measurements: Sequence[Measurement], arrival: float) -> None:
-        """Take measurements that arrive at a time (s) by our clock."""
+        """Accept measurements that arrive at a time (s) of this computer's clock."""
         for one in measurements:
             if not all(map(isfinite, one.values)):
                 self._leave_out(one, "not finite")
@@ -65,14 +65,14 @@ class Arrivals:
         heapq.heappush(self._waiting, (max(applied.time, self._done), 0, next(self._number), applied))
 
     def due(self, arrival: float) -> Iterator[Item]:
-        """Items that no later one can come before, in the order of their times."""
+        """Yield the items older than the waiting time for late measurements, sorted by time."""
         until = self.now(arrival) - HORIZON
         while self._waiting and self._waiting[0][0] <= until:
             self._done = self._waiting[0][0]
             yield heapq.heappop(self._waiting)[-1]
 
     def leave_out(self, what: str, reason: str) -> None:
-        """Count what is left out, and tell it the first time."""
+        """Count a rejected item by its reason, and note the first item of each reason."""
         if not self.left_out[reason]:
             self.notes.append(f"left out: {what}: {reason}")
         self.left_out[reason] += 1

@@ -1,4 +1,4 @@
-"""Filter that follows a plant: an ensemble of twins whose slow quantities are corrected by what sensors measure.
+"""Filter that follows a plant: an ensemble of twins whose slow quantities are corrected by measurements.
 
 The middle member has the estimate, two others for each slow quantity are above and below it, and one swings otherwise
 for each angle of a body and its rate. All get the commands of the plant, so that their fast motion is that of the
@@ -133,7 +133,7 @@ class Follower:
         return self._zero + float(self._ensemble.times[0])
 
     def begin_at(self, time: float, motion: Mapping[str, tuple[float, float]]) -> None:
-        """Begin anew at a time (s) from a rest or a steady motion; what was learned of slow quantities is kept.
+        """Restart at a time (s) from rest or steady motion; the estimates of slow quantities are kept.
 
         Args:
             time: s, from which the twin goes on.
@@ -239,7 +239,7 @@ class Follower:
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _doubt_steps(self) -> None:
-        """Widen the belief about slow quantities by what the second order may make of their last step."""
+        """Add the second-order error of the last correction to the variances of slow quantities."""
         count, covariance = len(self.slow), self._belief.covariance.copy()
         moved = self._belief.mean[:count] - self._points[0]
         covariance[range(count), range(count)] += (CURVATURE * moved) ** 2
@@ -286,7 +286,7 @@ class Follower:
             self._ensemble.swing(self._first + number, [one.turn(SIZE)])
 
     def _of_swing(self) -> list[_Row]:
-        """Rows of a window that say how vehicles swing."""
+        """Rows of a window that measure the swing of vehicles."""
         return [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
 
     def _against_plan(self, time: float, slow: Mapping[str, Estimate]) -> list[Alarm]:
@@ -344,12 +344,12 @@ class Follower:
         return reading.noise**2 + reading.fast.variance(self._stirred, self._at_tower)
 
     def _read_as(self, row: _Row, sensor: str) -> _Row:
-        """Measurement as if it were of another sensor."""
+        """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
     def _worst(self, rows: Sequence[_Row], sensors: set[str]) -> tuple[str, float]:
-        """Sensor with the most unlikely innovations, and these as share of what is believed."""
+        """Sensor with the least likely innovations, and their normalised square over its limit."""
         worst, most = "", 0.0
         for sensor in sensors:
             own = [row for row in rows if row.sensor == sensor]
@@ -380,7 +380,7 @@ class Follower:
         return np.hstack([slow, fast])
 
     def _pending(self) -> FloatArray:
-        """Differences (n,) of what is believed from what the middle member has."""
+        """Differences (n,) of the estimate from the quantities of the middle member."""
         mean = self._belief.mean.copy()
         mean[: len(self.slow)] -= self._points[0]
         return mean

@@ -65,7 +65,7 @@ class Pursuit:
         self._pursued.clear()
 
     def wanted(self, time: float, name: str, place: float) -> float | None:
-        """Speed (m/s) to command to the drive of a twin, which is at a place (m); None to leave it as it is.
+        """Speed (m/s) to command to the drive of a twin at a place (m); None for no command.
 
         Args:
             time: s, of the newest measurement and of the place.

@@ -1,4 +1,4 @@
-"""Slow quantities of a plant that a twin estimates, with what is known of them before, and the sensors it reads."""
+"""Slow quantities of a plant that a twin estimates, with their priors, and the sensors that measure them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TOWER_ERROR = 4e-4  # as LOAD_ERROR
 
 
 class Errors(NamedTuple):
-    """Standard deviations of a fast error of the model, of the same mesh and twice as fine ones.
+    """Standard deviations of the discretisation error in a sensor: differences between a mesh and one twice as fine.
 
     Two meshes of one plant differ little until a vehicle has passed a tower, from where waves go along the rope.
     """
@@ -34,7 +34,7 @@ class Errors(NamedTuple):
         return Errors(*(scale * one for one in self))
 
     def variance(self, stirred: float, at_tower: bool) -> float:
-        """Variance where a share of what a tower has stirred is left."""
+        """Variance with a remaining share of the waves that the passage of a tower has excited."""
         extra = self.at_tower if at_tower and self.at_tower else self.stirred
         return self.quiet**2 + (stirred * extra) ** 2
 
@@ -56,7 +56,7 @@ NOISE = 1e-12  # least standard deviation, of a sensor without any
 
 
 class Slow(NamedTuple):
-    """Slow quantity: key of the scenario, unit, prior, and how fast it changes."""
+    """Slow quantity: key of the scenario, unit, prior, and standard deviation of its drift."""
 
     name: str
     key: str

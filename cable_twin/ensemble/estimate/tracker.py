@@ -23,7 +23,7 @@ WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its mode
 
 
 class News(NamedTuple):
-    """What a tracker has to say at a time (s)."""
+    """Report of a tracker at a time (s): a correction of the estimate, and lines to log."""
 
     time: float
     correction: Correction | None
@@ -55,16 +55,16 @@ class Tracker:
         self._refused: set[str] = set()
 
     def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:
-        """Take measurements that arrive at a time (s) by our clock."""
+        """Accept measurements that arrive at a time (s) of this computer's clock."""
         self.arrivals.put(measurements, arrival)
 
     def command(self, speeds: Mapping[str, float], arrival: float) -> None:
-        """Take the speeds (m/s) which the plant is commanded at a time (s) by our clock."""
+        """Accept the commanded speeds (m/s) of the plant at a time (s) of this computer's clock."""
         time = self.arrivals.now(arrival)
         self.arrivals.command(AppliedCommand(time, Command("speed", dict(speeds)), SOURCE))
 
     def advance(self, arrival: float) -> Iterator[News]:
-        """Go on to a time (s) by our clock; what there is to say of it."""
+        """Advance the twin to a time (s) of this computer's clock; yields corrections and lines to log."""
         for time, group in groupby(self.arrivals.due(arrival), key=_time):
             yield from self._take(time, list(group))
         if self.arrivals.notes:
@@ -125,7 +125,7 @@ class Tracker:
         return [f"follows the plant from {time:.1f} s on: {where or 'no encoder tells where it is'}"]
 
     def _pursue(self, time: float, measured: Sequence[Measurement]) -> list[str]:
-        """Command the drives of the twin so that they keep to the plant; begin anew where it is somewhere else."""
+        """Command the drives of the twin to follow the encoders; restart where the plant is far from the twin."""
         for one in measured:
             name = self._encoders.get(one.sensor)
             if name is None or one.sensor in self.follower.left_out:
@@ -141,7 +141,7 @@ class Tracker:
         return []
 
     def _drive(self, time: float, name: str, place: float) -> str:
-        """Command the speed that is due to a drive of the twin; the reason where it is refused for the first time."""
+        """Command the speed of the plant to a drive of the twin; returns the reason of a first refusal."""
         speed = self._pursuit.wanted(time, name, place)
         if speed is None:
             return ""

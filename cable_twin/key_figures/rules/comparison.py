@@ -1,4 +1,4 @@
-"""What several rule profiles ask of one quantity: side by side, and what no ropeway can keep together."""
+"""Demands of several rule profiles on one quantity, side by side, and demands that contradict each other."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _applies(check: Check, facts: Mapping[str, Any]) -> bool:
 
 
 def _limits(one: Check | SameAs, facts: Mapping[str, Any]) -> tuple[float, ...] | None:
-    """Limits of a check; None where they depend on what is not known without a run."""
+    """Limits of a check; None where they depend on results of a run."""
     numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
     try:
         given = case_of(one.limit, facts)
@@ -119,7 +119,7 @@ def clashes(asked: Sequence[Asked]) -> list[tuple[Asked, Asked]]:
 
 
 def topic_of(quantity: str) -> tuple[str, str]:
-    """Quantity and role, the same for quantities that rules compare in place of each other.
+    """Quantity and role under which equivalent quantities of rules are compared.
 
     Args:
         quantity: as quantity/role/statistic.

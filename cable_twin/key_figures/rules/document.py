@@ -46,7 +46,7 @@ class Strict(BaseModel):
 
 
 class SameAs(Strict):
-    """Rule in another quantity, by which it is set beside the rules of other documents; it is not judged by it."""
+    """Equivalent limit in another quantity, only to compare a rule with other documents, not to judge."""
 
     quantity: str = Field(description="that quantity as quantity/role/statistic")
     comparison: Comparison = Field(description="side of the limit that is allowed")
@@ -111,7 +111,7 @@ class Profile(NamedTuple):
 
 
 class Counts(NamedTuple):
-    """Numbers of the checks of a document by how the twin can decide them."""
+    """Numbers of checks of a document: all, decided by a figure, by a bound, by a load case, not decidable."""
 
     checks: int
     decided: int  # by a figure, each alone or within another check
@@ -121,7 +121,7 @@ class Counts(NamedTuple):
 
 
 def counts_of(document: Document) -> Counts:
-    """Numbers of the checks of a document by how the twin can decide them; an id with a letter behind is no other."""
+    """Count the checks of a document by kind of decision; ids that differ only by a last letter are one rule."""
     checks = document.checks
     rules = [one for name, one in checks.items() if not name[-1].islower()]
     judged = [checks[one.judged_in] if one.judged_in else one for one in rules]

@@ -1,4 +1,4 @@
-"""Roles of the things in a scenario, by which a rule names what it is about."""
+"""Roles of ropes, towers and vehicles of a scenario, by which a rule names its subjects."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _chords(corners: list[tuple[float, ...]]) -> list[tuple[float, float, float]
 
 
 class Subjects:
-    """Subjects of the figures of a scenario with their roles, and what is found of them once.
+    """Subjects of the key figures of a scenario: ropes, towers and vehicles with their roles, chords and supports.
 
     Attributes:
         rope_roles: role of each rope.

@@ -117,7 +117,7 @@ def judge(
 
 
 class Judge:
-    """Judge of the key figures of a scenario by rule profiles; what does not change in a run is found once.
+    """Judge of the key figures of a scenario by rule profiles; constants of a run are found once.
 
     Args:
         scenario: scenario of the run.
@@ -133,7 +133,7 @@ class Judge:
             self._figures: list[KeyFigure] = []
 
     def verdicts(self, figures: Sequence[KeyFigure]) -> list[RuleVerdict]:
-        """Verdicts on the key figures of the run so far, a check each that a figure can decide."""
+        """Verdicts on the key figures of a run up to the present time, one for each check that a figure decides."""
         if not self._profiles:
             return []
         self._figures = [*figures, *derived_figures(self._scenario, figures, self._subjects)]

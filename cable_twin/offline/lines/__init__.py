@@ -1,1 +1,1 @@
-"""Lines at rest with a vehicle at many places: their calculation and its picture, for `line` and all that needs it."""
+"""Lines at rest with a vehicle at many places: calculation and picture, for `line` and other commands."""

@@ -82,7 +82,7 @@ def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
         sound = sound and not faults
         yield from faults
         if sheave.counterweight and sheave.hydraulics:
-            yield refuse((*path, "hydraulics"), sheave.hydraulics, "only one of the two", "beside a counterweight")
+            yield refuse((*path, "hydraulics"), sheave.hydraulics, "null beside a counterweight", "a second device")
         for key in ("counterweight", "hydraulics"):
             device = getattr(sheave, key)
             if device is not None and not device.travel[0] < device.travel[1]:
@@ -282,7 +282,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
         clamped, drive = carriage.clamped_to, carriage.drive
         if clamped and (carriage.joint != "sliding" or drive.mode == "speed" or drive.haul_rope is not None):
             allowed = "only of a sliding joint, with a drive that is free or has a force"
-            yield refuse(path, clamped, allowed, "beside a joint or drive that holds it")
+            yield refuse(path, clamped, allowed, "a joint or drive holds the carriage")
         if not clamped and any(carriage.clamp_offset):
             own = ("carriages", name, "clamp_offset")
             yield refuse(own, carriage.clamp_offset, "only beside `clamped_to`", "without a clamp")

@@ -84,7 +84,7 @@ def name_faults(path: KeyPath, name: str | None = None) -> Iterator[Fault]:
 
 
 def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
-    """Fault of an unknown key, with the most similar known key, or all of them."""
+    """Fault of an unknown key, with the most similar known key, or all known keys."""
     known = list(known)
     near = get_close_matches(str(path[-1]), known, n=1)
     if near:

@@ -177,7 +177,7 @@ def _sensors(scenario: Scenario) -> Iterator[Fault]:
         if sensor.kind != "imu":
             for key in ("rate_noise", "rate_bias"):
                 if (given := getattr(sensor, key)) != 0.0:
-                    yield refuse((*path, key), given, "0, only an imu has it")
+                    yield refuse((*path, key), given, "0, except for an imu")
 
 
 def _body_names(scenario: Scenario) -> dict[str, list[str]]:

@@ -22,7 +22,7 @@ HELD = {"pinned", "clamped", "hydraulic", "counterweight"}  # supports of an end
 MOST_TURN = 60.0  # degrees in plan at a tower; sheave assemblies deflect a rope by a few, and stations by more
 ALONG = 0.9  # cosine to the rope from which on a groove opens along it
 DIRECTION = "a direction, not all numbers zero"
-ONLY_SPACE = "null, as only scenarios in space have it"
+ONLY_SPACE = "null; for scenarios in space only"
 
 
 def line_faults(scenario: Scenario) -> Iterator[Fault]:
@@ -77,7 +77,7 @@ def _grading(cable: Cable) -> Iterator[Fault]:
 
 
 def _joint(scenario: Scenario) -> Iterator[Fault]:
-    """Fault of nodes that follow loads beside a key with which they do not work."""
+    """Fault of `cable.joint: node` in a scenario whose vehicles cannot be at nodes of the mesh."""
     if scenario.cable.joint == "node" and (reason := scenario.paper_reason):
         yield refuse(("cable", "joint"), "node", "paper, or null", reason)
 
@@ -144,7 +144,7 @@ def _counterweight(scenario: Scenario, name: str, end: EndSupport) -> Iterator[F
         here, before, direction = (scenario.vector(v) for v in (end.position, inner, end.direction))
         if sum((a - b) * c for a, b, c in zip(here, before, direction, strict=True)) <= 0.0 < hypot(*direction):
             allowed = f"one that pulls it away from {show(inner, 'm')}"
-            yield refuse((*path, "direction"), end.direction, allowed, "it lets the cable go slack")
+            yield refuse((*path, "direction"), end.direction, allowed, "this direction lets the cable go slack")
 
 
 def _span(scenario: Scenario) -> Iterator[Fault]:

@@ -20,7 +20,7 @@ Bodies = Mapping[str, Body]  # of a vehicle, by name
 
 
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the vehicles on one rope, and of its supports where it moves; the paths are those of a `cable`."""
+    """Faults of the vehicles on one rope, and of the supports of a moving rope, with key paths from `cable`."""
     for name, carriage in scenario.carriages.items():
         yield from _carriage(scenario, ("carriages", name), carriage)
     if scenario.drives:
@@ -30,7 +30,7 @@ def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
                 yield refuse(("cable", name, "support"), end.support, allowed, "an end of a cable that moves")
         if scenario.solver.integrator == "runge_kutta":
             path = ("solver", "integrator")
-            yield refuse(path, scenario.solver.integrator, "generalized_alpha", "for a cable that moves")
+            yield refuse(path, scenario.solver.integrator, "generalized_alpha", "this cable moves")
     if scenario.carriers is not None:
         yield from _spacing(scenario, scenario.carriers)
 
@@ -81,7 +81,7 @@ def drive_faults(scenario: Scenario) -> Iterator[Fault]:
             continue
         known = listed(scenario.sheaves, "none, as there are no sheaves")
         if drive.sheave is None:
-            yield refuse((*path, "sheave"), NOTHING, known, "the drive of one of several ropes needs it")
+            yield refuse((*path, "sheave"), NOTHING, known, "with several ropes a drive turns a bullwheel")
         elif drive.sheave not in scenario.sheaves:
             yield refuse((*path, "sheave"), drive.sheave, known)
         elif (other := turned.setdefault(drive.sheave, name)) != name:
@@ -235,7 +235,8 @@ def _spacing(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield refuse((*path, "spacing"), carriers.spacing, f"at most {length:.9g} m, the length of the cable")
     elif loop < length:
         allowed = f"at least {ceil(length / spacing - 1e-09)}, for the cable of {length:.9g} m to fit in"
-        yield refuse((*path, "count"), carriers.count, allowed, f"every {spacing:.9g} m, a loop of {loop:.9g} m")
+        reason = f"carriers every {spacing:.9g} m fill a loop of {loop:.9g} m"
+        yield refuse((*path, "count"), carriers.count, allowed, reason)
     if carriers.first is not None and carriers.first > loop:
         yield refuse((*path, "first"), carriers.first, f"0 to {loop:.9g} m, on the loop")
     rooms = [kind.payload for kind in carriers.kinds_by_path.values() if kind.payload is not None]
