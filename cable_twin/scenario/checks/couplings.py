@@ -155,7 +155,7 @@ def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
             (*path, "counterweight" if sheave.counterweight else "hydraulics", "direction"),
             device.direction,
             f"away from their other ends, about {outward}",
-            "it does not pull against its strands",
+            "this direction does not pull against the strands",
         )
 
 
