@@ -155,13 +155,13 @@ class Tracker:
         return ""
 
     def _go_on_alone(self, until: float) -> Iterator[News]:
-        """Go on by the model while nothing comes from the plant, with more and more doubt."""
+        """Go on by the model while nothing comes from the plant, with more and more doubt, a window at a time."""
         if self.state == FOLLOWING:
             self.state = ALONE
             self._pursuit.forget()
             since = self.arrivals.newest
             yield News(since, None, (f"nothing from the plant since {since:.1f} s: the twin goes on by its model",))
-        while self.follower.time + WINDOW <= until:
+        if self.follower.time + WINDOW <= until:
             time = round(self.follower.time + WINDOW, 6)
             correction = self.follower.take(time, [])
             if correction is not None:
