@@ -16,6 +16,7 @@ from benchmarks import (
     coupled,
     emergency_stop,
     ensemble,
+    envelope,
     exudyn_comparison,
     exudyn_space,
     frame,
@@ -59,6 +60,7 @@ PARTS = {
     "learning": (learning.run, "steps per second of the environment of gymnasium, beside the plain Python API"),
     "ensemble": (ensemble.run, "32 twins side by side beside a plain loop: real time, threads, forks, memory"),
     "outlook": (outlook.run, "processor time of three futures of a minute, ahead of a running twin"),
+    "envelope": (envelope.run, "1,000 load cases of 80 towers at rest, the parts of a case, two cores beside one"),
     "study": (study.run, "overhead of a case of a study, two workers beside one, and tables of many cases"),
     "lockstep": (lockstep.run, "frames a second of a twin that is stepped through its service, beside the plain API"),
     "emergency_stop": (

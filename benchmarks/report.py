@@ -23,7 +23,7 @@ HEAD = """\
 Written part by part; the same numbers are in [benchmarks.json](benchmarks.json). Times of the solver are medians of
 interleaved repetitions on one thread. It takes minutes, on a machine that does nothing else; one part alone takes
 seconds (`python -m benchmarks exudyn --quick`, likewise `exudyn_space`, `space`, `ropes`, `scaling`, `startup`,
-`frame`, `loads`, `accuracy`, `convergence`, `learning`, `ensemble`, `outlook`, `study`, `lockstep`,
+`frame`, `loads`, `accuracy`, `convergence`, `learning`, `ensemble`, `outlook`, `envelope`, `study`, `lockstep`,
 `emergency_stop`, `live`):
 
 ```sh

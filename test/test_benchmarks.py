@@ -185,7 +185,7 @@ def test_a_frame_is_measured_in_units_of_the_solver(tmp_path):
         (
             ["speed"],
             "'speed' is no part; allowed are exudyn, exudyn_space, space, ropes, scaling, startup, frame, graded, "
-            "uniform, loads, accuracy, convergence, coupled, learning, ensemble, outlook, study, lockstep, "
+            "uniform, loads, accuracy, convergence, coupled, learning, ensemble, outlook, envelope, study, lockstep, "
             "emergency_stop, live",
         ),
         (["--repetitions", "0"], "--repetitions"),

@@ -375,6 +375,8 @@ class Scenario(Section):
         for number, place in enumerate(places):
             kind = kinds[number % len(kinds)]
             mass = self._load(kind, place)
+            if mass is not None and not carriers.carries(number):
+                mass = 0.0
             like = made.get((id(kind), mass))
             if like is None:
                 like = made[id(kind), mass] = self._carrier(kind, mass)

@@ -13,6 +13,7 @@ from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.declared import Kept, Memory, arrays_of, clone, write
+from cable_twin.mechanics.on_rope.wind import set_wind
 from cable_twin.mechanics.parameters import ALONE, CONTINUUM, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.readout.sections import allocate_sections
@@ -159,6 +160,7 @@ class Engine:
         self.commands: dict[str, Command] = {}
         self.integrator = cast(Kernel, integrator_named(scenario.solver.integrator))
         self.at_rest = cast(tuple[Kernel, ...], (relax, update_end_tensions) if scenario.sheaves else (relax,))
+        self._smooth: dict[int, tuple[System, Any]] = {}  # of each rope, with the same without friction, packed
         self._forces, self._near = np.zeros(len(scenario.connectors)), False
         self._hung_from = {rope for one in scenario.connectors.values() for rope, _ in one.ends}
 
@@ -214,6 +216,21 @@ class Engine:
         self.moving.sheaves.carriage.position[:] = moving.sheaves.carriage.position
         self.loop.take_up()
 
+    def take_loads(self, scenario: Scenario) -> None:
+        """Take payloads, wind and tensioning of a scenario that is else equal, written into the present parameters.
+
+        Raises:
+            OtherModelError: tensioning devices are others.
+        """
+        sheaves, own = build_bullwheels(scenario), self.couplings.sheaves
+        check_same_structure([sheaves], [own])
+        for array, given in zip(arrays_of(own).values(), arrays_of(sheaves).values(), strict=True):
+            array[...] = given
+        for part in self.parts:
+            set_wind(part.state, np.array(scenario.vector(scenario.air.wind)))
+        self.vehicles.take_payloads(scenario)
+        self._scenario = self.loop.scenario = scenario
+
     def _by_name(self) -> Iterator[tuple[str, Ropeway]]:
         return zip(self._names, self.parts, strict=True)
 
@@ -258,7 +275,9 @@ class Engine:
             EquilibriumError: there is no such rest.
         """
         for row, part in enumerate(self.parts):
-            self._ropes.put(row, without_friction(part.system))
+            if self._smooth.get(row, (None, None))[0] is not part.system:
+                self._smooth[row] = part.system, pack(without_friction(part.system))
+            self._ropes.put(row, self._smooth[row][1])
         longest = max(rope.unstrained_length for rope in self._scenario.cables.values())
         elements = sum(len(part.state.nodes.position) - 1 for part in self.parts)
 
@@ -266,7 +285,7 @@ class Engine:
             settle_together(self._ropes, SLACKEST_REST * longest, elements, near=self._near)
 
         if self._scenario.sheaves:
-            self.loop.settle(settle)
+            self.loop.settle(settle, near=self._near)
         else:
             settle()
 

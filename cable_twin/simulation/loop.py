@@ -15,7 +15,14 @@ from cable_twin.mechanics.language.declared import Kept, write
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel, update_end_tensions
-from cable_twin.mechanics.solution.bundle.loop_rest import on_bullwheels, rest_in_closed_form, settle_loop
+from cable_twin.mechanics.solution.bundle.loop_rest import (
+    MOST_ITERATIONS,
+    NUDGE,
+    TOLERANCE,
+    on_bullwheels,
+    rest_in_closed_form,
+    settle_loop,
+)
 from cable_twin.mechanics.solution.bundle.records import (
     COUNTERWEIGHT,
     FIXED,
@@ -52,11 +59,16 @@ class Loop:
         driven = np.array([*self._drives.values()], dtype=np.int64)
         numbers = np.array([row for row, name in enumerate(scenario.drives) if name in self._drives], dtype=np.int64)
         self._packed = pack(bundle.sheaves), pack(motion), driven, numbers
-        self._scenario = scenario
+        self.scenario, self.keeps_slopes = scenario, False
+        self._slopes: FloatArray | None = None
         motion.drives.mode[driven] = SPEED
 
-    def settle(self, relax: Any) -> None:
+    def settle(self, relax: Any, *, near: bool = False) -> None:
         """Find the equilibrium of a loop of strands; `relax` finds the equilibrium of all ropes between given ends.
+
+        Args:
+            relax: as said.
+            near: whether it begins at the rest of like strands.
 
         Raises:
             EquilibriumError: there is none, or a bullwheel cannot hold it by friction.
@@ -71,8 +83,13 @@ class Loop:
 
         laid = Kept(first.state)
         try:
-            settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
+            if near and self.keeps_slopes:
+                self._slopes = settle_near(self._bundle.sheaves, self.motion, rest, self._slopes)
+            else:
+                settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
         except EquilibriumError as error:
+            if near:
+                raise
             write(laid, first.state)
             raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
@@ -89,12 +106,12 @@ class Loop:
         except EquilibriumError:
             return ""
         lines = []
-        for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
+        for row, (name, sheave) in enumerate(self.scenario.sheaves.items()):
             given, needed, device = float(sheaves.pull[row]), float(motion.pull[row]), sheave.tensioning
             if device is None or not needed > 0.0 or abs(given - needed) < SOUND * needed:
                 continue
             weighed = sheave.counterweight is not None and sheave.counterweight.force is None
-            scale, unit = (1.0 / self._scenario.gravity, "kg") if weighed else (1.0, "N")
+            scale, unit = (1.0 / self.scenario.gravity, "kg") if weighed else (1.0, "N")
             has, needs = rounded(given * scale), rounded(needed * scale, 3)
             pulling = f", which pulls with {with_unit(given, 'N', 3)}" if weighed else ""
             lines.append(
@@ -168,7 +185,7 @@ class Loop:
 
     def _check_travel(self) -> None:
         """Refuse a start with a counterweight or a cylinder outside its travel."""
-        for row, (name, sheave) in enumerate(self._scenario.sheaves.items()):
+        for row, (name, sheave) in enumerate(self.scenario.sheaves.items()):
             device, travel = sheave.tensioning, float(self.motion.carriage.position[row])
             if device is None or device.travel[0] <= travel <= device.travel[1]:
                 continue
@@ -185,7 +202,7 @@ class Loop:
         """Give the rope its initial speed; returns the commands that keep that speed, by drive."""
         held = {}
         for name in self._drives:
-            if (drive := self._scenario.drives[name]).speed != 0.0:
+            if (drive := self.scenario.drives[name]).speed != 0.0:
                 held[name] = Command("speed", {name: drive.speed})
                 self.motion.drives.target[self._drives[name]] = drive.speed
                 self.motion.rim.velocity[:] = self.motion.rope.velocity[:] = drive.speed
@@ -243,6 +260,55 @@ class Loop:
         depth = depth + np.maximum(motion.carriage.position - sheaves.travel[:, 1], 0.0)
         elastic = 0.5 * float(sheaves.buffer_stiffness @ depth**2)
         return Energy(float(kinetic), elastic, -float(sheaves.pull[moved] @ motion.carriage.position[moved]))
+
+
+def settle_near(
+    sheaves: Bullwheels, motion: BullwheelMotion, relax: Callable[[], None], slopes: FloatArray | None
+) -> FloatArray:
+    """Solve for the equilibrium of strands over their bullwheels near that of like strands, as `settle_loop` does.
+
+    One set of derivatives serves for all loads; in each search it is corrected by what the iterations find (Broyden).
+
+    Args:
+        sheaves: the wheels.
+        motion: their motion, at rest, from which this goes on.
+        relax: brings all ropes to rest with the ends that `motion` gives them, and notes what they pull with.
+        slopes: derivatives (N/m) of the balance of wheels by their ways near here; None: they are found.
+
+    Returns:
+        These derivatives, as they were given or found.
+
+    Raises:
+        EquilibriumError: it is not found.
+    """
+    free = np.flatnonzero(sheaves.driven == 0) if np.any(sheaves.driven) else np.arange(1, sheaves.driven.size)
+    pulled = np.flatnonzero(sheaves.tensioning != FIXED)
+    ways = [(motion.rope.position, sheave) for sheave in free] + [(motion.carriage.position, one) for one in pulled]
+
+    def off_balance() -> FloatArray:
+        relax()
+        tension = motion.tension
+        return np.array([*(tension[free, 1] - tension[free, 0]), *(sheaves.pull[pulled] - motion.pull[pulled])])
+
+    left = off_balance()
+    if slopes is None:
+        slopes = np.empty((left.size, left.size))
+        for column, (array, row) in enumerate(ways):
+            array[row] += NUDGE
+            slopes[:, column] = (off_balance() - left) / NUDGE
+            array[row] -= NUDGE
+    corrected = slopes
+    for _ in range(MOST_ITERATIONS):
+        if np.abs(left).max(initial=0.0) < TOLERANCE * float(np.abs(motion.tension).max()):
+            return slopes
+        if not np.isfinite(left).all():
+            break
+        move = np.linalg.lstsq(corrected, -left, rcond=None)[0]
+        for (array, row), way in zip(ways, move, strict=True):
+            array[row] += way
+        before, left = left, off_balance()
+        corrected = corrected + np.outer(left - before - corrected @ move, move) / (move @ move)
+    raise EquilibriumError("no static equilibrium of the loop nearby")
 
 
 class LoopLayout:

@@ -179,6 +179,20 @@ class Vehicles:
             part.system = part.system._replace(carriages=carriages)
         self._carried = masses.copy()
 
+    def take_payloads(self, scenario: Scenario) -> None:
+        """Write the first payloads of a scenario with equal vehicles into the present parameters of all ropes."""
+        alone = {
+            id(part): scenario.of_rope(name).vehicles for name, part in zip(scenario.cables, self._parts, strict=True)
+        }
+        found = [(name, _first_rope(name, self._parts)[0]) for name in self._rows]
+        loads = [alone[id(part)][name].payload for name, part in found]
+        self._first_loads = np.array([one.mass if one else 0.0 for one in loads], dtype=np.float64)
+        carriages = load_bodies(self._empty, self._payloads, self._first_loads)
+        for present, given in zip(self._parts[0].system.carriages, carriages, strict=True):
+            if isinstance(present, np.ndarray) and isinstance(given, np.ndarray) and present is not given:
+                present[...] = given
+        self._carried = self._first_loads.copy()
+
     def take_first_loads(self) -> None:
         """Store the first payloads in the state."""
         self._state.payload[:] = self._first_loads
@@ -268,5 +282,9 @@ def _rooms(scenario: Scenario) -> dict[str, CarrierPayload]:
     carriers = scenario.carriers
     if carriers is None:
         return {}
-    rooms = {f"{carriers.name}_{n + 1}": carriers.kind(n).payload for n in range(carriers.count)}
-    return {name: room for name, room in rooms.items() if room is not None}
+    found = {}
+    for number in range(carriers.count):
+        if (room := carriers.kind(number).payload) is not None:
+            stays = {} if carriers.carries(number) else {"from_start": 0.0, "from_end": 0.0}
+            found[f"{carriers.name}_{number + 1}"] = room.model_copy(update=stays)
+    return found

@@ -14,8 +14,10 @@ from cable_twin.offline import envelope
 from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
 from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
 from cable_twin.offline.envelopes.runs import Job, run_case
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
+from cable_twin.simulation.rests import Rests, differ_in_loads
+from cable_twin.simulation.vehicles import _rooms
 from verification import JIT
 
 CASES = """\
@@ -44,6 +46,13 @@ def cases_in(directory, text):
         ("cases: [{id: a, set: {gravity: -1}}]", "a: gravity: given -1 m/s^2; allowed: a finite number at least 0, in"),
         ("product: {load: [1]}", "product: given a mapping; allowed: mappings of factors to levels by id"),
         ("case: []", "case: this key does not exist; allowed: cases, product"),
+        ("cases: [{id: 3}]", "cases.0: given a mapping with the id 3, no text; allowed: a mapping with id, name"),
+        ('cases: [{id: "a\\nb"}]', r"cases.0: given a mapping with the id 'a\nb', no text; allowed: a mapping with id"),
+        ("cases: [{id: a, name: [x]}]", "cases.0.name: given ['x']; allowed: a text of one line"),
+        ("cases: [{id: a, loading: [full]}]", "a: loading: given ['full']; allowed: empty, full, up_full, down_full"),
+        ("product: {}", "product: given an empty mapping; allowed: mappings of factors to levels by id"),
+        ("product: {a: {x: {loading: full}}, b: {y: {loading: empty}}}", "product.b: its levels give loading, as"),
+        ("product: {a: {x: {set: {gravity: 9}}}, b: {y: {set: {gravity: 8}}}}", "product.b: its levels give set.grav"),
         ("{}", "given no case; allowed: a list `cases`, or a mapping `product`"),
     ],
 )
@@ -69,6 +78,35 @@ def test_loading_plans():
     assert chairs["carriers.payload.leaving"] == {"drive": 0.0, "return": 300.0}
     cabins = loading(load_scenario("jig_back"), "down_full")
     assert cabins == {"carriages.cabin_1.payload.mass": 0.0, "carriages.cabin_2.payload.mass": 6400.0}
+    assert loading(load_scenario("jig_back"), "every_second") == {
+        "carriages.cabin_1.payload.mass": 6400.0,
+        "carriages.cabin_2.payload.mass": 0.0,
+    }
+    odd = loading(load_scenario("chairlift"), "every_second")
+    assert odd["carriers.payload.leaving"] == {"drive": 300.0, "return": 300.0}
+    assert odd["carriers.loaded"] == [*range(1, 28, 2)]
+    masses = [one.payload.mass for one in load_scenario("chairlift", odd).of_rope("up").vehicles.values()]
+    assert masses == [300.0, 0.0] * 14
+    again = loading(load_scenario("chairlift", odd), "full")
+    vehicles = load_scenario("chairlift", odd | again).of_rope("up").vehicles
+    assert {one.payload.mass for one in vehicles.values()} == {300.0}
+
+
+def test_one_vehicle_is_a_case_for_each(tmp_path):
+    file = cases_in(tmp_path, "product: {load: {one: {name: one chair, loading: one}}, air: {still: {}}}")
+    cases = read_cases(file, "chairlift", {})
+    assert [one.id for one in cases] == [f"one+still+chair_{number}" for number in range(1, 29)]
+    assert cases[4].name == "one chair, still, chair_5 full"
+    masses = [one.payload.mass for one in cases[4].scenario.of_rope("up").vehicles.values()]
+    assert masses == [300.0 if number == 4 else 0.0 for number in range(28)]
+
+
+def test_carriers_that_are_not_loaded_stay_empty(tmp_path):
+    with pytest.raises(ScenarioError, match=r"carriers\.loaded: given 29; allowed: numbers of carriers from 1 to 28"):
+        load_scenario("chairlift", {"carriers.loaded": [3, 29]})
+    scenario = load_scenario("chairlift", {"carriers.loaded": [3]})
+    rooms = _rooms(scenario.of_rope("up"))
+    assert (rooms["chair_3"].from_start, rooms["chair_4"].from_start) == (300.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +154,36 @@ def test_each_extreme_has_the_case_that_governs(calculated):
     assert all(float(row["value"]) == pytest.approx(alone[row["id"]], rel=1e-6, abs=1e-9) for row in same)
     (rule,) = data["rules"]
     assert (rule["check"], rule["verdict"]) == ("USPA-01", "exceeded")  # at rest it is the static factor
+
+
+LOADS = (
+    {"carriers.payload.leaving": {"return": 300.0, "drive": 300.0}, "air.wind": [-15.0, 0.0]},
+    {"sheaves.return.counterweight.mass": 36.0e3, "carriers.loaded": [2, 3, 20]},
+    {"air.wind": [12.0, -3.0]},
+)
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_rests_under_other_loads_are_those_from_scratch_and_have_no_memory():
+    rests = Rests(load_scenario("chairlift"))
+    found = []
+    for changes in (*LOADS, LOADS[0]):
+        scenario = load_scenario("chairlift", changes)
+        assert differ_in_loads(scenario, load_scenario("chairlift"))
+        assert rests.under(scenario) is rests
+        here, figures = rests.snapshot, []
+        for snapshot in (here, Simulation(scenario, on_demand=True).snapshot):
+            key_figures = KeyFigures(scenario)
+            key_figures.update(snapshot)
+            figures.append({str(one.id): one.value for one in key_figures.figures()})
+        assert figures[0] == pytest.approx(figures[1], rel=1e-6, abs=1e-6), changes
+        found.append(here.numbers.tobytes())
+    assert found[3] == found[0] != found[1]
+
+
+@pytest.mark.parametrize("changes", [{"air.temperature": -5.0}, {"ropes.up.ice": 1.0}, {"towers.tower_2.radius": 24.0}])
+def test_what_is_no_load_is_calculated_from_scratch(changes):
+    assert not differ_in_loads(load_scenario("chairlift", changes), load_scenario("chairlift"))
 
 
 def test_finished_cases_are_not_calculated_again(calculated, capsys, monkeypatch):

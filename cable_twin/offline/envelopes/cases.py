@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
 from cable_twin.offline.envelopes.motion import Dynamic, DynamicError, read_dynamic
@@ -17,6 +17,8 @@ PLANS = {
     "full": "the whole capacity everywhere",
     "up_full": "full on the first rope, empty on the others",
     "down_full": "empty on the first rope, full on the others",
+    "every_second": "every second vehicle full, the others empty",
+    "one": "one vehicle full and the others empty, a case for each vehicle that can be it",
 }
 KEYS = ("id", "name", "loading", "set", "load_cases", "dynamic")
 OF_PRODUCT = ("name", "loading", "set", "load_cases", "dynamic")
@@ -64,6 +66,10 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
         faults.append("given no case; allowed: a list `cases`, or a mapping `product`")
     seen: set[str] = set()
     found = []
+    parts = [each for part in parts for each in _each_vehicle(base, *part)]
+    if len(parts) > MOST:
+        faults.append(f"given {len(parts)} cases; allowed: at most {MOST}")
+        parts = []
     for id_, one in parts:
         if id_ in seen:
             faults.append(f"{id_}: given twice; allowed: each id once")
@@ -113,8 +119,9 @@ def _listed(cases: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, A
         return
     for number, one in enumerate(cases):
         id_ = one.get("id") if isinstance(one, Mapping) else None
-        if not isinstance(id_, str) or not id_:
-            faults.append(f"cases.{number}: given {show(one)} without an id; allowed: a mapping with {', '.join(KEYS)}")
+        if not _is_name(id_):
+            given = f"{show(one)} without an id" if id_ is None else f"{show(one)} with the id {show(id_)}, no text"
+            faults.append(f"cases.{number}: given {given}; allowed: a mapping with {', '.join(KEYS)}")
         elif _is_case(f"cases.{number}", one, KEYS, faults):
             yield id_, one
 
@@ -123,7 +130,11 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
     """All combinations of the levels of each factor, with ids joined by +."""
     if factors is None:
         return
-    if not isinstance(factors, Mapping) or not all(isinstance(one, Mapping) and one for one in factors.values()):
+    if (
+        not isinstance(factors, Mapping)
+        or not factors
+        or not all(isinstance(one, Mapping) and one for one in factors.values())
+    ):
         faults.append(f"product: given {show(factors)}; allowed: mappings of factors to levels by id")
         return
     count = 1
@@ -135,6 +146,9 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
     if count > MOST:
         faults.append(f"product: given {count} combinations; allowed: at most {MOST}")
         return
+    if twice := _given_twice(factors):
+        faults.append(twice)
+        return
     for combination in product(*(levels.items() for levels in factors.values())):
         merged: dict[str, Any] = {"set": {}, "load_cases": []}
         for _, one in combination:
@@ -145,12 +159,31 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
         yield "+".join(str(level) for level, _ in combination), {**merged, "name": ", ".join(names)}
 
 
+def _given_twice(factors: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Fault of a key that two factors set, of which one would be lost; empty without one."""
+    owner: dict[str, str] = {}
+    for factor, levels in factors.items():
+        keys = {key for one in levels.values() for key in ("loading", "dynamic") if key in one}
+        keys |= {f"set.{key}" for one in levels.values() for key in one.get("set", {})}
+        for key in sorted(keys):
+            if owner.setdefault(key, factor) != factor:
+                return f"product.{factor}: its levels give {key}, as those of {owner[key]} do; allowed: in one factor"
+    return ""
+
+
+def _is_name(given: Any) -> TypeGuard[str]:
+    """Whether something is a text of one line that can be printed."""
+    return isinstance(given, str) and bool(given) and given.isprintable()
+
+
 def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> bool:
     """Whether something is a mapping of a case; else a fault is added."""
     if not isinstance(one, Mapping):
         faults.append(f"{path}: given {show(one)}; allowed: a mapping with {', '.join(keys)}")
     elif unknown := [key for key in one if key not in keys]:
         faults.append(f"{path}.{unknown[0]}: this key does not exist; allowed: {', '.join(keys)}")
+    elif not _is_name(one.get("name", "unnamed")):
+        faults.append(f"{path}.name: given {show(one['name'])}; allowed: a text of one line")
     elif not isinstance(one.get("set", {}), Mapping):
         faults.append(f"{path}.set: given {show(one['set'])}; allowed: a mapping of dotted keys to values")
     elif not isinstance(one.get("load_cases", []), list):
@@ -160,43 +193,68 @@ def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> b
     return False
 
 
+def _each_vehicle(base: Scenario, id_: str, one: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """The case, or of the loading plan `one` a case for each vehicle, with its name added to id and name."""
+    if one.get("loading") != "one":
+        yield id_, one
+        return
+    name = one.get("name", id_)
+    for vehicle in _vehicles(base) or [""]:
+        yield f"{id_}+{vehicle}", {**one, "name": f"{name}, {vehicle} full", "vehicle": vehicle}
+
+
+def _vehicles(scenario: Scenario) -> list[str]:
+    """Names of the vehicles that can have a payload."""
+    return [name for name, one in scenario.vehicles.items() if one.payload is not None]
+
+
 def _changes(base: Scenario, one: Mapping[str, Any]) -> dict[str, Any]:
     """Changes of a scenario for a case, by dotted key."""
     plan = one.get("loading")
-    values = {} if plan is None else loading(base, plan)
+    values = {} if plan is None else loading(base, plan, one.get("vehicle"))
     values |= {str(key): value for key, value in one.get("set", {}).items()}
     return values | ({"limits.load_cases": one["load_cases"]} if one.get("load_cases") else {})
 
 
-def loading(scenario: Scenario, plan: Any) -> dict[str, Any]:
+def loading(scenario: Scenario, plan: Any, vehicle: str | None = None) -> dict[str, Any]:
     """Changes of payloads for a loading plan, by dotted key.
 
     Args:
         scenario: scenario with payloads.
         plan: one of `PLANS`.
+        vehicle: name of the full one of the plan `one`.
 
     Raises:
         CaseError: there is no such plan, or nothing has a payload; one line.
     """
-    if plan not in PLANS:
+    if not isinstance(plan, str) or plan not in PLANS:
         raise CaseError(f"loading: given {show(plan)}; allowed: {', '.join(PLANS)}")
     first = next(iter(scenario.cables))
+    chosen = _vehicles(scenario)
+    if plan in ("every_second", "one"):
+        chosen = chosen[::2] if plan == "every_second" else [name for name in chosen if name == vehicle]
     values: dict[str, Any] = {}
     for name, carriage in scenario.carriages.items():
         if carriage.payload is not None:
-            full = plan == "full" or (plan != "empty" and (scenario.rope_of(carriage) == first) == (plan == "up_full"))
+            here = {"up_full": scenario.rope_of(carriage) == first, "down_full": scenario.rope_of(carriage) != first}
+            full = here.get(plan, plan != "empty") and name in chosen
             values[f"carriages.{name}.payload.mass"] = carriage.payload.capacity if full else 0.0
-    for path, kind in scenario.carriers.kinds_by_path.items() if scenario.carriers is not None else ():
+    carriers = scenario.carriers
+    for path, kind in carriers.kinds_by_path.items() if carriers is not None else ():
         if kind.payload is None:
             continue
         key, most = ".".join((*path, "payload")), kind.payload.capacity
-        up, down = (most if plan in ("full", which) else 0.0 for which in ("up_full", "down_full"))
+        up, down = (0.0 if plan in ("empty", which) else most for which in ("down_full", "up_full"))
         values[f"{key}.on_cable"] = None
         if scenario.sheaves:
             behind = scenario.strands[first].before if first in scenario.strands else ""
             values[f"{key}.leaving"] = {name: up if name == behind else down for name in scenario.sheaves}
         else:
             values |= {f"{key}.from_start": up, f"{key}.from_end": down}
+    if carriers is not None and any(kind.payload for kind in carriers.kinds_by_path.values()):
+        numbers = [n + 1 for n in range(carriers.count) if f"{carriers.name}_{n + 1}" in chosen]
+        every = plan not in ("every_second", "one")
+        values |= {} if every and carriers.loaded is None else {"carriers.loaded": None if every else numbers}
     if not values:
         raise CaseError(f"loading: given {plan!r}; allowed: {listed((), 'no plan, as no vehicle has a payload')}")
     return values

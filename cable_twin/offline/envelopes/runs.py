@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from cable_twin.offline.envelopes.motion import run_dynamic
 from cable_twin.offline.lines.at_rest import Line, at_place, calculate, from_scratch, plan_line
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError, Simulation
+from cable_twin.simulation.rests import Rests
 
 MOST_OF_PART = 10  # cases between two looks at what is finished
-OFF_MESH = re.compile(r"payload|^air\.wind|\.counterweight\.|\.hydraulics\.|^limits\.")
+OFF_MESH = re.compile(r"payload|^carriers\.loaded$|^air\.wind|\.counterweight\.|\.hydraulics\.|^limits\.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ def _mesh_key(case: LoadCase) -> str:
     return repr(sorted((key, repr(one)) for key, one in case.changes.items() if not OFF_MESH.search(key)))
 
 
-_bases: dict[tuple[str, int, float], Simulation] = {}  # of the present part, by its first case, places and place
+_bases: dict[tuple[str, int, float], Rests] = {}  # of the present part, by its first case, places and place
 
 
 def run_part(part: Neighbours) -> list[CaseResult]:
@@ -94,19 +95,20 @@ def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
     def find(scenario: Scenario, place: float) -> Simulation:
         if first is None or first.id == job.case.id:
             return from_scratch(scenario, place)
-        key = first.id, job.places, place
+        key = f"{first.scenario.name}: {first.id}", job.places, place
         if next(iter(_bases), key)[:2] != key[:2]:
             _bases.clear()
         if key not in _bases:
-            _bases[key] = at_place(_line(first.scenario, job.places), place)
-        return _bases[key].near(scenario)
+            line = _line(first.scenario, job.places)
+            _bases[key] = cast(Rests, at_place(line, place, lambda base, _: Rests(base)))
+        return _bases[key].under(scenario)
 
     try:
         if job.case.dynamic is not None:
             figures, fault = run_dynamic(job.case.scenario, job.case.dynamic)
             return CaseResult(job.case.id, tuple(figures), fault)
         line = _line(job.case.scenario, job.places)
-        calculate(line, find=find)
+        calculate(line, find=find, rows=False)
     except (EquilibriumError, ValueError) as error:
         return CaseResult(job.case.id, (), " ".join(str(error).split()))
     return CaseResult(job.case.id, tuple(line.figures))

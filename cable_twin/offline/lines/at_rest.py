@@ -87,6 +87,8 @@ def calculate(
     line: Line,
     on_place: Callable[[], object] = lambda: None,
     find: Find = from_scratch,
+    *,
+    rows: bool = True,
 ) -> None:
     """Find the equilibrium at all places, and collect the results.
 
@@ -94,6 +96,7 @@ def calculate(
         line: planned line, which gets the results.
         on_place: called after each place.
         find: simulation at the rest of a scenario, with the vehicle at a place (m).
+        rows: whether the values and lowest heights at each place are wanted, beside the figures of all places.
 
     Raises:
         EquilibriumError: no equilibrium at a place; the line names it.
@@ -102,17 +105,17 @@ def calculate(
     for place in line.places.tolist():
         simulation = at_place(line, place, find)
         here = simulation.snapshot
-        if line.scenario.terrain:
+        if rows and line.scenario.terrain:
             line.lowest.append(simulation.clearance().vehicles)
         # place in the column of the time, which a static line does not have
         numbers = here.numbers.copy()
         numbers[0] = place
         envelope.update(Snapshot(here.layout, numbers, here.solver))
-        alone = KeyFigures(line.scenario)
-        alone.update(here)
-        values = {f"{one.name} [{one.unit}]": one.value for one in _static(alone.figures())}
         line.columns.append(here.columns)
-        found.append(values)
+        if rows:
+            alone = KeyFigures(line.scenario)
+            alone.update(here)
+            found.append({f"{one.name} [{one.unit}]": one.value for one in _static(alone.figures())})
         on_place()
     names = dict.fromkeys(name for values in found for name in values)
     line.rows = {name: np.array([values.get(name, np.nan) for values in found]) for name in names}

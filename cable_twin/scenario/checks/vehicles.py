@@ -102,6 +102,8 @@ def carrier_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
     for name in carriers.order:
         if name not in carriers.kinds:
             yield refuse((*path, "order"), name, listed(carriers.kinds, "none, as there are no kinds"))
+    if beyond := [number for number in carriers.loaded or () if not 1 <= number <= carriers.count]:
+        yield refuse((*path, "loaded"), beyond[0], f"numbers of carriers from 1 to {carriers.count}")
     for name in carriers.kinds:
         yield from name_faults(("carriers", "kinds", name))
     for path, kind in carriers.kinds_by_path.items():

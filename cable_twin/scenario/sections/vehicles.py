@@ -231,6 +231,12 @@ class Carriers(Section):
         default=(), description="kinds from the first carrier on, repeated round the loop; by default each kind once"
     )
 
+    loaded: Annotated[tuple[int, ...] | None, FromList] = Field(
+        default=None,
+        description="numbers of the carriers that carry payloads, from 1 on; the others stay empty; null: all",
+        json_schema_extra={"allowed": "a list of whole numbers, from 1 to count", "unit": "-"},
+    )
+
     def on_strand(self, strand: Strand) -> Carriers:
         """Copy for one strand of a loop, with the payloads of carriers arriving at either end of the strand."""
         kinds = {
@@ -243,6 +249,10 @@ class Carriers(Section):
         """Bodies and payload of all carriers, or of each kind, by their key path in a file."""
         own = CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
         return {("carriers",): own} | {("carriers", "kinds", name): kind for name, kind in self.kinds.items()}
+
+    def carries(self, number: int) -> bool:
+        """Whether the carrier with an index from 0 on carries payloads."""
+        return self.loaded is None or number + 1 in self.loaded
 
     def kind(self, number: int) -> CarrierKind:
         """Kind of the carrier with an index from 0 on."""
