@@ -199,11 +199,11 @@ class Workspace(NamedTuple):
     no_columns: Annotated[FloatArray, Of("vehicle", "patch", 0)]  # further right sides of patches, where none are
     along_held: Annotated[BoolArray, Of("vehicle")]  # whether the arc length of a load's node has a given increment
     along_increment: Annotated[FloatArray, Of("vehicle", unit="m")]  # that increment
+    along_kept: Annotated[FloatArray, Of("vehicle", 3, unit="m, m/s, m/s²")]  # motion of joints before a difference
     patch_elements: Annotated[IntArray, Of("beside load")]  # elements beside loads
     patch_count: Annotated[IntArray, Of(1)]  # how many of these there are
     patch_motion: Annotated[FloatArray, Of("patch motion", WIDTH)]  # of the rope on a group of these, one row a number
     patch_elastic: Annotated[FloatArray, Of("element row", WIDTH)]  # elastic part of the `group` of these
-    patch_damped: Annotated[FloatArray, Of("damped row")]  # blocks of damping and drag of one of them, by nodal rates
     patch_by_length: Annotated[FloatArray, Of("patch length", WIDTH)]  # derivatives of their elastic energy by length
     right_side: Annotated[FloatArray, Of("node", 3, "dim")]  # minus the residual; after the solution the increment of e
     joint_gap: Annotated[
@@ -295,8 +295,7 @@ def sizes_of(system: System) -> dict[str, int]:
         "patch": 8 * dim + 2 if system.cable.load_nodes else 0,
         "patch column": 8 * dim + 3 if system.cable.load_nodes else 0,
         "beside load": 2 * system.carriages.fixed.size,
-        "patch motion": 13 * dim + 3,
-        "damped row": 16 * dim * dim,
+        "patch motion": 13 * dim + 6,
         "patch length": 3 * dim + 2,
         "element row": 4 * dim + 16 * dim * dim,  # residual and tangent of an element
     }

@@ -62,6 +62,13 @@ def read_vector(rows: Any, first: Any, like: Vec) -> Vec:
 
 
 @formula
+def read_square(rows: Any, first: Any, like: Vec) -> Mat:
+    """Matrix (dim, dim) of lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    dim = len(like)
+    return Mat(read_vector(rows, first + i * dim, like) for i in range(dim))
+
+
+@formula
 def spread(values: Vec | Mat, rows: Any, first: Any) -> None:
     """Write the lanes of a vector or matrix to as many rows of `rows` (rows, WIDTH), from row `first` on."""
     for k, value in enumerate(values.entries):
@@ -73,6 +80,14 @@ def add_spread(values: Vec | Mat, rows: Any, first: Any) -> None:
     """Add the lanes of a vector or matrix to as many rows of `rows` (rows, WIDTH), from row `first` on."""
     for k, value in enumerate(values.entries):
         place = first + k, 0
+        write_lanes(read_lanes(rows, place, WIDTH) + value, rows, place)
+
+
+@formula
+def add_diagonal(value: Any, rows: Any, first: Any, dim: int) -> None:
+    """Add lanes to the diagonal of the matrix (dim, dim) of lanes in `rows` (rows, WIDTH), from row `first` on."""
+    for axis in range(dim):
+        place = first + axis * (dim + 1), 0
         write_lanes(read_lanes(rows, place, WIDTH) + value, rows, place)
 
 

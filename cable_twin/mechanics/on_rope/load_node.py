@@ -93,10 +93,8 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
         add_matrix(one, patch, clamp_row(dim), place)
     if is_hinged(carriages, first):
         add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work)
-    if work.driven[carriage]:
-        hold_along(work, carriage, work.sliding_increment[carriage])
+    if work.along_held[carriage]:
         return
-    work.along_held[carriage] = False
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     _, tangential, normal_force, normal = along_and_across(force, r_x)
     passing = rope_passing(state.nodes.position, node, like)
@@ -116,12 +114,6 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
         side = load(state.nodes.position[node, row], like)
         by_slope = add_scaled(-f_t / sqrt(dot(side, side)), side, turned)
         add_row(scale(0.5 * stiffness_factor, by_slope), patch, along, (2 + row) * dim)
-
-
-@inlined_kernel
-def hold_along(work, carriage, increment):
-    """Give the increment (m) of a load's node along the rope."""
-    work.along_held[carriage], work.along_increment[carriage] = True, increment
 
 
 @inlined_kernel

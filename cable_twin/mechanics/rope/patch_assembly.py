@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array
-from cable_twin.mechanics.language.simd import WIDTH, read_vector, spread
+from cable_twin.mechanics.language.simd import WIDTH, add_diagonal, add_spread, read_square, read_vector, spread
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
@@ -17,6 +17,7 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
 )
+from cable_twin.mechanics.parameters import JOINT, SPEED
 from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_force
 from cable_twin.mechanics.rope.element import inertia, rates_of_strain, write_group
@@ -36,7 +37,10 @@ from cable_twin.mechanics.rope.shape_functions import MASS, block_row, vector_ro
 
 @kernel
 def begin_patches(state, work):
-    """Find the elements beside loads, and clear their patches."""
+    """Find the elements beside loads, clear their patches, and find what arc lengths of their nodes are given.
+
+    Needs the gaps measured, which are the increments of joints that follow a reference.
+    """
     count = 0
     for element in range(work.patch_of.size):
         work.patch_of[element], state.mesh.plain[element] = -1, 1.0
@@ -44,7 +48,9 @@ def begin_patches(state, work):
         number = state.node_load[node]
         if number >= 0:
             clear_array(work.patch[number])
-            work.along_held[number], work.along_increment[number] = True, 0.0
+            driven = state.axis[number] == JOINT and state.drives.mode[number] == SPEED
+            work.along_held[number] = driven or not state.node_follows[number]
+            work.along_increment[number] = work.sliding_increment[number] if driven else 0.0
             if state.node_load[node - 1] < 0:
                 work.patch_of[node - 1], work.patch_right[node - 1] = number, 0
                 state.mesh.plain[node - 1] = 0.0
@@ -55,6 +61,13 @@ def begin_patches(state, work):
             work.patch_elements[count] = node
             count += 1
     work.patch_count[0] = count
+
+
+@inlined_kernel
+def shifts(state, work, node):
+    """Return whether an iteration shifts a node along the rope, but for what flow over the ends of the rope does."""
+    number = state.node_load[node]
+    return follows(state, node) and not (work.along_held[number] and work.along_increment[number] == 0.0)
 
 
 @kernel
@@ -80,8 +93,9 @@ def gather_motion(system, state, first, count, work):
         write_motion(e, v, a, lane, work.patch_motion)
         work.patch_motion[rows, lane] = state.mesh.length[element]
         store(load(state.wind_field.along_rope[:, element], like), work.patch_motion[rows + 1 :, lane])
-        for end in range(2):
-            work.patch_motion[rows + len(like) + 1 + end, lane] = rope_past(system, state, element + end)[0]
+        k_a, k_a_dot, speed_a = rope_past(system, state, element)
+        k_b, k_b_dot, speed_b = rope_past(system, state, element + 1)
+        store((k_a, k_b, k_a_dot, k_b_dot, speed_b - speed_a), work.patch_motion[rows + len(like) + 1 :, lane])
 
 
 @inlined_kernel
@@ -123,7 +137,7 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
                 for axis in range(dim):
                     patch_columns[number, row + axis, slot] += share * work.group[entry + axis, lane]
             for end in range(2):
-                if follows(state, element + end):
+                if shifts(state, work, element + end):
                     along = work.group[block_row(0, 0, like) + end, lane]
                     patch_columns[number, shift_row(right, end, dim), slot] -= share * along
 
@@ -164,6 +178,13 @@ def linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor,
     if system.air.present:
         wind = read_vector(rows, 12 * len(like) + 1, like)
         add_drag(system.air.rope_drag, wind, length, shape, v, rate_factor, stiffness_factor, group)
+    k_a, k_b, k_a_dot, k_b_dot, grows = read_vector(rows, 13 * len(like) + 1, (0.0, 0.0, 0.0, 0.0, 0.0))
+    mass = cable.mass_per_length * stretch
+    if rate_factor > 0.0:
+        per_rate = stiffness_factor / rate_factor
+        convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elastic_group, like)
+    before, after = (k_a, k_a_dot), (k_b, k_b_dot)
+    convect(length, mass, grows, before, after, rate_factor, stiffness_factor, group, like)
     first, second, by_d, by_a, by_b = by_length(cable, at_rest, *shape)
     spread((first, second), work.patch_by_length, 0)
     spread(by_d, work.patch_by_length, 2)
@@ -181,17 +202,10 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
     length, mass = state.mesh.length[element], cable.mass_per_length * rest_stretch(cable, state)
     e = nodal_vectors(state.nodes.position, element, like)
     rates = nodal_vectors(state.nodes.velocity, element, like)
-    k_a, k_a_dot, speed_a = rope_past(system, state, element)
-    k_b, k_b_dot, speed_b = rope_past(system, state, element + 1)
-    k, grows = (k_a, k_b), speed_b - speed_a
-    still = convection(length, grows, (k_a, k_a_dot), (k_b, k_b_dot), rate_factor, stiffness_factor)
-    if rate_factor > 0.0:
-        convect_damping(length, mass, mass_factor, stiffness_factor / rate_factor, k_a, k_b, lane, like, work)
+    k = load(work.patch_motion[13 * dim + 1 :, lane], (0.0, 0.0))
+    grows = work.patch_motion[13 * dim + 5, lane]
     for i in range(4):
         for j in range(4):
-            convected = mass * length * (length if i % 2 == 1 else 1.0) * still[i][j]
-            for axis in range(dim):
-                group[block_row(i, j, like) + axis * (dim + 1), lane] += convected
             matrix = load(group[block_row(i, j, like) :, lane], square)
             add_matrix(matrix, patch, patch_row(right, i, dim), patch_row(right, j, dim))
         add_column(load(group[vector_row(i, like) :, lane], like), patch, patch_row(right, i, dim), last)
@@ -203,11 +217,11 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
             add_column(scale(-flux, slope), patch, row, last)
             turned = block(0.0, square, stiffness_factor * flux)
             add_matrix(turned, patch, row, patch_row(right, 2 * end + 1, dim))
-            if follows(state, element + end):
+            if shifts(state, work, element + end):
                 by_speed = scale(-2.0 * sign * mass * k[end] * rate_factor, slope)
                 add_column(by_speed, patch, row, shift_row(right, end, dim))
     for end in range(2):
-        if follows(state, element + end):
+        if shifts(state, work, element + end):
             shift = shift_vectors(end, e, length)
             row = shift_row(right, end, dim)
             turned = bend_rates(length, grows, e, rates)[end]
@@ -227,56 +241,58 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
                 stiffness_factor,
                 work,
             )
-    if follows(state, element) and follows(state, element + 1):
+    if shifts(state, work, element) and shifts(state, work, element + 1):
         add_both_shifts(cable, state, element, lane, e, stiffness_factor, work)
 
 
-@inlined_kernel
-def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, lane, like, work):
-    """Add to a lane of the group what damping and drag are by nodal coordinates, as rope passes the nodes.
+@formula
+def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elastic_group, like):
+    """Add to a group what damping and drag are by nodal coordinates, as rope passes the nodes.
 
     Of the group they are all but the elastic part and the inertia, `mass` (kg/m) by `mass_factor`; `per_rate` is the
     stiffness factor over the rate factor.
     """
-    group, elastic_group, square = work.group, work.patch_elastic, outer(0.0, like, like)
     speeds = passing_speeds(length, k_a, k_b)
+    powers = (mass_factor * mass * per_rate) * length, length, length * length
     for i in range(4):
+        damped = []
         for m in range(4):
-            inert = mass_factor * mass * length * MASS[i][m]
-            inert *= (length if i % 2 == 1 else 1.0) * (length if m % 2 == 1 else 1.0)
-            damped = beyond_elastic(group, elastic_group, block_row(i, m, like), lane, square)
-            damped = block(per_rate, damped, -per_rate * inert)
-            store_lane(damped, work.patch_damped, block_row(i, m, like) - block_row(0, 0, like))
+            inert = MASS[i][m] * powers[0]
+            inert = inert if i % 2 + m % 2 == 0 else powers[i % 2 + m % 2] * inert
+            whole = read_square(group, block_row(i, m, like), like)
+            damped.append(block(per_rate, whole - read_square(elastic_group, block_row(i, m, like), like), -inert))
+        for j in range(4):
+            of_j = [(speeds[m][j], damped[m]) for m in range(4) if speeds[m][j] is not None]
+            add_spread(total(speed * one for speed, one in of_j), group, block_row(i, j, like))
+
+
+@formula
+def convect(length, mass, grows, before, after, rate_factor, stiffness_factor, group, like):
+    """Add to the blocks of a group the inertia of what accelerations of the rope are by nodal coordinates."""
+    still = convection(length, grows, before, after, rate_factor, stiffness_factor)
+    inert = mass * length, mass * length * length
     for i in range(4):
         for j in range(4):
-            for m in range(4):
-                if speeds[m][j] != 0.0:
-                    damped = load(work.patch_damped[block_row(i, m, like) - block_row(0, 0, like) :], square)
-                    add_lane(scale(speeds[m][j], damped), group, block_row(i, j, like), lane)
+            add_diagonal(inert[i % 2] * still[i][j], group, block_row(i, j, like), len(like))
 
 
 @formula
-def store_lane(matrix, row, first):
-    """Write the entries of a matrix to an array, from an entry on."""
-    for k, entry in enumerate(matrix.entries):
-        row[first + k] = entry
-
-
-@formula
-def add_lane(matrix, rows, first, lane):
-    """Add the entries of a matrix to one lane of as many rows, from row `first` on."""
-    for k, entry in enumerate(matrix.entries):
-        rows[first + k, lane] = rows[first + k, lane] + entry
+def total(terms):
+    """Sum of numbers, vectors or matrices, at least one."""
+    first, *others = terms
+    for other in others:
+        first = first + other
+    return first
 
 
 @formula
 def passing_speeds(length, k_a, k_b):
-    """Derivatives (4, 4), numbers, of the rope's velocities at the nodes of an element by its nodal coordinates."""
-    zero, per, square = 0.0 * k_a, 1.0 / length, 1.0 / (length * length)
+    """Derivatives (4, 4) of the rope's velocities at the nodes of an element by its nodal coordinates; None for 0."""
+    per, square = 1.0 / length, 1.0 / (length * length)
     return (
-        (zero, k_a, zero, zero),
+        (None, k_a, None, None),
         (-6.0 * square * k_a, -4.0 * per * k_a, 6.0 * square * k_a, -2.0 * per * k_a),
-        (zero, zero, zero, k_b),
+        (None, None, None, k_b),
         (6.0 * square * k_b, 2.0 * per * k_b, -6.0 * square * k_b, 4.0 * per * k_b),
     )
 
@@ -287,33 +303,25 @@ def convection(length, grows, before, after, rate_factor, stiffness_factor):
 
     Rows of slopes are without a factor l. Arguments as in `rope_motion`, factors as in `assemble`.
     """
-    (k_a, k_a_dot), (k_b, k_b_dot) = before, after
-    zero, one = 0.0 * k_a, 0.0 * k_a + 1.0
     per, square = 1.0 / length, 1.0 / (length * length)
-    bend_a = (-6.0 * square, -4.0 * per, 6.0 * square, -2.0 * per)
-    bend_b = (6.0 * square, 2.0 * per, -6.0 * square, 4.0 * per)
-    turn = stiffness_factor * grows * per
-    grown_a = (12.0 * square * turn, 4.0 * per * turn, -12.0 * square * turn, 2.0 * per * turn)
-    grown_b = (-12.0 * square * turn, -2.0 * per * turn, 12.0 * square * turn, -4.0 * per * turn)
-    units = tuple(tuple(one if i == j else zero for j in range(4)) for i in range(4))
-    # velocities of the rope less nodal rates, by nodal coordinates
-    speeds = (
-        tuple(k_a * units[1][k] for k in range(4)),
-        tuple(k_a * bend_a[k] for k in range(4)),
-        tuple(k_b * units[3][k] for k in range(4)),
-        tuple(k_b * bend_b[k] for k in range(4)),
+    bends = (
+        (-6.0 * square, -4.0 * per, 6.0 * square, -2.0 * per),
+        (6.0 * square, 2.0 * per, -6.0 * square, 4.0 * per),
     )
-    turns_a = tuple(sum(bend_a[m] * speeds[m][k] for m in range(4)) for k in range(4))
-    turns_b = tuple(sum(bend_b[m] * speeds[m][k] for m in range(4)) for k in range(4))
-    f, g = stiffness_factor, 2.0 * rate_factor
-    by = (
-        tuple((g * k_a + f * k_a_dot) * units[1][k] + f * k_a * k_a * bend_a[k] for k in range(4)),
-        tuple((g * k_a + f * k_a_dot) * bend_a[k] + k_a * (grown_a[k] + f * turns_a[k]) for k in range(4)),
-        tuple((g * k_b + f * k_b_dot) * units[3][k] + f * k_b * k_b * bend_b[k] for k in range(4)),
-        tuple((g * k_b + f * k_b_dot) * bend_b[k] + k_b * (grown_b[k] + f * turns_b[k]) for k in range(4)),
+    turn = grows * per
+    grown = (
+        (12.0 * square * turn, 4.0 * per * turn, -12.0 * square * turn, 2.0 * per * turn),
+        (-12.0 * square * turn, -2.0 * per * turn, 12.0 * square * turn, -4.0 * per * turn),
     )
-    scales = (one, length * one, one, length * one)
-    return tuple(tuple(sum(MASS[i][m] * scales[m] * by[m][k] for m in range(4)) for k in range(4)) for i in range(4))
+    speeds, by = passing_speeds(length, before[0], after[0]), []  # of velocities of the rope less nodal rates
+    for end, (k, k_dot), bend in ((0, before, bends[0]), (1, after, bends[1])):
+        passed, squared = 2.0 * rate_factor * k + stiffness_factor * k_dot, stiffness_factor * k * k
+        rows = [squared * bend[j] for j in range(4)]
+        rows[2 * end + 1] = rows[2 * end + 1] + passed
+        turns = [total(bend[m] * speeds[m][j] for m in range(4) if speeds[m][j] is not None) for j in range(4)]
+        turned = [passed * bend[j] + stiffness_factor * k * (grown[end][j] + turns[j]) for j in range(4)]
+        by += [rows, [length * one for one in turned]]
+    return tuple(tuple(total(MASS[i][m] * by[m][j] for m in range(4)) for j in range(4)) for i in range(4))
 
 
 @formula

@@ -12,7 +12,7 @@ stays, after these in rows and columns, and is one of the unknowns of the ropes 
 
 from __future__ import annotations
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import load, store
 from cable_twin.mechanics.rope.point import clamp_row
 
@@ -40,7 +40,7 @@ def condense_patches(state, work, patch_columns, like):
             size = clamp_row(dim) + dim
         if work.along_held[number]:
             hold_row(work.patch[number], 5 * dim, work.along_increment[number])
-        eliminate(work.patch[number], patch_columns[number], count, 2 * dim, 5 * dim + 1, size)
+        eliminate(work.patch[number], patch_columns[number], count, dim, size)
         if following >= 0:
             hand_on(
                 work.patch[number], work.patch[following], patch_columns[number], patch_columns[following], count, dim
@@ -57,17 +57,32 @@ def hold_row(patch, row, increment):
     patch[row, row], patch[row, patch.shape[0]] = 1.0, increment
 
 
+@inlined_kernel
+def own_row(turn, dim):
+    """Row of the unknown of a load that is eliminated at a `turn`: slopes, each coupled to one side alone; r; s."""
+    if turn < 2 * dim:
+        return 3 * dim + turn
+    return turn if turn < 3 * dim else 5 * dim
+
+
+@inlined_kernel
+def turn_of(row, dim):
+    """Turn at which an own row of a load is eliminated, the inverse of `own_row`."""
+    if row < 3 * dim:
+        return row
+    return row - 3 * dim if row < 5 * dim else 3 * dim
+
+
 @kernel
-def eliminate(patch, columns, count, first, end, size):
-    """Eliminate the unknowns `first` to `end` of a patch of `size` ones from the equations of all that are left."""
-    last = patch.shape[1] - 1
-    for pivot in range(first, end):
+def eliminate(patch, columns, count, dim, size):
+    """Eliminate the load's own unknowns of a patch of `size` ones from the equations of all that are left."""
+    first, end, last = 2 * dim, 5 * dim + 1, patch.shape[1] - 1
+    for turn in range(3 * dim + 1):
+        pivot = own_row(turn, dim)
         inverse = 1.0 / patch[pivot, pivot]
         for row in range(size):
-            if first <= row <= pivot:
-                continue
             factor = patch[row, pivot] * inverse
-            if factor == 0.0:
+            if factor == 0.0 or (first <= row < end and turn_of(row, dim) <= turn):
                 continue
             for column in range(last + 1):  # with what is eliminated already: one loop of whole vectors is cheaper
                 patch[row, column] -= factor * patch[pivot, column]
@@ -146,11 +161,13 @@ def substitute(state, work, node, like):
     last = patch.shape[1] - 1
     if state.clamp_holds[number]:
         size = clamp_row(dim) + dim
-    for row in range(own - 1, 2 * dim - 1, -1):
+    for turn in range(3 * dim, -1, -1):
+        row = own_row(turn, dim)
         value = patch[row, last]
         for column in range(2 * dim):
             value -= patch[row, column] * work.right_side[start, column // dim, column % dim]
-        for column in range(row + 1, own):
+        for later in range(turn + 1, 3 * dim + 1):
+            column = own_row(later, dim)
             value -= patch[row, column] * patch[column, last]
         for column in range(own, size):
             k = column - own

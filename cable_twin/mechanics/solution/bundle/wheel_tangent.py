@@ -29,11 +29,12 @@ from cable_twin.mechanics.language.vectors import (
     unit_matrix,
 )
 from cable_twin.mechanics.on_rope.friction import mobilise
+from cable_twin.mechanics.on_rope.load_node import follow_joints
 from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
-from cable_twin.mechanics.rope.patch import at_node, beside_load
-from cable_twin.mechanics.rope.patch_assembly import add_patch_differences
+from cable_twin.mechanics.rope.patch import at_node, beside_load, follows
+from cable_twin.mechanics.rope.patch_assembly import add_patch_differences, shifts
 from cable_twin.mechanics.rope.point import element_at, patch_row, point_at, slope
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
@@ -113,15 +114,18 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
 def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_columns, slot):
     """Add to the columns of loads at nodes what rope over one end changes on the elements beside them.
 
-    That of their elements is a central difference, with `PART` of a metre of rope; a load that is clamped to the rope
+    That of their elements is a central difference, with `PART` of a metre of rope. A load that is clamped to the rope
     goes along with it, on such an element too.
     """
     cable, like, count = system.cable, system.cable.gravity, work.patch_count[0]
     dim = len(like)
+    keep_joints(state, work)
     for way in (PART, -PART):
         kept = shift_rope(state, end, way, mass_factor, rate_factor)
+        shift_clamped(system, state, work, end, way, mass_factor, rate_factor)
         add_patch_differences(system, state, count, -0.5 / way, patch_columns, slot, work)
         set_rope(state, end, kept)
+        put_joints_back(state, work)
     for carriage in range(system.carriages.fixed.size):
         if not rides(system, state, carriage):
             continue
@@ -150,6 +154,39 @@ def shift_rope(state, end, way, mass_factor, rate_factor):
     kept = state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end]
     set_rope(state, end, (kept[0] + way, kept[1] + rate_factor * way, kept[2] + mass_factor * way))
     return kept
+
+
+@kernel
+def keep_joints(state, work):
+    """Keep the motion of all joints along the rope."""
+    for carriage in range(work.along_kept.shape[0]):
+        work.along_kept[carriage, 0] = state.joints.position[carriage]
+        work.along_kept[carriage, 1] = state.joints.velocity[carriage]
+        work.along_kept[carriage, 2] = state.joints.acceleration[carriage]
+
+
+@kernel
+def put_joints_back(state, work):
+    """Put all joints, and the nodes that follow them, to what `keep_joints` has kept."""
+    for carriage in range(work.along_kept.shape[0]):
+        state.joints.position[carriage] = work.along_kept[carriage, 0]
+        state.joints.velocity[carriage] = work.along_kept[carriage, 1]
+        state.joints.acceleration[carriage] = work.along_kept[carriage, 2]
+    follow_joints(state)
+
+
+@kernel
+def shift_clamped(system, state, work, end, way, mass_factor, rate_factor):
+    """Let nodes of loads that are clamped to the rope go along with a `way` (m) of rope over one end."""
+    for node in range(1, state.node_load.size - 1):
+        carriage = state.node_load[node]
+        if carriage >= 0 and follows(state, node) and not shifts(state, work, node):
+            if system.carriages.clamped[carriage]:
+                gone = way * place_by_flow(system.cable, state, end, work.along_kept[carriage, 0])
+                state.joints.position[carriage] += gone
+                state.joints.velocity[carriage] += rate_factor * gone
+                state.joints.acceleration[carriage] += mass_factor * gone
+    follow_joints(state)
 
 
 @inlined_kernel
