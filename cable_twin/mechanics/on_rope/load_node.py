@@ -161,11 +161,11 @@ def update_load_nodes(system, state):
     for node in range(1, last):
         number = state.node_load[node]
         if number >= 0:
-            s = state.joints.position[number]
+            s, way = state.joints.position[number], system.solver.step * abs(state.joints.velocity[number])
             if not rides(system, state, number):
                 give_back(system, state, node)
             elif state.node_follows[number]:
-                ahead = room + system.solver.step * abs(state.joints.velocity[number])  # so that no step takes it there
+                ahead = room + way  # so that no step takes it there
                 near = s - places[node - 1] < ahead or places[node + 1] - s < ahead
                 near = near or is_at_end(system, s)
                 if state.clamp_holds[number] and (near or beside_other(state, node)):
@@ -175,7 +175,7 @@ def update_load_nodes(system, state):
             elif s < places[node - 1] or s > places[node + 1]:
                 give_back(system, state, node)
             elif not is_at_end(system, s) and places[node - 1] + 2.0 * room <= s <= places[node + 1] - 2.0 * room:
-                if abs(s - places[node]) < room:
+                if abs(s - places[node]) < room + way:  # some step takes it there
                     take_node(system, state, number, node, s, True)
                 else:
                     give_back(system, state, node)
