@@ -8,7 +8,7 @@ from cable_twin.basics.units import with_unit
 from cable_twin.mechanics.drives.pull import hold_all, release_joints
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of, declared
-from cable_twin.mechanics.on_rope.load_node import LEAST
+from cable_twin.mechanics.on_rope.load_node import AT_END, LEAST
 from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import rest_stretch
@@ -170,7 +170,10 @@ def lay_taut(system: System, state: State) -> None:
 
 
 def lay_mesh(system: System, state: State) -> None:
-    """Initialise the mesh, with nodes at all loads on the rope if nodes follow them."""
+    """Initialise the mesh, with nodes at all loads on the rope if nodes follow them.
+
+    In the first and last element of a rope that moves they stand where `update_load_nodes` has them.
+    """
     homes, own = system.cable.node_arc_length, vehicles_of(system, state)
     state.mesh.arc_length[:], state.mesh.length[:], state.mesh.plain[:] = homes, system.cable.element_length, 1.0
     state.node_load[:], state.joint_node[own], state.node_follows[own] = -1, -1, False
@@ -178,11 +181,14 @@ def lay_mesh(system: System, state: State) -> None:
         return
     riders = np.flatnonzero(own & state.attached)
     riders = riders[np.argsort(state.joints.position[riders], kind="stable")]
-    places = state.joints.position[riders]
+    places, room = state.joints.position[riders], AT_END * np.diff(homes)[[0, -1]]
+    if system.moving_cable.moving:
+        places = np.clip(places, homes[0] + room[0], homes[-1] - room[1])
     for rider, node, s in with_room(homes, riders, places, nodes_for(homes, places), LEAST * system.cable.cell_length):
+        load = state.joints.position[rider]
         state.mesh.arc_length[node] = s
-        state.node_load[node], state.joint_node[rider], state.joint_element[rider] = rider, node, node - 1
-        state.node_follows[rider] = True
+        state.node_load[node], state.joint_node[rider], state.node_follows[rider] = rider, node, load == s
+        state.joint_element[rider] = node - 1 if load <= s else node
     beside = (state.node_load[:-1] >= 0) | (state.node_load[1:] >= 0)
     state.mesh.length[:] = np.where(beside, np.diff(state.mesh.arc_length), state.mesh.length)
 
