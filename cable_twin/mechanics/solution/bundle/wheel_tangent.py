@@ -180,12 +180,12 @@ def shift_clamped(system, state, work, end, way, mass_factor, rate_factor):
     """Let nodes of loads that are clamped to the rope go along with a `way` (m) of rope over one end."""
     for node in range(1, state.node_load.size - 1):
         carriage = state.node_load[node]
-        if carriage >= 0 and follows(state, node) and not shifts(state, work, node):
-            if system.carriages.clamped[carriage]:
-                gone = way * place_by_flow(system.cable, state, end, work.along_kept[carriage, 0])
-                state.joints.position[carriage] += gone
-                state.joints.velocity[carriage] += rate_factor * gone
-                state.joints.acceleration[carriage] += mass_factor * gone
+        held = carriage >= 0 and follows(state, node) and not shifts(state, work, node)
+        if held and system.carriages.clamped[carriage]:
+            gone = way * place_by_flow(system.cable, state, end, work.along_kept[carriage, 0])
+            state.joints.position[carriage] += gone
+            state.joints.velocity[carriage] += rate_factor * gone
+            state.joints.acceleration[carriage] += mass_factor * gone
     follow_joints(state)
 
 
