@@ -36,7 +36,7 @@ class LanesType(types.Type):
         super().__init__(name=f"lanes{width}")
 
     def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
-        """Allow conversion of a number to lanes, equal in all of them."""
+        """Allow conversion of a number to lanes with equal values."""
         return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
 
 

@@ -1,4 +1,4 @@
-"""Joint at a node of the mesh that follows it: contact of a vehicle, force along the rope, and the node's place.
+"""Joint of a vehicle at a node of the mesh that follows the vehicle: contact force, force along the rope, place.
 
 The joint is at r of the node, and turns with the mean r_x of both slopes there. Along the rope acts what the elements
 beside the node give (`rope.patch`), against drive, friction and end stop: Q_X = |r_x| f_t, with the mean |r_x|. Of an
@@ -192,7 +192,7 @@ def update_load_nodes(system, state):
 
 @kernel
 def follow_moved_joints(system, state):
-    """Assign nodes anew, on the rope as it is, if loads have been put to other places than their nodes; returns it."""
+    """Reassign nodes to loads that were moved off their nodes, without moving the rope; returns whether any was."""
     last, moved = state.node_load.size - 1, False
     for node in range(1, last):
         number = state.node_load[node]
@@ -232,7 +232,7 @@ def beside_other(state, node):
 
 @kernel
 def pass_on(system, state, front, way):
-    """Hand the loads behind and at a node on by one node, where they have gone far enough towards it."""
+    """Shift a train of loads by one node of the mesh, once the nodes of the loads have moved far from their homes."""
     homes, places, total, count, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, 0, front
     room = LEAST * system.cable.cell_length
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:

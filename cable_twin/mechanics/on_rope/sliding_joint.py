@@ -41,7 +41,7 @@ from cable_twin.mechanics.rope.point import R, add_block, add_to, bend, coordina
 
 @kernel
 def place_joint(cable, state, carriage):
-    """Update the element of the joint; explicit integrators keep it until a node on the way is found."""
+    """Update the element of the joint; explicit integrators keep the element until a passed node is located."""
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         return  # `follow_joints` does
     state.joint_element[carriage] = element_at(cable, state, state.joints.position[carriage])

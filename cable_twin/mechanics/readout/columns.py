@@ -1,4 +1,4 @@
-"""Columns of a frame, read from a state without changing it: shape, tension, reactions, energy."""
+"""Columns of a frame, read from an unchanged state: shape, tension, reactions, energy."""
 
 from __future__ import annotations
 

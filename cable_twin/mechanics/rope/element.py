@@ -238,7 +238,7 @@ def write_pair(matrix, group, i, j, like):
 
 @inlined_kernel
 def clear_element(element, like, work):
-    """Clear what `add_element` writes."""
+    """Clear residual and tangent of an element before `add_element`."""
     zero = outer(0.0, like, like)
     for i in range(2):
         store(scale(0.0, like), work.right_side[element + 1, i])

@@ -86,7 +86,7 @@ def put_node(state, node, arc_length):
 
 @kernel
 def give_back(system, state, node):
-    """Put a node that has followed a load back to its place on the mesh, and before it those that are in its way."""
+    """Return a node that has followed a load to its home on the mesh, after the nodes that block its path."""
     homes, places, last, first = system.cable.node_arc_length, state.mesh.arc_length, node, node
     while homes[last] >= places[last + 1]:
         last += 1
@@ -100,7 +100,7 @@ def give_back(system, state, node):
 
 @kernel
 def put_back(system, state, node):
-    """Put a node that has followed a load back to its place, which is between its neighbours, on the rope as it is."""
+    """Return a node that has followed a load to its home between its neighbours, without moving the rope."""
     home, number = system.cable.node_arc_length[node], state.node_load[node]
     element = node if home >= state.mesh.arc_length[node] else node - 1
     write_field(field_at(system, state, element, home), state.nodes, node)
@@ -249,7 +249,7 @@ def write_both(row, nodes, before, after, side):
 
 @kernel
 def stand_still(system, state, node):
-    """Let a node that has followed its load stand where it is.
+    """Fix a node that has followed its load at its present arc length.
 
     Rope on both sides has two velocities there; that of the side to which the load goes on leaves the load its own.
     """
@@ -267,7 +267,7 @@ def stand_still(system, state, node):
 
 @kernel
 def take_node(system, state, number, node, s, follow):
-    """Put a node to an arc length s (m) on an element beside it, on the rope as it is there, for a load.
+    """Move a free node to the arc length s (m) of a load on an adjacent element, without moving the rope.
 
     The two elements on the other side of its former place become one cubic, as by `leave_out`.
 

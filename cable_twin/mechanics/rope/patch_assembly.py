@@ -158,7 +158,7 @@ def read_motion(rows, which, like):
 
 @inlined_kernel
 def linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of `WIDTH` elements beside loads, and what of it is elastic, in groups as of `element`."""
+    """Residual and tangent of `WIDTH` elements beside loads, with their elastic part, in groups as of `element`."""
     cable, like, group, elastic_group = system.cable, system.cable.gravity, work.group, work.patch_elastic
     rows, stretch = work.patch_motion, rest_stretch(cable, state)
     length = read_vector(rows, 12 * len(like), (0.0,))[0]
@@ -378,7 +378,7 @@ def energy_by_node(cable, state, element, lane, e, like, work):
 
 @inlined_kernel
 def beyond_elastic(group, elastic_group, row, lane, like):
-    """Vector or matrix of a group, less what is elastic."""
+    """Vector or matrix of a group without its elastic part."""
     return subtract(load(group[row:, lane], like), load(elastic_group[row:, lane], like))
 
 

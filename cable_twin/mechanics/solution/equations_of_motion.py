@@ -131,7 +131,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of rows 1-4 before supports, carriages and loads eliminated; open for what couples ropes."""
+    """Residual and tangent of rows 1-4 before supports and couplings of ropes, with carriages and loads eliminated."""
     assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.cable.load_nodes:
         condense_patches(state, work, work.no_columns, system.cable.gravity)

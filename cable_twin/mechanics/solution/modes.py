@@ -197,7 +197,7 @@ def _nodal_matrix(work: Workspace) -> csc_array:
 
 
 def _patch_matrix(state: State, work: Workspace) -> csc_array:
-    """Matrix of what is on elements beside loads, arc lengths held (nodes 3 dim square)."""
+    """Matrix of the elements beside loads at held arc lengths (nodes 3 dim square)."""
     size, dim = state.nodes.position.size, state.nodes.position.shape[2]
     matrix = csc_array((size, size))
     for node in np.flatnonzero(state.node_load >= 0).tolist():

@@ -19,7 +19,7 @@ from cable_twin.mechanics.rope.point import clamp_row
 
 @kernel
 def condense_patches(state, work, patch_columns, like):
-    """Eliminate the unknowns of all loads, and put what is left of their patches on the nodes beside them.
+    """Eliminate the unknowns of all loads, and add their Schur complements to the nodes beside the loads.
 
     Args:
         state: of the rope.
@@ -92,7 +92,7 @@ def eliminate(patch, columns, count, dim, size):
 
 @kernel
 def hand_on(patch, following, columns, following_columns, count, dim):
-    """Add what is left of a patch to that of the next load, whose node is beside."""
+    """Add the Schur complement of a patch to the patch of the next load, at the adjacent node."""
     before, own, last = 2 * dim, 5 * dim + 1, patch.shape[1] - 1
     size = before + 3 * dim + 1
     for i in range(size):
@@ -107,7 +107,7 @@ def hand_on(patch, following, columns, following_columns, count, dim):
 
 @kernel
 def carry_over(work, number, first, node, like):
-    """Add what is left of a patch to the nodes beside a train of loads, which follow from `first` to `node`."""
+    """Add the Schur complement of a patch to the nodes beside a train of loads at nodes `first` to `node`."""
     patch, before, after, dim = work.patch[number], first - 1, node + 1, len(like)
     own, last, count = 5 * dim + 1, patch.shape[1] - 1, node - first + 1
     size = abs(work.diagonal[before, 0, 0, 0]) + abs(patch[0, 0])

@@ -190,7 +190,7 @@ def tension_shares(sheaves, motion, sheave):
 
 @kernel
 def missing_travel(sheaves, motion, sheave, mass_factor, rate_factor):
-    """Residual force (N) on the carriage of a counterweight, and its tangent (N/m) without that of the strands."""
+    """Residual force (N) on the carriage of a bullwheel's counterweight, and tangent (N/m) without the strands."""
     travel, speed = motion.carriage.position[sheave], motion.carriage.velocity[sheave]
     low, high = sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
     sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)

@@ -235,7 +235,7 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
 
 @inlined_kernel
 def gap_to_close(bundle, moving, scratch, clamp, system, state, like):
-    """Gap (dim,) in m that an iteration closes: all of it, or as much as `closing` allows."""
+    """Gap (dim,) in m that an iteration closes: the full gap, or as much as `closing` allows."""
     gap = clamp_gap(bundle, moving, clamp, system, state, like)
     size = sqrt(dot(gap, gap))
     return scale(min(1.0, scratch.closing[0] / size) if size > 0.0 else 1.0, gap)

@@ -209,7 +209,7 @@ def link(connectors, connector, scratch, like):
 
 @inlined_kernel
 def connect(a, b, scratch, like):
-    """Mark two members of the front as coupled, by zero blocks so far."""
+    """Mark two members of the front as coupled, by zero blocks."""
     nothing = no_node(like)
     store_node(nothing, scratch.fill[a, b])
     store_node(nothing, scratch.fill[b, a])

@@ -85,7 +85,7 @@ def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate
 
 @kernel
 def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
-    """Linearise all wheels whose coordinates are unknown; needs the ropes assembled, without what couples them.
+    """Linearise all bullwheels with unknown coordinates; needs assembled, uncoupled ropes.
 
     Their columns get the part of rope that runs over the wheel, their equations what the end of each strand has.
     """
@@ -197,7 +197,7 @@ def set_rope(state, end, motion):
 
 @kernel
 def carry_columns(state, columns, count, wheel_columns, like):
-    """Add what condensation has left of the columns of loads to those of the nodes beside them."""
+    """Add the condensed columns of loads to the columns of the nodes beside the loads."""
     dim, first = len(like), 0
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
@@ -234,7 +234,7 @@ def clear_columns(bundle, scratch):
 
 @kernel
 def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
-    """Add to a column what rope over one end changes at vehicles clamped to the strand, and at tower friction."""
+    """Add to a column the derivative by rope passing one end, of clamped vehicles and of tower friction."""
     cable, towers, like = system.cable, system.towers, system.cable.gravity
     for carriage in range(system.carriages.fixed.size):
         beside = beside_load(cable, state, state.joint_element[carriage])
@@ -335,7 +335,7 @@ def write_equations(bundle, motion, scratch, sheave, system, state, work, mass_f
 
 @kernel
 def add_travel(bundle, moving, scratch, system, state, work):
-    """Add to the columns of wheels what moves with their carriages, and the clamps; then hold them at the ends.
+    """Add moving carriages and clamps to the columns of bullwheels; then project the columns at the supports.
 
     Needs all that couples ropes assembled, before supports hold them.
     """
@@ -397,7 +397,7 @@ def add_clamped(bundle, moving, scratch, system, state, work):
 
 @kernel
 def recover_wheels(bundle, moving, scratch, system, state, work):
-    """Increments of all wheels from the solutions of the ropes, in `wheel_increment`, and what ropes answer to them.
+    """Increments of all bullwheels from the solutions of the ropes, in `wheel_increment`, and the ropes' response.
 
     Returns:
         Whether the equations of the wheels have a solution, and its largest increment (m).
@@ -441,7 +441,7 @@ def subtract_ropes(bundle, scratch, sheave, system, state, work):
 
 @kernel
 def answer_wheel(bundle, moving, scratch, sheave, system, state, work):
-    """Subtract the answer to the increments of a wheel from the solutions of all ropes and clamps that feel it."""
+    """Subtract the response to the increments of a bullwheel from the solutions of all coupled ropes and clamps."""
     like = system.cable.gravity
     axes, square = unit_matrix(like), outer(0.0, like, like)
     moved, travelled = scratch.wheel_increment[2 * sheave], scratch.wheel_increment[2 * sheave + 1]
