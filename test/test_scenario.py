@@ -83,7 +83,7 @@ def test_a_scenario_does_not_change_and_has_units_everywhere():
     for section in Section.__subclasses__():
         for name, field in section.model_fields.items():
             assert field.description, f"{section.__name__}.{name}"
-            if "float" in str(field.annotation) or "int" in str(field.annotation):
+            if re.search(r"\b(float|int)\b", str(field.annotation)):
                 assert field.json_schema_extra["unit"], f"{section.__name__}.{name}"
 
 

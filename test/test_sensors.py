@@ -159,7 +159,7 @@ def test_a_scenario_without_sensors_has_no_topics_of_theirs():
         ),
         (
             {"kind": "encoder", "of": "cabin", "rate_bias": 1.0},
-            "one.rate_bias: given 1.0 rad/s; allowed: 0, only an",
+            "one.rate_bias: given 1.0 rad/s; allowed: 0, except for an",
         ),
         ({"of": "cabin"}, "sensors.one.kind: given nothing: it is needed"),
     ],

@@ -121,6 +121,7 @@ def test_topics_arrive_at_the_frame_rate_with_stamps_of_simulated_time(twin):
     assert level in (0, 1), message  # a warning where this machine was late
 
 
+ASKED_FOR = ("estimate", "outlook")  # by options
 OF_OTHERS = (
     "air/",
     "carriers/",
@@ -142,7 +143,11 @@ def test_topics_and_services_are_those_of_the_page(twin):
     vehicles = {name: tuple(carriage.bodies) for name, carriage in scenario.carriages.items()}
     of_all = {
         *services_of_page(),
-        *(row for row in topics_of_page() if not row.name.startswith(OF_OTHERS) and "haul" not in row.name),
+        *(
+            row
+            for row in topics_of_page()
+            if not row.name.startswith((*OF_OTHERS, *ASKED_FOR)) and "haul" not in row.name
+        ),
     }
     expected = {line for row in of_all for line in row.expanded(vehicles, ("start", "end"))}
     ask, nodes = twin.node, {("cable_twin", "/"), ("cable_twin_emergency_stop", "/")}

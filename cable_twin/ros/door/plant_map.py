@@ -108,8 +108,8 @@ class Tag(Section):
     quantity: Name = Field(description="what is measured")  # type: ignore[valid-type]
     of: OneLine = Field("", description="measured object: a vehicle, drive, support or bullwheel, or VEHICLE/BODY")
     axis: Literal["x", "y", "z"] | None = Field(None, description="axis of a vector; null: z of a support_force")
-    direction: Direction | None = Field(
-        None, description="of a support_force: direction of the load cell, x, y, z, in place of an axis"
+    direction: Direction | None = number(
+        "-", "of a support_force: direction of the load cell, x, y, z, in place of an axis", None
     )
     unit: OneLine = Field(description="unit of the tag, which is converted")
     scale: float = number("-", "factor of the raw value", 1.0)

@@ -176,13 +176,13 @@ def put_joints_back(state, work):
 
 
 @kernel
-def shift_clamped(system, state, work, end, way, mass_factor, rate_factor):
-    """Let nodes of loads that are clamped to the rope go along with a `way` (m) of rope over one end."""
+def shift_clamped(system, state, work, end, travel, mass_factor, rate_factor):
+    """Let nodes of loads that are clamped to the rope go along with a `travel` (m) of rope over one end."""
     for node in range(1, state.node_load.size - 1):
         carriage = state.node_load[node]
         held = carriage >= 0 and follows(state, node) and not shifts(state, work, node)
         if held and system.carriages.clamped[carriage]:
-            gone = way * place_by_flow(system.cable, state, end, work.along_kept[carriage, 0])
+            gone = travel * place_by_flow(system.cable, state, end, work.along_kept[carriage, 0])
             state.joints.position[carriage] += gone
             state.joints.velocity[carriage] += rate_factor * gone
             state.joints.acceleration[carriage] += mass_factor * gone
