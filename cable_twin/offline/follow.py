@@ -20,8 +20,7 @@ from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.topics import DiagnosticArray, String
-from cable_twin.offline.following.plant_log import Item, PlantLog
-from cable_twin.offline.plant import with_usual_sensors
+from cable_twin.offline.following.plant_log import Item, PlantLog, at_rest_with_sensors
 from cable_twin.offline.simulate import run_progress
 from cable_twin.offline.simulate_options import UNUSABLE, add_changes, number, plots_fault
 from cable_twin.recording.log_file import LogError
@@ -138,10 +137,7 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
     scenario: Scenario = load_scenario(log.scenario if source is None else source, values)
     if fault := unfollowable(scenario):
         raise FollowError(fault)
-    if not scenario.sensors and (sensors := log.scenario.get("sensors")):
-        scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
-    simulation = Simulation(scenario)
-    return simulation if scenario.sensors else with_usual_sensors(simulation)
+    return at_rest_with_sensors(scenario, log)
 
 
 def _follow(log: Log, follower: AnyFollower, run: Run, end: float, console: Console) -> list[Correction]:

@@ -32,7 +32,7 @@ OTHERWISE = "a run in which this parameter matters more"
 
 
 class Finding(NamedTuple):
-    """What the data can tell about one parameter, in deviations of its prior."""
+    """Identifiability of one parameter of a calibration, in standard deviations of its prior."""
 
     parameter: Parameter
     alone: float  # standard deviation with all others known
@@ -76,12 +76,12 @@ class Check(NamedTuple):
 
 
 def advice(parameter: Parameter) -> str:
-    """Which run would tell a parameter."""
+    """Advice on the run whose data would identify a parameter."""
     return next((run for pattern, run in ADVICE if re.search(pattern, parameter.key)), OTHERWISE)
 
 
 def check(parameters: Sequence[Parameter], evaluation: Evaluation, rows: Rows) -> Check:
-    """What the data of a Jacobian tell, by its singular values and the correlations that follow."""
+    """Identifiability of all parameters from a scaled Jacobian: its singular values, and correlations by them."""
     jacobian = evaluation.jacobian[~rows.held]
     singular: FloatArray = np.linalg.svd(jacobian, compute_uv=False).astype(np.float64)
     covariance = covariance_of(jacobian)

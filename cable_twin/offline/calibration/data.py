@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.offline.calibration.parameters import CalibrationError
-from cable_twin.offline.following.plant_log import PlantLog
-from cable_twin.offline.plant import with_usual_sensors
+from cable_twin.offline.following.plant_log import PlantLog, at_rest_with_sensors
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
@@ -98,10 +97,7 @@ def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulati
     scenario = load_scenario(log.scenario if source is None else source, dict(values))
     if source is not None:
         check_same(scenario, log)
-    if not scenario.sensors and (sensors := log.scenario.get("sensors")):
-        scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
-    simulation = Simulation(scenario)
-    return simulation if scenario.sensors else with_usual_sensors(simulation)
+    return at_rest_with_sensors(scenario, log)
 
 
 def check_same(scenario: Scenario, log: Log) -> None:

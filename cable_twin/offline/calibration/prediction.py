@@ -40,7 +40,7 @@ class Evaluation(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What each residual is of."""
+    """Log, sensor and time of each residual of a calibration, and whether it is held out."""
 
     log: NDArray[np.int64]
     sensor: NDArray[np.int64]  # number among `sensors`

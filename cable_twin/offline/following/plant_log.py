@@ -10,13 +10,28 @@ from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.messages import APPLIED_COMMANDS, SECOND
 from cable_twin.messages.sensor_messages import measurements_from_message, sensor_topic
+from cable_twin.offline.plant import with_usual_sensors
 from cable_twin.recording.log_file import UNREADABLE, LogError, one_line
 from cable_twin.recording.log_reader import Log
+from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.scenario.schema import Sensor
+from cable_twin.simulation import Simulation
 
 HORIZON = 1.0  # s, for which measurements are waited for, so that late ones are put in order
 OTHER_CLOCK = 60.0  # s between the stamp of a measurement and its arrival
 Item = AppliedCommand | Measurement
+
+
+def at_rest_with_sensors(scenario: Scenario, log: Log) -> Simulation:
+    """Simulation of a scenario at rest, with its own sensors, else those of a plant's log, else the usual ones.
+
+    Raises:
+        ScenarioError, EquilibriumError: it cannot be simulated.
+    """
+    if not scenario.sensors and (sensors := log.scenario.get("sensors")):
+        scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
+    simulation = Simulation(scenario)
+    return simulation if scenario.sensors else with_usual_sensors(simulation)
 
 
 class PlantLog:
