@@ -5,13 +5,10 @@ It stands beside the twin at the lowest priority, and ends with it: as soon as t
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable, Iterator
-from queue import Empty, SimpleQueue
-from threading import Thread
-from typing import IO, Any
+from queue import Empty
+from typing import IO
 
 from cable_twin.basics.printable import printable
 from cable_twin.ensemble.estimate.tracker import News, Tracker
@@ -19,8 +16,8 @@ from cable_twin.messages import SECOND, nanoseconds
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.sensor_messages import measurements_from_message
+from cable_twin.runtime.companion import inbox, send, serve_twin
 from cable_twin.runtime.following import COMMANDS, Arrival, Estimated
-from cable_twin.runtime.outlook import receive, send
 from cable_twin.scenario import load_scenario
 
 GLANCE = 0.1  # s between two looks at what is due
@@ -77,14 +74,7 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
         sink: pipe for the answers.
         leave: called as soon as the source is closed.
     """
-    waiting: SimpleQueue[Any] = SimpleQueue()
-
-    def read() -> None:
-        while (item := receive(source)) is not None:
-            waiting.put(item)
-        leave()
-
-    Thread(target=read, name="plant", daemon=True).start()
+    waiting = inbox(source, leave)
     options = waiting.get()
     tracker = Tracker(load_scenario(options["scenario"]), threads=1)
     decoder = Decoder(tracker)
@@ -105,9 +95,7 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
 
 def main() -> None:
     """Run the process between its standard input and output."""
-    sink = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody else writes into the pipe
-    serve(sys.stdin.buffer, sink, lambda: os._exit(0))
+    serve_twin(serve)
 
 
 if __name__ == "__main__":

@@ -8,19 +8,17 @@ is.
 from __future__ import annotations
 
 import math
-import subprocess
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, NamedTuple
 
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import Pursuit
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT
-from cable_twin.runtime.outlook import AGAIN, GLANCE, NICE, receive, send
-from cable_twin.runtime.separate_process import start_process
+from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.scenario import Scenario
 
 COMMANDS = "joint_commands"  # topic of what a plant is commanded, below its namespace
@@ -64,25 +62,19 @@ class LiveFollowing:
         self._options = {"scenario": scenario.resolved()}
         self._publish, self._say = publish, say
         self._waiting: SimpleQueue[Arrival] = SimpleQueue()
-        self._stopping = threading.Event()
-        self._process: subprocess.Popen[bytes] | None = None
         self._last = Estimated(0.0, b"", (), STARTING, {}, {})
         self._alarms: list[str] = []
         self._arrived = math.inf  # s on the steady clock, of the last message
         self.shut: frozenset[str] = frozenset()
-        self._thread = threading.Thread(target=self._run, name="following", daemon=True)
+        self._companion = Companion("runtime.follow_process", self._follow, self._ended)
 
     def start(self) -> None:
         """Begin to follow."""
-        self._thread.start()
+        self._companion.start()
 
     def stop(self) -> None:
         """End the process and the threads."""
-        self._stopping.set()
-        self._end_process()
-        if self._thread.is_alive():
-            self._thread.join(4.0 * GLANCE)
-        self._end_process()  # if it was about to begin
+        self._companion.stop()
 
     def take(self, topic: str, data: bytes) -> None:
         """Take a message of the plant."""
@@ -113,29 +105,19 @@ class LiveFollowing:
             self._say(f"one plant alone publishes on {topic}: it is followed again")
         self.shut = now
 
-    def _run(self) -> None:
-        while not self._stopping.is_set():
-            try:
-                process = self._process = start_process("runtime.follow_process", NICE)
-                self._follow(process)
-            except OSError:  # of the pipe, or there is no room for a process
-                pass
-            self._end_process()
-            if not self._stopping.is_set():
-                self._last = self._last._replace(state=STARTING)
-                self._say(f"following: its process has ended; another one begins in {AGAIN:g} s")
-            self._stopping.wait(AGAIN)
+    def _ended(self) -> None:
+        self._last = self._last._replace(state=STARTING)
+        self._say(f"following: its process has ended; another one begins in {AGAIN:g} s")
 
-    def _follow(self, process: subprocess.Popen[bytes]) -> None:
+    def _follow(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Pass messages to the process, and its answers on, until it ends or this does."""
-        questions, answers = cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
         send(questions, self._options)
         if receive(answers) is None:  # ready
             return
         self._drop_old()
         reader = threading.Thread(target=self._read, args=(answers,), name="estimates", daemon=True)
         reader.start()
-        while not self._stopping.is_set() and reader.is_alive():
+        while not self._companion.stopping.is_set() and reader.is_alive():
             with suppress(Empty):
                 send(questions, self._waiting.get(timeout=GLANCE))
 
@@ -147,23 +129,13 @@ class LiveFollowing:
 
     def _read(self, answers: IO[bytes]) -> None:
         """Publish answers until the pipe ends."""
-        while not self._stopping.is_set() and (answer := receive(answers)) is not None:
+        while not self._companion.stopping.is_set() and (answer := receive(answers)) is not None:
             self._last = answer
             self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]
             for line in answer.lines:
                 self._say(line)
             if answer.message:
                 self._publish(answer.message)
-
-    def _end_process(self) -> None:
-        """End the process at once, which also ends a wait for its answer."""
-        process: Any = self._process
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        with suppress(OSError):
-            process.stdin.close()
 
 
 __all__ = ["COMMANDS", "Arrival", "Estimated", "LiveFollowing", "Pursuit", "unfollowable"]

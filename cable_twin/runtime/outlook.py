@@ -7,29 +7,18 @@ age.
 
 from __future__ import annotations
 
-import pickle
-import struct
-import subprocess
-import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
-from contextlib import suppress
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, NamedTuple
 
 from cable_twin.frame.records import TensionAhead
+from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.runtime.frame_loop import FrameLoop
-from cable_twin.runtime.separate_process import start_process
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
 
-NICE = 19  # the lowest priority
 FIRST = 3.0  # s after the start until the process is started: a start has other things to do
-AGAIN = 30.0  # s after the end of the process until another one is started
-GLANCE = 0.5  # s between two looks whether to end
-
-
-SIZE = struct.Struct("<Q")  # bytes of what follows in the pipe
 
 
 class Question(NamedTuple):
@@ -61,25 +50,6 @@ class Answer(NamedTuple):
     ahead: TensionAhead
 
 
-def send(stream: IO[bytes], item: Any) -> None:
-    """Write an object into a pipe."""
-    data = pickle.dumps(item, protocol=5)
-    stream.write(SIZE.pack(len(data)) + data)
-    stream.flush()
-
-
-def receive(stream: IO[bytes]) -> Any:
-    """Read an object from a pipe between a twin and its own process; None at its end."""
-    head = stream.read(SIZE.size)
-    if len(head) < SIZE.size:
-        return None
-    data = stream.read(SIZE.unpack(head)[0])
-    try:
-        return pickle.loads(data)
-    except (pickle.UnpicklingError, EOFError):  # cut short
-        return None
-
-
 class LiveOutlook:
     """Outlook of a running twin, published about once a period.
 
@@ -109,42 +79,25 @@ class LiveOutlook:
         self._simulation, self._loop, self._stamp_ns = simulation, loop, stamp_ns
         self._publish, self._warn, self._period = publish, warn, 1.0 / rate
         self._options = {"scenario": simulation.scenario.resolved(), "horizon": horizon, "gust": gust}
-        self._stopping = threading.Event()
-        self._process: subprocess.Popen[bytes] | None = None
         self._warned: set[str] = set()
         self._last: tuple[float, bytes] | None = None  # time (s) and state of the last question
-        self._thread = threading.Thread(target=self._run, name="outlook", daemon=True)
+        self._companion = Companion("runtime.outlook_process", self._look, self._ended, FIRST)
 
     def start(self) -> None:
         """Begin to look ahead, some seconds after the start of simulated time."""
-        self._thread.start()
+        self._companion.start()
 
     def stop(self) -> None:
         """End the process and the thread."""
-        self._stopping.set()
-        self._end_process()
-        if self._thread.is_alive():
-            self._thread.join(4.0 * GLANCE)
-        self._end_process()  # if it was about to begin
+        self._companion.stop()
 
-    def _run(self) -> None:
-        seconds = FIRST
-        while not self._stopping.wait(seconds):
-            try:
-                process = self._process = start_process("runtime.outlook_process", NICE)
-                self._look(process)
-            except OSError:  # of the pipe, or there is no room for a process
-                pass
-            self._end_process()
-            seconds = AGAIN
-            if not self._stopping.is_set():
-                self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
+    def _ended(self) -> None:
+        self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
 
-    def _look(self, process: subprocess.Popen[bytes]) -> None:
+    def _look(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Request forecasts of the present state from the separate process, until either of both ends."""
-        questions, answers = cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
         send(questions, self._options)
-        while not self._stopping.is_set():
+        while not self._companion.stopping.is_set():
             begun = time.monotonic()
             full = self._capture()
             if full is None:
@@ -157,30 +110,20 @@ class LiveOutlook:
                     return
                 self._last = now
                 self._take(answer)
-            self._stopping.wait(max(begun + self._period - time.monotonic(), 0.0))
+            self._companion.stopping.wait(max(begun + self._period - time.monotonic(), 0.0))
 
     def _capture(self) -> FullState | None:
         """Copy of the state at the next frame boundary; None where there is none any more."""
         future: Future[FullState] = self._loop.capture()
-        while not self._stopping.is_set() and not future.done():
+        while not self._companion.stopping.is_set() and not future.done():
             wait([future], GLANCE)
         return future.result() if future.done() and not future.cancelled() else None
 
     def _take(self, answer: Answer) -> None:
         """Publish an answer, and warn of limits that would be passed for the first time."""
-        if self._stopping.is_set():
+        if self._companion.stopping.is_set():
             return
         self._publish(answer)
         for key in [key for key in answer.warnings if key not in self._warned]:
             self._warned.add(key)
             self._warn(f"outlook from {answer.time:.2f} s: {answer.warnings[key]}")
-
-    def _end_process(self) -> None:
-        """End the process at once, which also ends a wait for its answer."""
-        process: Any = self._process
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        with suppress(OSError):
-            process.stdin.close()

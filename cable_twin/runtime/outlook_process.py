@@ -5,13 +5,9 @@ It stands beside the twin at the lowest priority, and ends with it: as soon as t
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable
-from queue import SimpleQueue
-from threading import Thread
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
@@ -20,7 +16,8 @@ from cable_twin.frame.records import Command, TensionAhead
 from cable_twin.key_figures.outlook import AS_COMMANDED, Outlook
 from cable_twin.messages import diagnostics_message
 from cable_twin.messages.figure_messages import outlook_statuses
-from cable_twin.runtime.outlook import Answer, Question, receive, send
+from cable_twin.runtime.companion import inbox, send, serve_twin
+from cable_twin.runtime.outlook import Answer, Question
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import FullState
@@ -55,14 +52,7 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
         sink: pipe for the answers.
         leave: called as soon as the source is closed.
     """
-    waiting: SimpleQueue[Any] = SimpleQueue()
-
-    def read() -> None:
-        while (item := receive(source)) is not None:
-            waiting.put(item)
-        leave()
-
-    Thread(target=read, name="questions", daemon=True).start()
+    waiting = inbox(source, leave)
     options = waiting.get()
     twin = Simulation(load_scenario(options["scenario"]), on_demand=True)
     forecaster = Forecaster(twin.scenario, horizon=options["horizon"], threads=1)
@@ -75,9 +65,7 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
 
 def main() -> None:
     """Run the process between its standard input and output."""
-    sink = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody else writes into the pipe
-    serve(sys.stdin.buffer, sink, lambda: os._exit(0))
+    serve_twin(serve)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,127 @@
+"""Process that stands beside a running twin all its life: started again after its end, ended with the twin.
+
+Both talk over two pipes. Such a process has the lowest priority, so that it can never delay a frame.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from queue import SimpleQueue
+from typing import IO, Any, cast
+
+from cable_twin.runtime.separate_process import start_process
+
+NICE = 19  # the lowest priority
+AGAIN = 30.0  # s after the end of the process until another one is started
+GLANCE = 0.5  # s between two looks whether to end
+SIZE = struct.Struct("<Q")  # bytes of what follows in the pipe
+
+
+def send(stream: IO[bytes], item: Any) -> None:
+    """Write an object into a pipe."""
+    data = pickle.dumps(item, protocol=5)
+    stream.write(SIZE.pack(len(data)) + data)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> Any:
+    """Read an object from a pipe between a twin and its own process; None at its end."""
+    head = stream.read(SIZE.size)
+    if len(head) < SIZE.size:
+        return None
+    data = stream.read(SIZE.unpack(head)[0])
+    try:
+        return pickle.loads(data)
+    except (pickle.UnpicklingError, EOFError):  # cut short
+        return None
+
+
+class Companion:
+    """Process beside a running twin, seen from the twin.
+
+    Attributes:
+        stopping: set as soon as the twin ends it.
+
+    Args:
+        module: name within the package, such as "runtime.outlook_process".
+        talk: called in a thread of its own with the pipes to and from the process; its return, and an `OSError` of a
+            pipe, end the process.
+        ended: called after an end that the twin did not want, before another process is started.
+        first: time (s) from the start until the first process is started.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        talk: Callable[[IO[bytes], IO[bytes]], None],
+        ended: Callable[[], None],
+        first: float = 0.0,
+    ) -> None:
+        self._module, self._talk, self._ended, self._first = module, talk, ended, first
+        self.stopping = threading.Event()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._run, name=module, daemon=True)
+
+    def start(self) -> None:
+        """Start the thread that starts the process."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the process and the thread."""
+        self.stopping.set()
+        self._end_process()
+        if self._thread.is_alive():
+            self._thread.join(4.0 * GLANCE)
+        self._end_process()  # if it was about to begin
+
+    def _run(self) -> None:
+        seconds = self._first
+        while not self.stopping.wait(seconds):
+            with suppress(OSError):  # of the pipe, or there is no room for a process
+                process = self._process = start_process(self._module, NICE)
+                self._talk(cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout))
+            self._end_process()
+            seconds = AGAIN
+            if not self.stopping.is_set():
+                self._ended()
+
+    def _end_process(self) -> None:
+        """End the process at once, which also ends a wait for its answer."""
+        process: Any = self._process
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        with suppress(OSError):
+            process.stdin.close()
+
+
+def inbox(source: IO[bytes], leave: Callable[[], None]) -> SimpleQueue[Any]:
+    """Objects that arrive in a pipe, in order, read by a thread; `leave` is called as soon as the pipe is closed."""
+    waiting: SimpleQueue[Any] = SimpleQueue()
+
+    def read() -> None:
+        while (item := receive(source)) is not None:
+            waiting.put(item)
+        leave()
+
+    threading.Thread(target=read, name="inbox", daemon=True).start()
+    return waiting
+
+
+def serve_twin(serve: Callable[[IO[bytes], IO[bytes], Callable[[], None]], None]) -> None:
+    """Run the work of such a process between its standard input and output, until the twin closes the pipe.
+
+    Args:
+        serve: called with both pipes, and with what it has to call as soon as the first one is closed.
+    """
+    sink = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody else writes into the pipe
+    serve(sys.stdin.buffer, sink, lambda: os._exit(0))
