@@ -1,13 +1,108 @@
-"""Chairlift that is followed: payloads of chairs by the load cells of towers, and a wrong plan."""
+"""Plants with several ropes that are followed: payloads of chairs and cabins, lying sensors, lifts under way."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from cable_twin.ensemble.estimate.line_follower import LineFollower
+from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
+from cable_twin.frame.sensors import Sensors, standard_sensors
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification.following import follow as follow_carriages
 from verification.following_line import follow
 
 MOST = 40.0  # kg
 DURATION = 90.0  # s, in which the first chairs pass two towers
+GONE = 1000.0  # m of rope that went by before
+SPEED = 2.5  # m/s
+TOWER = "tower_3_up"
+
+
+@pytest.fixture(scope="module")
+def under_way():
+    """Scenario of a twin, measurements of a lift under way, and the force of one of its towers, by time (s)."""
+    bare = load_scenario("chairlift")
+    usual = standard_sensors(bare, Simulation(bare).snapshot)
+    scenario = load_scenario("chairlift", {"sensors": usual})
+    first = (0.5 * bare.spacing + GONE) % bare.loop_length
+    changes = {"carriers.first": first, "drives.haul_rope.speed": SPEED}
+    running = Simulation(load_scenario(scenario.resolved(), changes), samples=2)
+    sensors, found, forces = Sensors(running.scenario, running.layout), [], {}
+    row = running.layout.support_rows[TOWER]
+    for frame in range(161):
+        snapshot = running.advance_to(round(0.05 * frame, 9))
+        found += sensors.take(snapshot)
+        forces[snapshot.time] = float(np.linalg.norm(snapshot.columns.support_force[row]))
+    found = [
+        replace(one, values=(one.values[0] + GONE, one.values[1])) if one.sensor == "encoder_haul_rope" else one
+        for one in found
+    ]
+    return scenario, sorted(found, key=lambda one: one.time), forces
+
+
+def test_a_lift_under_way_is_followed_from_where_its_chairs_are(under_way):
+    scenario, found, forces = under_way
+    tracker, lines, corrections = Tracker(scenario), [], []
+    for frame in range(160):
+        now = 0.05 * (frame + 1)
+        tracker.measure([one for one in found if now - 0.05 < one.time <= now], now)
+        for news in tracker.advance(now):
+            lines.extend(news.lines)
+            corrections.extend([news.correction] if news.correction else [])
+    assert tracker.state == FOLLOWING
+    assert lines[0].startswith("follows the plant from 1.")
+    places = {one.time: one.values[0] for one in found if one.sensor == "encoder_haul_rope"}
+    nearest = min(places, key=lambda time: abs(time - tracker.follower.time))
+    assert abs(tracker.follower.place_of("encoder_haul_rope") - places[nearest]) < 0.5  # m
+    assert len(corrections) > 4
+    for one in corrections:
+        got, true = one.hidden[f"{TOWER}/force"], forces[min(forces, key=lambda time: abs(time - one.time))]
+        assert abs(got.value - true) < 4.0 * got.deviation
+    assert not tracker.follower.left_out
+    assert [line for line in lines if "payload" in line] == []
+
+
+def followed(under_way, changed):
+    """Follower and alarms of measurements, each changed by a function."""
+    scenario, found, _ = under_way
+    follower, alarms = LineFollower(scenario), []
+    follower.begin_at(0.0, {"haul_rope": (GONE, SPEED)})
+    for time in sorted({one.time for one in found}):
+        correction = follower.take(time, [changed(one) for one in found if one.time == time])
+        alarms += [] if correction is None else correction.alarms
+    return follower, alarms
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda values: (20e3, 0.0, 0.0), "is stuck at 20000 N"),
+        (lambda values: tuple(1e3 * value for value in values), "another unit"),
+        (lambda values: tuple(1.4 * value for value in values), "contradicts all others"),
+    ],
+)
+def test_a_load_cell_of_a_lift_that_lies_is_named_within_ten_seconds(under_way, spoil, said):
+    sensor = "load_tower_3_up"
+
+    def spoiled(one):
+        return replace(one, values=spoil(one.values))
+
+    follower, alarms = followed(under_way, lambda one: spoiled(one) if one.sensor == sensor else one)
+    assert [*follower.left_out] == [sensor]
+    assert said in follower.left_out[sensor].reason
+    assert [alarm for alarm in alarms if alarm is follower.left_out[sensor]]
+
+
+def test_swapped_load_cells_of_a_lift_are_named(under_way):
+    to = {"load_tower_1_up": "load_tower_5_up", "load_tower_5_up": "load_tower_1_up"}
+    follower, alarms = followed(under_way, lambda one: replace(one, sensor=to.get(one.sensor, one.sensor)))
+    (said,) = [alarm.reason for alarm in alarms if "sensor" in alarm.reason]
+    assert said.startswith("sensors load_tower_5_up and load_tower_1_up are swapped")
+    assert not follower.left_out
 
 
 @pytest.mark.long
@@ -19,3 +114,13 @@ def test_payload_of_each_chair_is_found_once_it_has_passed_two_load_cells():
     payloads = [one for one in found if one.name == "payload" and one.cells >= 2]
     assert len(payloads) > 20
     assert sum(abs(one.error) > MOST for one in payloads) < 0.05 * len(payloads)
+
+
+@pytest.mark.long
+def test_payloads_of_both_cabins_of_a_jig_back_are_found_once_its_drive_has_started():
+    said: list[str] = []
+    found = [one for one in follow_carriages("jig_back", 2, 45.0, said, []) if one.name.endswith("/payload")]
+    assert not said
+    assert len(found) >= 8
+    assert sum(abs(one.error) > MOST for one in found) < 0.1 * len(found)
+    assert all(abs(one.error) < 4.0 * one.deviation for one in found)

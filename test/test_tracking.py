@@ -113,6 +113,7 @@ def test_a_twin_begins_where_its_plant_is_goes_on_alone_and_follows_again(measur
     assert abs(twin - found_places[nearest]) < 1.5  # m, of a stop that nobody told it
     followed = len(estimates)
     for number in range(1, 121):
+        tracker.command({"cabin": 0.0}, CLOCK + 9.0 + 0.05 * number)  # by somebody who is still there
         for news in tracker.advance(CLOCK + 9.0 + 0.05 * number):
             lines.extend(news.lines)
             estimates.extend([news.correction] if news.correction else [])
@@ -140,4 +141,36 @@ def test_a_plant_that_is_somewhere_else_is_begun_with_anew(measured):
             lines.extend(news.lines)
     assert any(line.startswith("cabin is +") for line in lines)
     assert 255.0 < tracker.follower.place_of("encoder_cabin") < 300.0
+    tracker.follower.close()
+
+
+def test_a_twin_that_is_too_far_behind_begins_anew_at_the_present(measured, monkeypatch):
+    scenario, found = measured
+    monkeypatch.setattr("cable_twin.ensemble.estimate.tracker.BEHIND", 2.0)
+    monkeypatch.setattr("cable_twin.ensemble.estimate.tracker.TOO_FAR", 4.0)
+    tracker, lines, behind = Tracker(scenario), [], []
+
+    def pass_on(first, last, present=None):
+        tracker.measure([one for one in found if first < one.time <= last], last)
+        for number in range(round(10.0 * (last - first))):
+            now = first + 0.1 * (number + 1)
+            lines.extend(line for news in tracker.advance(now, present) for line in news.lines)
+            behind.append(tracker.behind)
+
+    for number in range(30):
+        pass_on(0.1 * number, 0.1 * (number + 1))
+    assert max(behind) < 1.0
+    pass_on(3.0, 6.0, 6.0)
+    assert lines[-1].endswith("s behind the plant")
+    assert behind[-1] < 1.0  # it has caught up
+    tracker.measure([one for one in found if 6.0 < one.time <= 11.0], 11.0)
+    lines.extend(line for news in tracker.advance(6.1, 11.0) for line in news.lines)
+    assert tracker.state == WAITING
+    assert "behind the plant, as this machine is too slow: begins anew at the present" in lines[-1]
+    for number in range(110, 130):
+        pass_on(0.1 * number, 0.1 * (number + 1))
+    assert tracker.state == FOLLOWING
+    assert lines[-1].startswith("follows the plant from 1")
+    place = next(one.values[0] for one in reversed(found) if one.sensor == "encoder_cabin" and one.time <= 12.5)
+    assert abs(tracker.follower.place_of("encoder_cabin") - place) < 2.0  # m
     tracker.follower.close()

@@ -1,16 +1,17 @@
 """Twins that follow random plants of known truth: error, claimed deviation, coverage and normalised error.
 
-`python -m verification.following` runs plants of `aerial_tramway` with another mesh, other values and noisy sensors,
-and prints a table for docs/follow.md. Truth is drawn from the priors of the filter, within their bounds.
+`python -m verification.following` runs plants of `aerial_tramway`, or of another scenario with carriages, with another
+mesh, other values and noisy sensors, and prints a table for docs/follow.md. Truth is drawn from the priors of the
+filter, within their bounds.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from time import process_time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -23,12 +24,31 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
 
-SCENARIO = "aerial_tramway"
 PLANTS, DURATION, FRAME = 20, 120.0, 0.02  # -, s, s
 START, FIRST = 2.0, 30.0  # s: of the motion, and from which on estimates count
-MESH = {"cable.elements.target": 7.0, "cable.elements.at_towers": 2.5}
+TRAMWAY = {"cable.elements.target": 7.0, "cable.elements.at_towers": 2.5}
+ROPES = {
+    f"ropes.{kind}_{number}.elements": {"target": target, "at_towers": at_towers, "growth": 2.0}
+    for kind, target, at_towers in (("track", 9.0, 3.0), ("haul", 5.0, 1.5))
+    for number in (1, 2)
+}
 NORMAL_95 = 1.959964
 MARGIN = 0.05  # of a bound, within which truth is not drawn
+
+
+class Scene(NamedTuple):
+    """Scenario with what its plants have otherwise."""
+
+    mesh: Mapping[str, Any]  # by key
+    drive: str  # as commands call it
+    speeds: tuple[float, float]  # m/s, from which the speed of a trip is drawn
+
+
+SCENES = {
+    "aerial_tramway": Scene(TRAMWAY, "cabin", (6.0, 9.0)),
+    "windy_tramway": Scene(TRAMWAY, "cabin", (5.0, 8.0)),
+    "jig_back": Scene(ROPES, "haul_rope", (6.0, 9.0)),
+}
 
 
 class Score(NamedTuple):
@@ -56,25 +76,26 @@ def truth_of(follower: Follower, seed: int) -> dict[str, float]:
     return found
 
 
-def follow(seed: int, duration: float, said: list[str], took: list[float]) -> Iterator[Score]:
+def follow(scenario: str, seed: int, duration: float, said: list[str], took: list[float]) -> Iterator[Score]:
     """Scores of all estimates of a plant with a seed; sensors that are left out or contradict are `said`.
 
     Processor time (s) of the twin is added to what it `took`.
     """
-    bare = load_scenario(SCENARIO)
+    bare, scene = load_scenario(scenario), SCENES[scenario]
     usual = standard_sensors(bare, Simulation(bare).snapshot, seed)
-    follower = Follower(load_scenario(SCENARIO, {"sensors": usual}), threads=1)
+    follower = Follower(load_scenario(scenario, {"sensors": usual}), threads=1)
     values = truth_of(follower, seed)
-    plant = Simulation(load_scenario(SCENARIO, {**MESH, **values, "sensors": usual}), samples=2)
+    everywhere = {key: values[one.key] for one in follower.slow for key in (one.key, *one.also)}
+    plant = Simulation(load_scenario(scenario, {**scene.mesh, **everywhere, "sensors": usual}), samples=2)
     sensors = Sensors(plant.scenario, plant.layout)
-    speed, started = 6.0 + 3.0 * float(np.random.default_rng(seed + 1000).random()), False
+    speed, started = float(np.random.default_rng(seed + 1000).uniform(*scene.speeds)), False
     waiting: list[Measurement] = []
     plant_at: dict[float, np.ndarray] = {}
     for frame in range(round(duration / FRAME) + 1):
         time = round(frame * FRAME, 9)
         snapshot = plant.advance_to(time)
         if time >= START and not started:
-            started, command = True, Command("speed", {"cabin": speed})
+            started, command = True, Command("speed", {scene.drive: speed})
             plant.apply(command)
             follower.command(AppliedCommand(time, command, "plant"))
         waiting += sensors.take(snapshot)  # in the order of arrival: all of a time have come 0.1 s later
@@ -84,7 +105,7 @@ def follow(seed: int, duration: float, said: list[str], took: list[float]) -> It
             correction = follower.take(stamp, [one for one in due if one.time == stamp])
             took.append(process_time() - begun)
             if correction is not None:
-                said += [one.reason for one in correction.alarms if "sensor" in one.reason]
+                said += [f"{one.time:.0f} s: {one.reason}" for one in correction.alarms if "sensor" in one.reason]
             if correction is not None and stamp >= FIRST:
                 yield from scores(seed, correction, follower, values, plant_at[stamp])
         waiting = [one for one in waiting if one.time > time - 0.1]
@@ -131,6 +152,7 @@ def main() -> int:
     parser.add_argument("--plants", type=int, default=PLANTS, help=f"default: {PLANTS}")
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
     parser.add_argument("--first", type=int, default=1, help="seed of the first plant; default: 1")
+    parser.add_argument("--scenario", choices=list(SCENES), default="aerial_tramway", help="default: aerial_tramway")
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.plants)
     said: list[str] = []
@@ -138,7 +160,7 @@ def main() -> int:
     found = [
         score
         for seed in track(seeds, "plants", console=Console(stderr=True), transient=True)
-        for score in follow(seed, options.duration, said, took)
+        for score in follow(options.scenario, seed, options.duration, said, took)
     ]
     print("\n".join(table(found)))
     print(

@@ -38,8 +38,12 @@ class Turn(NamedTuple):
 
 def are_alike(states: MemberStates) -> bool:
     """Whether members have their vehicles in the same elements, and their drives in the same modes."""
-    named = [name for name in states.block.dtype.names if name.endswith(TOPOLOGY)]
-    return all(bool((states.block[name] == states.block[name][0]).all()) for name in named)
+    return all(
+        bool((block[name] == block[name][0]).all())
+        for block in (states.block, states.motions)
+        for name in block.dtype.names
+        if name.endswith(TOPOLOGY)
+    )
 
 
 def blend(states: MemberStates, weights: FloatArray) -> None:
@@ -55,19 +59,25 @@ def blend(states: MemberStates, weights: FloatArray) -> None:
     payloads = states.block["payload"].copy()
     _put_in(states, np.broadcast_to(payloads[0], payloads.shape))  # centres of mass are then equal points of bodies
     tops = np.array([_tops(states, member) for member in range(states.size)])
-    block: Any = states.block
-    for name in block.dtype.names:
-        if block[name].dtype != np.float64 or any(word in name for word in OWN):
-            continue
-        rows = block[name].reshape(states.size, -1)
-        if np.array_equal(rows, np.broadcast_to(rows[0], rows.shape), equal_nan=True):
-            continue
-        apart = rows - rows[0]
-        moved = rows[0] + weights @ np.where(np.isfinite(apart), apart, 0.0)
-        block[name][...] = np.where(np.isfinite(rows), moved, rows).reshape(block[name].shape)
+    for block in (states.block, states.motions):
+        _sum_up(block, weights)
     for member, own in enumerate(tops[0] + np.tensordot(weights, tops - tops[0], 1)):
         _hang(states, member, own)
     _put_in(states, payloads)
+
+
+def _sum_up(block: Any, weights: FloatArray) -> None:
+    """Replace the numbers of each member in a block by weighted sums of those of all."""
+    for name in block.dtype.names:
+        if block[name].dtype != np.float64 or any(word in name for word in OWN):
+            continue
+        rows = block[name].reshape(len(weights), -1)
+        if np.array_equal(rows, np.broadcast_to(rows[0], rows.shape), equal_nan=True):
+            continue
+        with np.errstate(invalid="ignore"):  # inf less inf
+            apart = rows - rows[0]
+        moved = rows[0] + weights @ np.where(np.isfinite(apart), apart, 0.0)
+        block[name][...] = np.where(np.isfinite(rows), moved, rows).reshape(block[name].shape)
 
 
 def turn(states: MemberStates, member: int, turns: Sequence[Turn]) -> None:

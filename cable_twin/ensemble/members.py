@@ -47,6 +47,7 @@ class MemberStates:
         variants: simulation that has the parameters of each member.
         settings: of each member, beside its state.
         block: states of all members by the names of their arrays, such as "drives.mode", each (members, ...).
+        motions: of bullwheels and what couples ropes, likewise.
 
     Args:
         base: simulation at its start, at which all members begin.
@@ -71,6 +72,8 @@ class MemberStates:
         self.variants: list[Simulation] = [base] * size
         self.settings: list[Settings] = [engine.settings()] * size
         self.block: Any = self.arrays.states.view(engine.memory.base.dtype)[:, 0]  # type: ignore[union-attr]
+        moving: Any = engine.moving.memory.base
+        self.motions: Any = self.arrays.motions.view(moving.dtype)[:, 0]
         state = engine.parts[0].state
         first = state.clock.ctypes.data - engine.memory.ctypes.data
         self._clock_bytes = slice(first, first + state.clock.nbytes)

@@ -33,10 +33,10 @@ def with_plant_sensors(simulation: Simulation) -> Scenario:
     """Scenario of a twin with the sensors of its plant: its own, else the usual ones.
 
     Raises:
-        ScenarioError: it is of a kind that cannot be followed yet; one line.
+        ScenarioError: it is of a kind that cannot be followed; one line.
     """
     scenario = simulation.scenario
-    if fault := unfollowable(scenario, live=True):
+    if fault := unfollowable(scenario):
         raise ScenarioError(f"follow: {fault}")
     if scenario.sensors:
         return scenario
@@ -72,7 +72,8 @@ class PlantSubscriber:
         self._node, self._simulation, self._loop, self._following = node, simulation, loop, following
         self._stamp_ns, self._record = stamp_ns, record
         self._sensors = scenario.sensors
-        self._pursuit = Pursuit({name: one.speed for name, one in command_limits(scenario).items()})
+        spacing = {} if scenario.carriers is None else dict.fromkeys(scenario.drives, scenario.spacing)
+        self._pursuit = Pursuit({name: one.speed for name, one in command_limits(scenario).items()}, spacing)
         self._known = plant_topics(scenario)
         self._commands = Topic(f"{PLANT}/{JOINT_COMMANDS}", JointState.__msgtype__)
         self.topics = (*self._known.values(), self._commands)
@@ -118,11 +119,14 @@ class PlantSubscriber:
     def _drive(self, time: float, joint: str) -> None:
         """Command the speed that is due to a drive of the twin."""
         snapshot = self._simulation.snapshot
-        if joint not in snapshot.carriages:
+        if joint in snapshot.carriages:
+            place, own_speed = snapshot.carriages[joint].arc_length, snapshot.carriages[joint].speed
+        elif joint in snapshot.drives:
+            place, own_speed = snapshot.drives[joint].position, snapshot.drives[joint].speed
+        else:
             return
-        own = snapshot.carriages[joint]
         late = self._stamp_ns(snapshot.time) / SECOND - time
-        speed = self._pursuit.wanted(time, joint, own.arc_length - own.speed * late)
+        speed = self._pursuit.wanted(time, joint, place - own_speed * late)
         if speed is not None:
             self._loop.submit(Command("speed", {joint: speed}), SOURCE).add_done_callback(self._on_applied)
 

@@ -11,7 +11,7 @@ from queue import Empty
 from typing import IO
 
 from cable_twin.basics.printable import printable
-from cable_twin.ensemble.estimate.tracker import News, Tracker
+from cable_twin.ensemble.estimate.tracker import WAITING, News, Tracker
 from cable_twin.messages import SECOND, nanoseconds
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.figure_messages import estimate_message
@@ -21,6 +21,7 @@ from cable_twin.runtime.following import COMMANDS, Arrival, Estimated
 from cable_twin.scenario import load_scenario
 
 GLANCE = 0.1  # s between two looks at what is due
+PART = 1.0  # s of the plant's messages at a time, so that it is known how far behind this is
 LONGEST_REASON = 300  # characters
 
 
@@ -63,7 +64,7 @@ def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimate
         message = estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns)
     left_out = {name: one.reason for name, one in tracker.follower.left_out.items()}
     counts = dict(tracker.arrivals.left_out)
-    yield Estimated(news.time, message, tuple(lines), tracker.state, left_out, counts)
+    yield Estimated(news.time, message, tuple(lines), tracker.state, left_out, counts, tracker.behind)
 
 
 def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:
@@ -79,16 +80,19 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
     tracker = Tracker(load_scenario(options["scenario"]), threads=1)
     decoder = Decoder(tracker)
     send(sink, Estimated(0.0, b"", (), tracker.state, {}, {}))  # ready
+    taken = now = 0.0  # s of this machine's clock since the first message: up to which all is taken, and the present
     while True:
         try:
-            decoder.take(waiting.get(timeout=GLANCE))
+            decoder.take(waiting.get(timeout=GLANCE if taken == now else 1e-3))
             while True:
                 decoder.take(waiting.get_nowait())
         except Empty:
             pass
         if decoder.epoch_ns is None:
             continue
-        for news in tracker.advance((time.time_ns() - decoder.epoch_ns) / SECOND):
+        now = (time.time_ns() - decoder.epoch_ns) / SECOND
+        taken = now if tracker.state == WAITING else min(taken + PART, now)
+        for news in tracker.advance(taken, now):
             for answer in answers_of(news, tracker, decoder.epoch_ns):
                 send(sink, answer)
 

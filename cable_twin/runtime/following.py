@@ -17,7 +17,7 @@ from typing import IO, NamedTuple
 
 from cable_twin.ensemble.estimate.followers import unfollowable
 from cable_twin.ensemble.estimate.pursuit import Pursuit
-from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT
+from cable_twin.ensemble.estimate.tracker import ALONE, BEHIND, FOLLOWING, SILENT
 from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.scenario import Scenario
 
@@ -44,6 +44,7 @@ class Estimated(NamedTuple):
     state: str
     left_out: Mapping[str, str]  # reason by sensor
     counts: Mapping[str, int]  # of messages that were left out, by reason
+    behind: float = 0.0  # s behind the plant
 
 
 class LiveFollowing:
@@ -87,11 +88,12 @@ class LiveFollowing:
         last = self._last
         if last.state == FOLLOWING and time.monotonic() - self._arrived > SILENT:
             last = last._replace(state=ALONE)  # the process, which may be behind, will find that as well
-        values = {"state": last.state, "time_s": f"{last.time:.3f}"}
+        values = {"state": last.state, "time_s": f"{last.time:.3f}", "behind_s": f"{last.behind:.1f}"}
         values |= {f"left_out_{name}": reason for name, reason in last.left_out.items()}
         values |= {f"left_out: {reason}": str(count) for reason, count in last.counts.items()}
         values |= {f"alarm_{row + 1}": line for row, line in enumerate(self._alarms)}
-        text = last.state + (f"; left out: {', '.join(last.left_out)}" if last.left_out else "")
+        text = last.state + (f"; {last.behind:.0f} s behind the plant" if last.behind > BEHIND else "")
+        text += f"; left out: {', '.join(last.left_out)}" if last.left_out else ""
         if self.shut:
             text += f"; several plants publish on {', '.join(sorted(self.shut))}, which is left out"
         return last.state in (STARTING, FOLLOWING) and not last.left_out and not self.shut, text, values

@@ -169,7 +169,6 @@ def test_a_bag_is_followed_into_a_log_of_estimates_and_a_plot(bag, tmp_path, cap
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--scenario", "jig_back"], "carriages on several ropes; allowed: carriages on one rope, or carriers"),
         (["--scenario", "no_such"], "no_such"),
         (["--set", "sensors={a: {kind: encoder, of: cabin}}"], "drive_force of 'cabin' given; allowed: none"),
     ],

@@ -71,6 +71,12 @@ class Arrivals:
             self._done = self._waiting[0][0]
             yield heapq.heappop(self._waiting)[-1]
 
+    def drop(self, until: float) -> None:
+        """Forget waiting items up to a time (s) of the plant's clock."""
+        self._waiting = [one for one in self._waiting if one[0] > until]
+        heapq.heapify(self._waiting)
+        self._done = max(self._done, until)
+
     def leave_out(self, what: str, reason: str) -> None:
         """Count a rejected item by its reason, and note the first item of each reason."""
         if not self.left_out[reason]:

@@ -11,15 +11,17 @@ within `FORGOTTEN`. While a vehicle passes a tower swing alone is corrected.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
+from cable_twin.ensemble.estimate.beginning import Motion, values_at
+from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
+    LEAST_FORCE,
     Hidden,
     Reading,
     hidden_quantities,
@@ -35,7 +37,7 @@ from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 
-WINDOW = 2.0  # s, between two corrections
+WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope and with several
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
 SETTLING = 0.15  # s after a correction, without measurements
 FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
@@ -46,10 +48,6 @@ NARROWEST = 0.03  # of the prior deviation, apart from which members are at leas
 SURE = 1e-6  # probability at which a sensor contradicts the others
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
-THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong unit reads, or the inverse of that
-PLANT = "plant"  # instead of a sensor: several contradict
-SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
-STUCK_SAMPLES = 30  # equal ones of a sensor with noise
 
 
 class Estimate(NamedTuple):
@@ -58,13 +56,6 @@ class Estimate(NamedTuple):
     value: float
     deviation: float
     unit: str
-
-
-class Alarm(NamedTuple):
-    """Something that the sensors say of the plant or of each other."""
-
-    time: float  # s
-    reason: str
 
 
 class Correction(NamedTuple):
@@ -90,6 +81,13 @@ class _Row(NamedTuple):
 class Follower:
     """Twin that follows a plant.
 
+    Attributes:
+        window: s, between two corrections.
+        slow: quantities that are estimated.
+        readings: sensors that are read, by name.
+        hidden: quantities that no sensor need measure.
+        doubts: about sensors.
+
     Args:
         scenario: of the twin; its `sensors` are those of the plant.
         threads: of the ensemble.
@@ -98,7 +96,9 @@ class Follower:
     def __init__(self, scenario: Scenario, threads: int | None = None) -> None:
         self.slow = slow_quantities(scenario)
         apart = Layout.of(scenario, ENDS_OF_CABLE)
-        self._fast = swings(apart)
+        self._scenario = scenario
+        self.window = WINDOW if len(scenario.cables) == 1 else WINDOW_OF_ROPES
+        self._fast = swings(apart) if len(scenario.cables) == 1 else ()
         self._first = 2 * len(self.slow) + 1  # member with the first swing
         self._ensemble = Ensemble(scenario, self._first + len(self._fast), threads=threads, progress=False)
         start = self._ensemble.snapshot(0)
@@ -109,47 +109,51 @@ class Follower:
         self._tracks = start.layout.places.joint_position[:, 0].astype(np.intp)
         self.hidden: tuple[Hidden, ...] = hidden_quantities(scenario, start.layout)
         self._deviation = np.array([one.deviation for one in self.slow])
+        self.doubts = Doubts(self.readings)
         errors = np.array([one.error for one in self.readings.values()])
         self._errors, self._rows_of = errors, {name: row for row, name in enumerate(self.readings)}
         mean = np.concatenate([[one.mean for one in self.slow], np.zeros(len(self._fast) + errors.size)])
         swing = np.full(len(self._fast), PRIOR)
         self._belief = Belief(mean, np.diag(np.concatenate([self._deviation, swing, errors]) ** 2))
         self._points, self._at_tower, self._stirred = self._stencil(), False, 0.0
-        self._motion: dict[str, float] = {}  # place and speed of vehicles at the last beginning, by key
+        self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
+        self._encoders = [name for name in self.readings if scenario.sensors[name].kind == "encoder"]
+        self._offsets: dict[str, float] = {}  # m, of encoders that do not begin with 0
         self._change(rest=True)
         self._swing()
         self._rows: list[_Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
-        self._suspected: dict[str, int] = {}
-        self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
-        self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self._told: set[str] = set()  # quantities with an alarm
-        self.left_out: dict[str, Alarm] = {}
+
+    @property
+    def left_out(self) -> dict[str, Alarm]:
+        """Sensors that are left out, with the alarm that says so."""
+        return self.doubts.left_out
 
     @property
     def time(self) -> float:
         """Simulated time (s) of the twin."""
         return self._zero + float(self._ensemble.times[0])
 
-    def begin_at(self, time: float, motion: Mapping[str, tuple[float, float]]) -> None:
+    def begin_at(self, time: float, motion: Motion) -> None:
         """Restart at a time (s) from rest or steady motion; the estimates of slow quantities are kept.
 
         Args:
             time: s, from which the twin goes on.
-            motion: place (m) and speed (m/s) of carriages by name; others begin where they do in the scenario.
+            motion: place (m) and speed (m/s) of carriages and drives; others begin where they do in the scenario.
 
         Raises:
             ScenarioError, EquilibriumError, ValueError: they cannot be there; one line. The twin stays as it was.
         """
-        values = {f"carriages.{name}.arc_length": place for name, (place, _) in motion.items()}
-        values |= {f"carriages.{name}.speed": speed for name, (_, speed) in motion.items()}
+        values, offsets = values_at(self._scenario, motion)
         before, self._motion = self._motion, values
         try:
             self._change(rest=True)
         except ValueError:
             self._motion = before
             raise
+        self._offsets = {name: offsets.get(self._scenario.sensors[name].of, 0.0) for name in self._encoders}
         count, covariance = len(self.slow), self._belief.covariance.copy()
         fast, mean = slice(count, count + len(self._fast)), self._belief.mean.copy()
         mean[fast], covariance[fast, :], covariance[:, fast] = 0.0, 0.0, 0.0
@@ -158,7 +162,7 @@ class Follower:
         self._belief = Belief(mean, covariance)
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
-        self._suspected.clear()
+        self.doubts.forget()
         self._swing()
 
     def close(self) -> None:
@@ -181,19 +185,17 @@ class Follower:
         """
         self._advance(time)
         numbers = self._ensemble.numbers()
-        alarms = self._stuck(time, measurements) + self._of_another_unit(time, measurements, numbers)
+        alarms = self.doubts.of_samples(time, measurements, numbers[0])
         rates = (
             0.0 if self._before is None else np.abs(numbers[0] - self._before[1]) / max(time - self._before[0], 1e-3)
         )
         self._before = time, numbers[0].copy()
         if time > self._from + SETTLING or self._from == 0.0:
             for one in measurements:
-                reading = self.readings.get(one.sensor)
-                if reading is None or one.sensor in self.left_out:
+                if not (sensor := self.doubts.taken(one.sensor)):
                     continue
-                sensor = self._exchanged.get(one.sensor, one.sensor)
-                value = one.values[0] if reading.places.size == 1 else float(np.linalg.norm(one.values))
                 reading = self.readings[sensor]
+                value = reading.measured(one) - self._offsets.get(sensor, 0.0)
                 rate = 0.0 if isinstance(rates, float) else float(np.linalg.norm(rates[reading.places]))
                 variance = self._variance(reading) + (TIMING * rate) ** 2
                 self._rows.append(_Row(sensor, value, reading.of(numbers), variance, numbers))
@@ -206,13 +208,13 @@ class Follower:
                     self._ensemble.swing(member, anchored(self._fast, numbers, member))
             return None
         lasted = time - self._since
-        if lasted < WINDOW - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
+        if lasted < self.window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
         return self._correct(time, numbers, alarms)
 
     def place_of(self, sensor: str) -> float:
         """Place (m) of an encoder in the twin at present."""
-        return float(self.readings[sensor].of(self._ensemble.numbers()[:1])[0])
+        return float(self.readings[sensor].of(self._ensemble.numbers()[:1])[0]) + self._offsets.get(sensor, 0.0)
 
     def _advance(self, time: float) -> None:
         self._ensemble.advance_to(max(time, self.time) - self._zero)
@@ -303,41 +305,22 @@ class Follower:
 
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
         """Rows of a window without the sensor that contradicts all others; alarms for one that keeps doing so."""
-        rows, left = self._rows, set(self._rows_of)
-        worst, square = self._worst(rows, left)
-        contradicting = ""
-        if square > 1.0:
-            contradicting = worst
-            rows = [row for row in rows if row.sensor != worst]
-            if rows and self._worst(rows, left - {worst})[1] > 1.0:
-                contradicting, rows = self._exchange()
-        self._suspected = {contradicting: self._suspected.get(contradicting, 0) + 1} if contradicting else {}
-        if self._suspected.get(contradicting) == SUSPECT_WINDOWS:
-            if contradicting == PLANT:
-                alarms.append(Alarm(time, "several sensors contradict the model: the plant is not as it is described"))
-            elif "/" in contradicting:
-                one, other = contradicting.split("/")
-                self._exchanged |= {one: other, other: one}
-                alarms.append(Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other"))
-            else:
-                alarm = Alarm(time, f"sensor {contradicting} contradicts all others and is left out")
-                alarms.append(alarm)
-                self.left_out[contradicting] = alarm
-        return rows
+        of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
-    def _exchange(self) -> tuple[str, list[_Row]]:
-        """Two sensors, ONE/OTHER, that contradict nothing if swapped, with such rows; else `PLANT` and none."""
-        pairs = [
-            (one, other)
-            for one, other in combinations(self.readings, 2)
-            if self.readings[one].unit == self.readings[other].unit and not {one, other} & {*self.left_out}
-        ]
-        for one, other in pairs:
-            to = {one: other, other: one}
-            rows = [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
-            if self._worst(rows, set(self._rows_of))[1] <= 1.0:
-                return f"{one}/{other}", rows
-        return PLANT, []
+        def square(sensor: str, by: str) -> float:
+            rows = of[sensor] if sensor == by else [self._read_as(row, by) for row in of[sensor]]
+            limit = chi2.isf(SURE, len(rows))
+            return normalised_square(*self._linear(rows), self._belief.covariance) / float(limit)
+
+        contradicting = self.doubts.contradicting([name for name, rows in of.items() if rows], square)
+        alarms += self.doubts.judge(time, contradicting)
+        if contradicting == PLANT:
+            return []
+        one, _, other = contradicting.partition("/")
+        if not other:
+            return [row for row in self._rows if row.sensor != one]
+        to = {one: other, other: one}
+        return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
 
     def _variance(self, reading: Reading) -> float:
         """Variance of a sample: noise of the sensor and fast error of the model."""
@@ -347,16 +330,6 @@ class Follower:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
-
-    def _worst(self, rows: Sequence[_Row], sensors: set[str]) -> tuple[str, float]:
-        """Sensor with the least likely innovations, and their normalised square over its limit."""
-        worst, most = "", 0.0
-        for sensor in sensors:
-            own = [row for row in rows if row.sensor == sensor]
-            if own:
-                square = normalised_square(*self._linear(own), self._belief.covariance) / chi2.isf(SURE, len(own))
-                worst, most = (sensor, square) if square > most else (worst, most)
-        return worst, most
 
     def _linear(self, rows: Sequence[_Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Innovation (m,), Jacobian (m, n) and variance (m,) of measurements."""
@@ -402,45 +375,10 @@ class Follower:
             values = rows[:, 0] if one.places.size == 1 else np.linalg.norm(rows, axis=1)
             slopes = self._slopes(values[None, :])[0]
             value = float(values[0] + slopes @ shift)
-            errors = one.errors.scaled(abs(value) if one.unit == "N" else 1.0)
+            errors = one.errors.scaled(max(abs(value), LEAST_FORCE) if one.unit == "N" else 1.0)
             variance = slopes @ covariance @ slopes + errors.variance(self._stirred, self._at_tower)
             found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
         return found
-
-    def _stuck(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
-        """Alarms for sensors with noise that repeat one value; they are left out."""
-        alarms = []
-        for one in measurements:
-            reading = self.readings.get(one.sensor)
-            if reading is None or one.sensor in self.left_out or reading.unit == "m":
-                continue
-            size = float(np.linalg.norm(one.values))
-            value, count = self._last.get(one.sensor, (np.nan, 0))
-            same = abs(value - size) <= 1e-9 * abs(size)
-            self._last[one.sensor] = size, count + 1 if same else 1
-            if same and count + 1 == STUCK_SAMPLES:
-                alarm = Alarm(time, f"sensor {one.sensor} is stuck at {size:.6g} {reading.unit} and is left out")
-                self.left_out[one.sensor] = alarm
-                alarms.append(alarm)
-        return alarms
-
-    def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
-        """Alarms for sensors that read a thousand times more or less than can be; they are left out."""
-        alarms = []
-        for one in measurements:
-            reading = self.readings.get(one.sensor)
-            if reading is None or one.sensor in self.left_out:
-                continue
-            wanted = abs(float(reading.of(numbers[:1])[0]))
-            size = float(np.linalg.norm(one.values[:1] if reading.places.size == 1 else one.values))
-            share = size / wanted if wanted > 30.0 * reading.noise else 1.0
-            if any(
-                least <= ratio <= most for ratio in (share, 1.0 / max(share, 1e-12)) for least, most in [THOUSANDFOLD]
-            ):
-                text = f"reads {size:.4g} {reading.unit} where {wanted:.4g} are expected: another unit? It is left out"
-                self.left_out[one.sensor] = alarm = Alarm(time, f"sensor {one.sensor} {text}")
-                alarms.append(alarm)
-        return alarms
 
     def _stencil(self) -> FloatArray:
         count = len(self.slow)
@@ -450,5 +388,6 @@ class Follower:
     def _change(self, rest: bool = False) -> None:
         """Give the members the slow quantities of their points, the swinging ones those of the middle."""
         points = np.vstack([self._points, np.tile(self._points[0], (len(self._fast), 1))])
-        values: Mapping[str, list[float]] = {one.key: points[:, row].tolist() for row, one in enumerate(self.slow)}
-        self._ensemble.change({**values, **self._motion} if rest else values, rest=rest)
+        values = {key: points[:, row].tolist() for row, one in enumerate(self.slow) for key in (one.key, *one.also)}
+        each = {key: [value] * len(points) for key, value in self._motion.items()}
+        self._ensemble.change({**values, **each} if rest else values, rest=rest)

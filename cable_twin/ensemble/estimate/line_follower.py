@@ -8,24 +8,26 @@ all that is above it, towers and drive. So each measurement has a sparse row of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
-from cable_twin.ensemble.estimate.follower import CERTAIN, Alarm, Correction, Estimate
+from cable_twin.ensemble.estimate.beginning import Motion, values_at
+from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
+from cable_twin.ensemble.estimate.follower import CERTAIN, Correction, Estimate
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import Reading, Slow, readings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 
-WINDOW = 1.0  # s, of which the mean of each sensor is taken
+WINDOW, ENDS = 1.0, 2  # s, of which the mean of each sensor is taken
 PAYLOAD = 0.4  # of the capacity, standard deviation of the payload of a carrier from the plan
 FRICTION = 0.4  # standard deviation of the friction of all towers, as share of that of the scenario
 BIAS, FAST = 0.003, 0.006  # of the load of a tower at rest: slow and fast error of the model
@@ -33,10 +35,21 @@ DRIVE_BIAS, DRIVE_FAST = 150.0, 300.0  # N, the same of a drive
 FORGOTTEN = 200.0  # s, in which a slow error changes
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
-SURE, SUSPECT_WINDOWS = 1e-7, 3  # as those of `follower`
+SURE = 1e-7  # as that of `follower`
 PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
 Place = tuple[float, float]  # m, along the track and up
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
+
+
+Terms = tuple[FloatArray, FloatArray, FloatArray]  # innovation (1,), derivatives (1, n) and variance (1,)
+
+
+class _Sample(NamedTuple):
+    """One measurement beside its prediction."""
+
+    value: float
+    predicted: float
+    effects: FloatArray  # (n,) derivatives of what is predicted
 
 
 class LineFollower:
@@ -44,17 +57,21 @@ class LineFollower:
 
     Attributes:
         slow: none; the truth of a payload is no key of a scenario.
+        window: s, between two corrections.
         readings: sensors that are read, by name: load cells of towers and forces of drives.
-        left_out: sensors that lie, with the alarm that says so.
+        doubts: about sensors.
+        carriers: names.
 
     Args:
         scenario: of the twin; its `sensors` are those of the plant.
     """
 
     slow: tuple[Slow, ...] = ()
+    window = WINDOW
 
     def __init__(self, scenario: Scenario) -> None:
-        self._twin = Simulation(scenario, samples=2)
+        self._scenario = scenario
+        self._twin = Simulation(scenario, samples=ENDS)
         start, layout = self._twin.snapshot, self._twin.layout
         supports = layout.support_rows
         self._rest = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
@@ -66,6 +83,9 @@ class LineFollower:
             for name, one in known.items()
             if self._kinds[name] == "drive_force" or self._of[name] in layout.towers
         }
+        self._encoders = {name: one for name, one in known.items() if self._kinds[name] == "encoder"}
+        self._zero, self._offsets = 0.0, dict.fromkeys(self._encoders, 0.0)
+        self.doubts = Doubts(self.readings)
         self.carriers = layout.carriers
         self._rows = np.array([layout.vehicle_rows[name] for name in self.carriers])
         assert scenario.carriers is not None
@@ -82,16 +102,42 @@ class LineFollower:
         deviations = np.concatenate([[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION], self._bias])
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         self._plan = start.columns.payload[self._rows].copy()
-        self._sums: dict[str, list[tuple[float, float, FloatArray]]] = {}
+        self._sums: dict[str, list[_Sample]] = {}
         self._since, self._speed = 0.0, (0.0, 0.0)
-        self._suspected: dict[str, int] = {}
         self._told: set[str] = set()
-        self.left_out: dict[str, Alarm] = {}
+        self._alarms: list[Alarm] = []  # of this window
+
+    @property
+    def left_out(self) -> dict[str, Alarm]:
+        """Sensors that are left out, with the alarm that says so."""
+        return self.doubts.left_out
 
     @property
     def time(self) -> float:
         """Simulated time (s) of the twin."""
-        return self._twin.time
+        return self._zero + self._twin.time
+
+    def begin_at(self, time: float, motion: Motion) -> None:
+        """Restart at a time (s) from rest or steady motion; friction and errors of sensors are kept, payloads are not.
+
+        Args:
+            time: s, from which the twin goes on.
+            motion: rope gone by (m) and speed (m/s) of drives by name.
+
+        Raises:
+            ScenarioError, EquilibriumError: carriers cannot be there; one line. The twin stays as it was.
+        """
+        values, offsets = values_at(self._scenario, motion)
+        self._twin = Simulation(load_scenario(self._scenario.resolved(), values), samples=ENDS)
+        self._offsets = {name: offsets.get(self._of[name], 0.0) for name in self._encoders}
+        self._plan = self._twin.snapshot.columns.payload[self._rows].copy()
+        self._forget(range(len(self.carriers)))
+        self._zero, self._since, self._sums, self._speed = time, time, {}, (0.0, 0.0)
+        self.doubts.forget()
+
+    def place_of(self, sensor: str) -> float:
+        """Place (m) of an encoder in the twin at present."""
+        return float(self._encoders[sensor].of(self._twin.snapshot.numbers[None, :])[0]) + self._offsets[sensor]
 
     def close(self) -> None:
         """End the follower, which has no threads."""
@@ -102,29 +148,35 @@ class LineFollower:
         Raises:
             CommandError: the twin refuses it.
         """
-        self._twin.advance_to(max(applied.time, self.time))
+        self._advance(applied.time)
         self._twin.apply(applied.command)
 
     def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
         """Take the measurements of one time (s), which are not older than those before; a correction where due."""
-        snapshot = self._twin.advance_to(max(time, self.time))
+        snapshot = self._advance(time)
         self._exchange(snapshot)
         numbers = snapshot.numbers[None, :]
+        alarms = self.doubts.of_samples(time, measurements, snapshot.numbers)
         for one in measurements:
-            reading = self.readings.get(one.sensor)
-            if reading is None or one.sensor in self.left_out or not self._counts(one.sensor, snapshot):
+            sensor = self.doubts.taken(one.sensor)
+            if not sensor or not self._counts(sensor, snapshot):
                 continue
-            value = one.values[0] if reading.places.size == 1 else float(np.linalg.norm(one.values))
-            row = self._effects(one.sensor, snapshot)
-            self._sums.setdefault(one.sensor, []).append((value, float(reading.of(numbers)[0]), row))
+            reading, row = self.readings[sensor], self._effects(sensor, snapshot)
+            sample = _Sample(reading.measured(one), float(reading.of(numbers)[0]), row)
+            self._sums.setdefault(sensor, []).append(sample)
         if time - self._since < WINDOW - 1e-6:
+            self._alarms += alarms
             return None
-        return self._correct(time, snapshot)
+        alarms, self._alarms = [*self._alarms, *alarms], []
+        return self._correct(time, snapshot, alarms)
 
-    def _correct(self, time: float, snapshot: Snapshot) -> Correction:
+    def _advance(self, time: float) -> Snapshot:
+        return self._twin.advance_to(max(time - self._zero, self._twin.time))
+
+    def _correct(self, time: float, snapshot: Snapshot, alarms: list[Alarm]) -> Correction:
         """Correct payloads and friction by the means of a window."""
-        terms = {name: self._terms(name, found) for name, found in self._sums.items() if len(found) > 2}
-        alarms = self._lying(time, terms)
+        found = {name: samples for name, samples in self._sums.items() if len(samples) > 2}
+        terms = self._consistent(time, found, alarms)
         innovation = 1.0
         if terms:
             rows = [np.concatenate(parts) for parts in zip(*(one[:1] + one[2:] for one in terms.values()), strict=True)]
@@ -140,30 +192,29 @@ class LineFollower:
         alarms += self._against_plan(time, slow)
         return Correction(time, slow, self._hidden(snapshot), innovation, tuple(alarms))
 
-    def _terms(
-        self, name: str, found: Sequence[tuple[float, float, FloatArray]]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Innovation (1,), derivatives (1, n) and variance (1,) of the mean of a sensor in a window."""
-        values, predicted, rows = zip(*found, strict=True)
-        jacobian = np.mean(rows, axis=0)[None, :]
+    def _terms(self, name: str, measured: Sequence[_Sample], found: Sequence[_Sample]) -> Terms:
+        """Terms of the mean of a sensor in a window: measured samples beside what was predicted in others."""
+        values, predicted = ([one.value for one in measured], [one.predicted for one in found])
+        jacobian = np.mean([one.effects for one in found], axis=0)[None, :]
         innovation = np.array([np.mean(values) - np.mean(predicted)]) - jacobian @ self._belief.mean
         fast = self._scale(name, FAST, DRIVE_FAST)
         return innovation, jacobian, np.array([self.readings[name].noise ** 2 / len(values) + fast**2])
 
-    def _lying(self, time: float, terms: dict[str, tuple[FloatArray, FloatArray, FloatArray]]) -> list[Alarm]:
-        """Alarms for sensors that contradict what is believed; their terms are taken out."""
-        squares = {name: normalised_square(*one, self._belief.covariance) for name, one in terms.items()}
-        worst = max(squares, key=lambda name: squares[name], default="")
-        if not worst or squares[worst] < chi2.isf(SURE, 1):
-            self._suspected = {}
-            return []
-        del terms[worst]
-        self._suspected = {worst: self._suspected.get(worst, 0) + 1}
-        if self._suspected[worst] < SUSPECT_WINDOWS:
-            return []
-        alarm = Alarm(time, f"sensor {worst} contradicts all others and is left out")
-        self.left_out[worst] = alarm
-        return [alarm]
+    def _consistent(self, time: float, found: dict[str, list[_Sample]], alarms: list[Alarm]) -> dict[str, Terms]:
+        """Terms by sensor without those that contradict the others; alarms for those that keep doing so."""
+
+        def square(sensor: str, by: str) -> float:
+            terms = self._terms(by, found[sensor], found[by])
+            return normalised_square(*terms, self._belief.covariance) / float(chi2.isf(SURE, 1))
+
+        contradicting = self.doubts.contradicting([*found], square)
+        alarms += self.doubts.judge(time, contradicting)
+        if contradicting == PLANT:
+            return {}
+        one, _, other = contradicting.partition("/")
+        to = {one: other, other: one} if other else {}
+        left = [name for name in found if other or name != one]
+        return {name: self._terms(name, found[to.get(name, name)], found[name]) for name in left}
 
     def _against_plan(self, time: float, slow: dict[str, Estimate]) -> list[Alarm]:
         """Alarms for payloads that are surely not those of the plan."""
@@ -200,13 +251,17 @@ class LineFollower:
     def _exchange(self, snapshot: Snapshot) -> None:
         """Forget the payloads of carriers whose plan has changed, as in a station."""
         plan = snapshot.columns.payload[self._rows]
-        for row in np.flatnonzero(plan != self._plan).tolist():
-            mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
+        self._forget(np.flatnonzero(plan != self._plan).tolist())
+        self._plan = plan.copy()
+
+    def _forget(self, rows: Iterable[int]) -> None:
+        """Forget the payloads of some carriers."""
+        mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
+        for row in rows:
             mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
             covariance[row, row] = (PAYLOAD * self._capacity) ** 2
-            self._belief = Belief(mean, covariance)
             self._told.discard(self.carriers[row])
-        self._plan = plan.copy()
+        self._belief = Belief(mean, covariance)
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
         """Whether a sensor can be predicted at present: no carrier on the sheaves of its tower, or a steady drive."""

@@ -25,10 +25,11 @@ class Pursuit:
 
     Args:
         most: largest speed (m/s) by name of a carriage or drive.
+        period: distance (m) after which places of a drive are alike, as round a loop, by name.
     """
 
-    def __init__(self, most: Mapping[str, float]) -> None:
-        self._most = dict(most)
+    def __init__(self, most: Mapping[str, float], period: Mapping[str, float] | None = None) -> None:
+        self._most, self._period = dict(most), dict(period or {})
         self._commanded: dict[str, tuple[float, float]] = {}  # time (s) and speed (m/s) of the last command
         self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `SPAN`
         self._given: dict[str, tuple[float, float]] = {}
@@ -59,6 +60,13 @@ class Pursuit:
         kept = self._places.get(name)
         return kept[-1][1] if kept else None
 
+    def apart(self, name: str, there: float, place: float) -> float:
+        """Distance (m) from a place to another one, the least round a loop."""
+        period = self._period.get(name, np.inf)
+        return float(
+            np.remainder(there - place + 0.5 * period, period) - 0.5 * period if period < np.inf else there - place
+        )
+
     def forget(self) -> None:
         """Forget all that was measured, as after a silence."""
         self._places.clear()
@@ -77,7 +85,7 @@ class Pursuit:
         measured, there = self.speed_of(name), self.place_of(name)
         if measured is None or there is None:
             return self._give(time, name, commanded) if fresh else None
-        apart = there - place
+        apart = self.apart(name, there, place)
         margin = (NEAR if name in self._pursued else APART) + TIMING * abs(measured)
         self._pursued = self._pursued - {name} if abs(apart) <= margin else self._pursued | {name}
         speed = commanded if fresh else measured

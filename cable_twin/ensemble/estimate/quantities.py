@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.frame.sensors import body_of
+from cable_twin.frame.sensors import Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
@@ -39,8 +40,11 @@ class Errors(NamedTuple):
         return self.quiet**2 + (stirred * extra) ** 2
 
 
+WHEEL_FORCE_ERROR = 0.5  # as FORCE_ERROR, of a bullwheel: waves of the haul rope differ between meshes
+
 # of sensors, as that of independent samples: three times the error, as it lasts as long as a swing
 FAST_PLACE, FAST_FORCE, FAST_LOAD = Errors(2e-3, 3e-2), Errors(0.3, 12.0), Errors(1e-4, 1.2e-3)  # units as above
+FAST_WHEEL_FORCE = Errors(2.0, 6.0)
 FAST_TOWER, FAST_ANGLE = Errors(2e-4, 3.5e-3), Errors(4e-4, 3e-3)
 # of what is hidden, at one moment: shares of forces, and pitch of bodies in rad
 HIDDEN_FORCE_ERRORS = {
@@ -51,6 +55,13 @@ HIDDEN_FORCE_ERRORS = {
     "tower": Errors(2e-4, 1.2e-3, 1.5e-2),
 }
 HIDDEN_PITCH_ERRORS = Errors(6e-4, 1.6e-3, 5e-3)
+# with several ropes: haul ropes swing along, and the swing of vehicles is not estimated
+STRAND_ERRORS = Errors(6e-3, 1.5e-2, 3e-2)
+ROLLER_ERRORS = Errors(8e-3, 2e-2, 0.1)
+OF_ROPES = 3.0  # times as much as with one rope
+PITCH_OF_ROPES = Errors(2e-3, 6e-3, 2e-2)
+FAST_UNKNOWN_SWING, UNKNOWN_SWING = Errors(1.5e-2, 3e-2), 4e-3  # rad, of an inclinometer
+LEAST_FORCE = 3e3  # N, of which these errors are shares at least: a haul rope may lift off
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 
@@ -68,6 +79,7 @@ class Slow(NamedTuple):
     plan: float  # value of the scenario
     tolerance: float  # by which the plant may differ from that without an alarm
     walk: float = 0.0  # standard deviation in a second
+    also: tuple[str, ...] = ()  # further keys of the scenario with the same value
 
 
 class Reading(NamedTuple):
@@ -85,6 +97,11 @@ class Reading(NamedTuple):
         found: FloatArray = numbers[:, self.places]
         return found[:, 0] if self.places.size == 1 else np.linalg.norm(found, axis=1)
 
+    def measured(self, measurement: Measurement) -> float:
+        """Value of a measurement by the sensor, the length of a vector."""
+        values = measurement.values
+        return values[0] if self.places.size == 1 else float(np.linalg.norm(values))
+
 
 def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
     """Quantities that are estimated in a scenario: payloads, rolling friction, wind, counterweights."""
@@ -95,23 +112,19 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
             key = f"carriages.{name}.payload.mass"
             plan = carriage.payload.mass
             found.append(Slow(f"{name}/payload", key, "kg", 0.5 * most, 0.3 * most, 0.0, most, plan, 0.05 * most))
-        if (rolling := carriage.friction.rolling) > 0.0:
-            key = f"carriages.{name}.friction.rolling"
-            found.append(
-                Slow(
-                    f"{name}/rolling", key, "-", rolling, 0.4 * rolling, 0.05 * rolling, 4.0 * rolling, rolling, rolling
-                )
-            )
-    for axis, speed in zip("xy" if scenario.dim == 3 else "x", scenario.air.wind, strict=False):
+    found += _rolling(scenario)
+    across = scenario.dim == 3 and len(scenario.cables) == 1  # of several ropes no sensor tells it
+    for axis, speed in zip("xy" if across else "x", scenario.air.wind, strict=False):
         found.append(Slow(f"wind/{axis}", f"air.wind.{axis}", "m/s", speed, 5.0, -40.0, 40.0, speed, 40.0, 0.1))
-    for end in ("start", "end"):
-        support = getattr(scenario.cable, end)
+    for rope, end in product(scenario.cables, ("start", "end")):
+        support = scenario.cables[rope].ends[end]
         if support.support == "counterweight":
-            mass = support.mass
+            mass = support.mass or (support.force or 0.0) / scenario.gravity
+            name = dict(zip(("start", "end"), scenario.end_names(rope), strict=True))[end]
             found.append(
                 Slow(
-                    name=f"{end}/counterweight",
-                    key=f"cable.{end}.mass",
+                    name=f"{name}/counterweight",
+                    key=f"{scenario.rope_key(rope)}.{end}.mass",
                     unit="kg",
                     mean=mass,
                     deviation=5e-3 * mass,
@@ -124,6 +137,20 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
     return tuple(found)
 
 
+def _rolling(scenario: Scenario) -> list[Slow]:
+    """Rolling friction of carriages: of each of one rope, of those on several ropes one for all."""
+    of = {name: one.friction.rolling for name, one in scenario.carriages.items() if one.friction.rolling > 0.0}
+    groups = [[name] for name in of] if len(scenario.cables) == 1 else [[*of]] if of else []
+    found = []
+    for names in groups:
+        key, *also = [f"carriages.{name}.friction.rolling" for name in names]
+        usual = of[names[0]]
+        name = f"{names[0]}/rolling" if len(names) == 1 else "carriages/rolling"
+        low, high, tolerance = 0.05 * usual, 4.0 * usual, 0.5 * usual
+        found.append(Slow(name, key, "-", usual, 0.4 * usual, low, high, usual, tolerance, also=tuple(also)))
+    return found
+
+
 def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
     """Readings of sensors by name; inertial ones are left out.
 
@@ -132,7 +159,7 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
         layout: of its frames.
         scale: load at rest (N) by support.
     """
-    found, places = {}, layout.places
+    found, places, alone = {}, layout.places, len(layout.ropes) == 1
     for name, sensor in sensors.items():
         noise = max(float(np.hypot(sensor.noise, QUANTISED * sensor.quantum)), NOISE)
         if sensor.kind in ("encoder", "drive_force"):
@@ -142,8 +169,9 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
             of_vehicle = places.arc_length if encoder else places.drive_force
             row = (layout.drive_rows if driven else layout.vehicle_rows)[sensor.of]
             column = (of_drive if driven else of_vehicle)[row]
-            error = PLACE_ERROR if encoder else FORCE_ERROR * noise
-            fast = FAST_PLACE if encoder else FAST_FORCE.scaled(noise)
+            force, waves = (WHEEL_FORCE_ERROR, FAST_WHEEL_FORCE) if driven else (FORCE_ERROR, FAST_FORCE)
+            error = PLACE_ERROR if encoder else force * noise
+            fast = FAST_PLACE if encoder else waves.scaled(noise)
             found[name] = Reading(
                 name, "m" if encoder else "N", np.atleast_1d(column).astype(np.intp), noise, fast, error
             )
@@ -151,11 +179,13 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
             columns = places.support_force[layout.support_rows[sensor.of]].astype(np.intp)
             load, tower = scale[sensor.of], sensor.of not in layout.end_samples
             fast, error = (FAST_TOWER, TOWER_ERROR) if tower else (FAST_LOAD, LOAD_ERROR)
+            fast, error = (fast, error) if alone else (fast.scaled(OF_ROPES), OF_ROPES * error)
             found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load)
         elif sensor.kind == "inclinometer":
             column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), 1]
             place = np.atleast_1d(column).astype(np.intp)
-            found[name] = Reading(name, "rad", place, noise, FAST_ANGLE, ANGLE_ERROR)
+            fast, error = (FAST_ANGLE, ANGLE_ERROR) if alone else (FAST_UNKNOWN_SWING, UNKNOWN_SWING)
+            found[name] = Reading(name, "rad", place, noise, fast, error)
     return found
 
 
@@ -171,18 +201,30 @@ class Hidden(NamedTuple):
 def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
     """Hidden quantities of a scenario: extreme tensions, forces of ends and towers, pitch of bodies."""
     places, found = layout.places, []
+    alone = len(scenario.cables) == 1
+    share = 1.0 if alone else OF_ROPES
+    towers = {rope: scenario.of_rope(rope).towers for rope in scenario.cables}
+    ends = {
+        name: end
+        for rope, cable in scenario.cables.items()
+        for name, end in zip(scenario.end_names(rope), cable.ends.values(), strict=True)
+    }
     for row, rope in enumerate(layout.ropes):
         for which, column in (("lowest", places.lowest_tension), ("highest", places.highest_tension)):
             place = np.atleast_1d(column[row, 0]).astype(np.intp)
-            found.append(Hidden(f"{rope}/{which} tension", "N", place, HIDDEN_FORCE_ERRORS[which]))
+            errors = STRAND_ERRORS if rope in scenario.strands else HIDDEN_FORCE_ERRORS[which].scaled(share)
+            found.append(Hidden(f"{rope}/{which} tension", "N", place, errors))
     for row, name in enumerate(layout.supports):
-        end = getattr(scenario.cable, name, None) if name in ("start", "end") else None
+        end = ends.get(name)
         kind = "tower" if end is None else "counterweight" if end.support == "counterweight" else "end"
         vector = places.support_force[row].astype(np.intp)
-        found.append(Hidden(f"{name}/force", "N", vector, HIDDEN_FORCE_ERRORS[kind]))
+        rope = next((rope for rope in scenario.cables if name in (*scenario.end_names(rope), *towers[rope])), "")
+        beside = ROLLER_ERRORS if kind == "tower" else STRAND_ERRORS
+        errors = beside if rope in scenario.strands else HIDDEN_FORCE_ERRORS[kind].scaled(share)
+        found.append(Hidden(f"{name}/force", "N", vector, errors))
     for row, name in enumerate(layout.bodies):
         place = np.atleast_1d(places.body_angles[row, 1]).astype(np.intp)
-        found.append(Hidden(f"{name}/pitch", "rad", place, HIDDEN_PITCH_ERRORS))
+        found.append(Hidden(f"{name}/pitch", "rad", place, HIDDEN_PITCH_ERRORS if alone else PITCH_OF_ROPES))
     return tuple(found)
 
 

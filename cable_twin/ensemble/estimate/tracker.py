@@ -6,8 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from cable_twin.ensemble.estimate.arrivals import Arrivals, Item
-from cable_twin.ensemble.estimate.follower import WINDOW, Correction, Follower
+import numpy as np
+
+from cable_twin.ensemble.estimate.arrivals import HORIZON, Arrivals, Item
+from cable_twin.ensemble.estimate.follower import Correction
+from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of
 from cable_twin.ensemble.estimate.pursuit import Pursuit
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.sensors import Measurement
@@ -18,6 +21,7 @@ SILENT = 2.0  # s without a measurement, after which the twin says that it goes 
 LISTENING = 1.0  # s of measurements before the twin begins where the plant is
 ELSEWHERE = 20.0  # m, by which a plant is too far away to be pursued
 TIMES = 5  # samples, one after the other, that say so
+BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
 SOURCE = "plant"
 WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its model"
 
@@ -37,6 +41,7 @@ class Tracker:
         state: whether it waits, follows, or goes on by its model.
         arrivals: what comes from the plant.
         sensors: of the plant by name.
+        behind: s, by which it is behind the plant, as on a machine that is too slow.
 
     Args:
         scenario: of the twin, with the sensors of the plant.
@@ -44,15 +49,17 @@ class Tracker:
     """
 
     def __init__(self, scenario: Scenario, threads: int = 1) -> None:
-        self.follower, self.arrivals, self.state = Follower(scenario, threads), Arrivals(), WAITING
-        limits = command_limits(scenario)
-        self._pursuit = Pursuit({name: one.speed for name, one in limits.items()})
+        follower: AnyFollower = follower_of(scenario, threads)
+        self.follower, self.arrivals, self.state = follower, Arrivals(), WAITING
+        self._most = {name: one.speed for name, one in command_limits(scenario).items()}
+        self._pursuit = Pursuit(self._most)
         self.sensors = scenario.sensors
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
-        self._carriages = [name for name in self._encoders.values() if name in scenario.carriages]
         self._first = 0.0  # s, of the first measurement since it waits
         self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
         self._refused: set[str] = set()
+        self.behind, self._told_behind = 0.0, False
+        self._taken = 0.0  # s, of the last measurements that the twin took
 
     def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:
         """Accept measurements that arrive at a time (s) of this computer's clock."""
@@ -63,8 +70,20 @@ class Tracker:
         time = self.arrivals.now(arrival)
         self.arrivals.command(AppliedCommand(time, Command("speed", dict(speeds)), SOURCE))
 
-    def advance(self, arrival: float) -> Iterator[News]:
-        """Advance the twin to a time (s) of this computer's clock; yields corrections and lines to log."""
+    def advance(self, arrival: float, present: float | None = None) -> Iterator[News]:
+        """Advance the twin to a time (s) of this computer's clock; yields corrections and lines to log.
+
+        Args:
+            arrival: s, up to which what has arrived is taken.
+            present: s, present time of that clock, if it is later.
+        """
+        present = arrival if present is None else present
+        self.behind = 0.0
+        if self.state == FOLLOWING:
+            self.behind = max(self.arrivals.now(present) - HORIZON - self.follower.time, 0.0)
+        yield from self._say_behind(present)
+        if self.behind > TOO_FAR:
+            arrival = present
         for time, group in groupby(self.arrivals.due(arrival), key=_time):
             yield from self._take(time, list(group))
         if self.arrivals.notes:
@@ -97,9 +116,24 @@ class Tracker:
             self.state = FOLLOWING
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")
         correction = self.follower.take(time, measured) if measured else None
+        self._taken = time if measured else self._taken
         lines += self._pursue(time, measured)
         if correction is not None or lines:
             yield News(time, correction, tuple(lines))
+
+    def _say_behind(self, present: float) -> Iterator[News]:
+        """Tell that the twin is behind its plant; begin anew where it is too far behind."""
+        if self.behind > TOO_FAR:
+            self.arrivals.drop(self.arrivals.now(present) - HORIZON - LISTENING)
+            self._pursuit.forget()
+            self.state, self._first, self._told_behind = WAITING, 0.0, False
+            text = f"{self.behind:.0f} s behind the plant, as this machine is too slow: begins anew at the present"
+            yield News(self.follower.time, None, (text,))
+        elif self.behind > BEHIND and not self._told_behind:
+            self._told_behind = True
+            yield News(self.follower.time, None, (f"{self.behind:.1f} s behind the plant",))
+        elif self.behind < 0.5 * BEHIND:
+            self._told_behind = False
 
     def _begin(self, time: float) -> Iterator[News]:
         """Begin where the plant is, as soon as that is known."""
@@ -111,10 +145,11 @@ class Tracker:
 
     def _begin_at(self, time: float) -> list[str]:
         motion = {}
-        for name in self._carriages:
+        for name in self._encoders.values():
             place, speed = self._pursuit.place_of(name), self._pursuit.speed_of(name)
             if place is not None:
-                motion[name] = place, 0.0 if speed is None or abs(speed) < 0.1 else speed
+                most = self._most.get(name, np.inf)
+                motion[name] = place, 0.0 if speed is None or abs(speed) < 0.1 else float(np.clip(speed, -most, most))
         where = ", ".join(f"{name} at {place:.2f} m with {speed:.2f} m/s" for name, (place, speed) in motion.items())
         try:
             self.follower.begin_at(time, motion)
@@ -132,7 +167,7 @@ class Tracker:
                 continue
             place = self.follower.place_of(one.sensor)
             apart = one.values[0] - place
-            self._far[name] = self._far.get(name, 0) + 1 if abs(apart) > ELSEWHERE and name in self._carriages else 0
+            self._far[name] = self._far.get(name, 0) + 1 if abs(apart) > ELSEWHERE else 0
             if self._far[name] >= TIMES:
                 self._far.clear()
                 return [f"{name} is {apart:+.1f} m from the twin", *self._begin_at(time)]
@@ -161,8 +196,8 @@ class Tracker:
             self._pursuit.forget()
             since = self.arrivals.newest
             yield News(since, None, (f"nothing from the plant since {since:.1f} s: the twin goes on by its model",))
-        if self.follower.time + WINDOW <= until:
-            time = round(self.follower.time + WINDOW, 6)
+        if self._taken + self.follower.window <= until:  # commands alone may have brought the twin beyond it
+            self._taken = time = round(max(self._taken + self.follower.window, self.follower.time), 6)
             correction = self.follower.take(time, [])
             if correction is not None:
                 yield News(time, correction, ())

@@ -1,0 +1,63 @@
+"""Scenario values with which a twin begins where its plant is, at rest or under way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cable_twin.scenario import Scenario
+
+Motion = Mapping[str, tuple[float, float]]  # place (m) and speed (m/s) by name of a carriage or drive
+
+
+def values_at(scenario: Scenario, motion: Motion) -> tuple[dict[str, Any], dict[str, float]]:
+    """Scenario values by dotted key that put vehicles where encoders measure them.
+
+    Carriers begin round their loop, modulo its length. Carriages clamped to a strand are moved with it; the rest finds
+    their places on the track ropes.
+
+    Args:
+        scenario: of the twin.
+        motion: of carriages by their arc length, and of drives by the rope that has gone by.
+
+    Returns:
+        The values, and of each drive the place (m) at which its encoder stands when that of the twin begins with 0.
+    """
+    values: dict[str, Any] = {}
+    offsets: dict[str, float] = {}
+    for name, (place, speed) in motion.items():
+        if name in scenario.carriages:
+            values |= {f"carriages.{name}.arc_length": place, f"carriages.{name}.speed": speed}
+        elif name in scenario.drives:
+            offsets[name] = place
+            values[f"drives.{name}.speed"] = speed
+            values |= _gone_by(scenario, name, place)
+    return values, offsets
+
+
+def _gone_by(scenario: Scenario, drive: str, place: float) -> dict[str, Any]:
+    """Values of vehicles after a length (m) of rope has gone by at a drive."""
+    values: dict[str, Any] = {}
+    if (travel := scenario.drives[drive].travel) is not None:
+        values[f"drives.{drive}.travel"] = [travel[0] - place, travel[1] - place]
+    if scenario.carriers is not None:
+        first = scenario.carriers.first
+        first = 0.5 * scenario.spacing if first is None else first
+        values["carriers.first"] = float((first + place) % scenario.loop_length)
+    for name, one in scenario.carriages.items():
+        if not one.clamped_to:
+            continue
+        key, ropes = f"carriages.{name}", scenario.ropes
+        strand, track = (ropes[rope].ends for rope in (next(iter(one.clamped_to)), scenario.rope_of(one)))
+        along, beside = (np.subtract(ends["end"].position, ends["start"].position) for ends in (strand, track))
+        length = ropes[scenario.rope_of(one)].unstrained_length
+        moved = one.arc_length + place * float(np.sign(along @ beside))
+        margin = 0.5 * min(one.arc_length, length - one.arc_length)
+        values[f"{key}.arc_length"] = float(np.clip(moved, margin, length - margin))
+        values |= {f"{key}.clamped_to.{rope}": at + place for rope, at in one.clamped_to.items()}
+    return values
+
+
+__all__ = ["Motion", "values_at"]

@@ -1,0 +1,125 @@
+"""Doubts about sensors: stuck, of another unit, swapped, or in contradiction to all others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.ensemble.estimate.quantities import Reading
+from cable_twin.frame.sensors import Measurement
+from cable_twin.mechanics.parameters import FloatArray
+
+THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong unit reads, or the inverse of that
+PLANT = "plant"  # instead of a sensor: several contradict
+SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
+STUCK_SAMPLES = 30  # equal ones of a sensor with noise
+WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
+
+
+class Alarm(NamedTuple):
+    """Something that the sensors say of the plant or of each other."""
+
+    time: float  # s
+    reason: str
+
+
+class Doubts:
+    """Sensors of a plant that cannot be right.
+
+    Attributes:
+        left_out: sensors that are left out for good, with the alarm that says so.
+
+    Args:
+        readings: of the sensors by name.
+    """
+
+    def __init__(self, readings: Mapping[str, Reading]) -> None:
+        self._readings = readings
+        self._suspected: dict[str, int] = {}
+        self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
+        self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
+        self.left_out: dict[str, Alarm] = {}
+
+    def taken(self, sensor: str) -> str:
+        """Sensor for which a measurement of a sensor is taken; empty where it is left out or not read."""
+        if sensor in self.left_out or sensor not in self._readings:
+            return ""
+        return self._exchanged.get(sensor, sensor)
+
+    def forget(self) -> None:
+        """Forget suspicions, as at a new beginning; what is left out stays so."""
+        self._suspected.clear()
+
+    def of_samples(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
+        """Alarms for samples of a time (s) beside the numbers (n,) of the twin's frame; their sensors are left out."""
+        known = [one for one in measurements if one.sensor in self._readings]
+        return self._stuck(time, known) + self._of_another_unit(time, known, numbers)
+
+    def contradicting(self, sensors: Sequence[str], square: Callable[[str, str], float]) -> str:
+        """Sensor without which all others agree, ONE/OTHER if these two are swapped, `PLANT` if neither, or empty.
+
+        Args:
+            sensors: with measurements in a window.
+            square: of the innovations of the measurements of a first sensor as those of a second one, over its limit.
+        """
+        squares = {name: square(name, name) for name in sensors}
+        high = [name for name in sensors if squares[name] > 1.0]
+        if len(high) < 2:
+            return high[0] if high else ""
+        for one, other in combinations(sensors, 2):
+            rest = all(name in (one, other) for name in high)
+            alike = rest and self._readings[one].unit == self._readings[other].unit
+            if alike and max(square(one, other), square(other, one)) <= 1.0:
+                return f"{one}/{other}"
+        return PLANT
+
+    def judge(self, time: float, contradicting: str) -> list[Alarm]:
+        """Alarm where a sensor, or two of them, contradict in several windows one after the other."""
+        self._suspected = {contradicting: self._suspected.get(contradicting, 0) + 1} if contradicting else {}
+        if self._suspected.get(contradicting) != SUSPECT_WINDOWS:
+            return []
+        if contradicting == PLANT:
+            return [Alarm(time, "several sensors contradict the model: the plant is not as it is described")]
+        if "/" in contradicting:
+            one, other = contradicting.split("/")
+            self._exchanged |= {one: other, other: one}
+            return [Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other")]
+        return [self._leave_out(contradicting, time, f"sensor {contradicting} contradicts all others and is left out")]
+
+    def _leave_out(self, sensor: str, time: float, reason: str) -> Alarm:
+        self.left_out[sensor] = alarm = Alarm(time, reason)
+        return alarm
+
+    def _stuck(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
+        """Alarms for sensors with noise that repeat one value."""
+        alarms = []
+        for one in measurements:
+            reading = self._readings[one.sensor]
+            if one.sensor in self.left_out or reading.unit == "m":
+                continue
+            size = float(np.linalg.norm(one.values))
+            value, count = self._last.get(one.sensor, (np.nan, 0))
+            same = abs(value - size) <= 1e-9 * abs(size)
+            self._last[one.sensor] = size, count + 1 if same else 1
+            if same and count + 1 == STUCK_SAMPLES:
+                text = f"sensor {one.sensor} is stuck at {size:.6g} {reading.unit} and is left out"
+                alarms.append(self._leave_out(one.sensor, time, text))
+        return alarms
+
+    def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
+        """Alarms for sensors that read a thousand times more or less than can be."""
+        alarms = []
+        for one in measurements:
+            reading = self._readings[one.sensor]
+            if one.sensor in self.left_out:
+                continue
+            wanted = abs(float(reading.of(numbers[None, :])[0]))
+            size = abs(reading.measured(one))
+            share = size / wanted if wanted > WELL_ABOVE * reading.noise else 1.0
+            if any(THOUSANDFOLD[0] <= ratio <= THOUSANDFOLD[1] for ratio in (share, 1.0 / max(share, 1e-12))):
+                text = f"reads {size:.4g} {reading.unit} where {wanted:.4g} are expected: another unit? It is left out"
+                alarms.append(self._leave_out(one.sensor, time, f"sensor {one.sensor} {text}"))
+        return alarms
