@@ -24,16 +24,21 @@ TOWER = "tower_3_up"
 
 @pytest.fixture(scope="module")
 def under_way():
+    """As `lift`, of a plant without a fault."""
+    return lift({}, 8.0)
+
+
+def lift(faults, duration):
     """Scenario of a twin, measurements of a lift under way, and the force of one of its towers, by time (s)."""
     bare = load_scenario("chairlift")
     usual = standard_sensors(bare, Simulation(bare).snapshot)
     scenario = load_scenario("chairlift", {"sensors": usual})
     first = (0.5 * bare.spacing + GONE) % bare.loop_length
-    changes = {"carriers.first": first, "drives.haul_rope.speed": SPEED}
+    changes = {"carriers.first": first, "drives.haul_rope.speed": SPEED, **faults}
     running = Simulation(load_scenario(scenario.resolved(), changes), samples=2)
     sensors, found, forces = Sensors(running.scenario, running.layout), [], {}
     row = running.layout.support_rows[TOWER]
-    for frame in range(161):
+    for frame in range(round(20.0 * duration) + 1):
         snapshot = running.advance_to(round(0.05 * frame, 9))
         found += sensors.take(snapshot)
         forces[snapshot.time] = float(np.linalg.norm(snapshot.columns.support_force[row]))
@@ -101,8 +106,29 @@ def test_swapped_load_cells_of_a_lift_are_named(under_way):
     to = {"load_tower_1_up": "load_tower_5_up", "load_tower_5_up": "load_tower_1_up"}
     follower, alarms = followed(under_way, lambda one: replace(one, sensor=to.get(one.sensor, one.sensor)))
     (said,) = [alarm.reason for alarm in alarms if "sensor" in alarm.reason]
-    assert said.startswith("sensors load_tower_5_up and load_tower_1_up are swapped")
+    assert said.startswith("sensors load_tower_1_up and load_tower_5_up are swapped")
     assert not follower.left_out
+
+
+@pytest.mark.parametrize(
+    ("faults", "said"),
+    [
+        ({"ropes.up.ice": 1.0, "ropes.down.ice": 1.0}, "ropes/ice is "),
+        (
+            {f"towers.tower_{row}_{rope}.friction": 0.06 for row in range(1, 7) for rope in ("up", "down")},
+            "towers/friction is ",
+        ),
+    ],
+)
+def test_ice_and_a_doubled_friction_of_towers_are_told_within_ten_seconds(faults, said):
+    follower, alarms = followed(lift(faults, 11.0), lambda one: one)
+    assert [alarm.reason for alarm in alarms if alarm.reason.startswith(said) and alarm.time < 10.5]
+    assert not follower.left_out
+
+
+def test_a_lift_without_a_fault_gives_no_alarm(under_way):
+    _, alarms = followed(under_way, lambda one: one)
+    assert alarms == []
 
 
 @pytest.mark.long

@@ -43,6 +43,9 @@ class Linear:
     def values(self, point):
         return point
 
+    def first(self, seconds):
+        return None
+
     def evaluate(self, point, near=None):
         self.evaluations.append(Evaluation(point, self._measured - self._jacobian @ point, -self._jacobian))
         return self.evaluations[-1]

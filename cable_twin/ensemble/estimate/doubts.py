@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,10 @@ PLANT = "plant"  # instead of a sensor: several contradict
 SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
 STUCK_SAMPLES = 30  # equal ones of a sensor with noise
 WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
+
+
+# squares of the innovations by sensor, over their limit; some sensors may be taken for others
+Squares = Callable[[Sequence[str], Mapping[str, str]], Mapping[str, float]]
 
 
 class Alarm(NamedTuple):
@@ -58,22 +61,20 @@ class Doubts:
         known = [one for one in measurements if one.sensor in self._readings]
         return self._stuck(time, known) + self._of_another_unit(time, known, numbers)
 
-    def contradicting(self, sensors: Sequence[str], square: Callable[[str, str], float]) -> str:
-        """Sensor without which all others agree, ONE/OTHER if these two are swapped, `PLANT` if neither, or empty.
-
-        Args:
-            sensors: with measurements in a window.
-            square: of the innovations of the measurements of a first sensor as those of a second one, over its limit.
-        """
-        squares = {name: square(name, name) for name in sensors}
-        high = [name for name in sensors if squares[name] > 1.0]
-        if len(high) < 2:
-            return high[0] if high else ""
-        for one, other in combinations(sensors, 2):
-            rest = all(name in (one, other) for name in high)
-            alike = rest and self._readings[one].unit == self._readings[other].unit
-            if alike and max(square(one, other), square(other, one)) <= 1.0:
-                return f"{one}/{other}"
+    def contradicting(self, sensors: Sequence[str], squares: Squares) -> str:
+        """Sensor without which all others agree, ONE/OTHER if these two are swapped, `PLANT` if neither, or empty."""
+        found = squares(sensors, {})
+        worst = max(found, key=lambda name: found[name], default="")
+        if not worst or found[worst] <= 1.0:
+            return ""
+        rest = squares([name for name in sensors if name != worst], {})
+        if max(rest.values(), default=0.0) <= 1.0:
+            return worst
+        for other in sensors:
+            alike = other != worst and self._readings[other].unit == self._readings[worst].unit
+            if alike and max(squares(sensors, {worst: other, other: worst}).values()) <= 1.0:
+                one, two = sorted((worst, other))
+                return f"{one}/{two}"
         return PLANT
 
     def judge(self, time: float, contradicting: str) -> list[Alarm]:

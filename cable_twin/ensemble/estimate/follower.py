@@ -41,7 +41,6 @@ WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope 
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
 SETTLING = 0.15  # s after a correction, without measurements
 FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
-CURVATURE = 0.15  # of the step of a slow quantity, by which it may be wrong, as effects are not linear
 CALMED = 300.0  # s, in which what a tower has stirred calms down
 TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than in the model
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
@@ -244,7 +243,8 @@ class Follower:
         """Add the second-order error of the last correction to the variances of slow quantities."""
         count, covariance = len(self.slow), self._belief.covariance.copy()
         moved = self._belief.mean[:count] - self._points[0]
-        covariance[range(count), range(count)] += (CURVATURE * moved) ** 2
+        curvature = np.array([one.curvature for one in self.slow])
+        covariance[range(count), range(count)] += (curvature * moved) ** 2
         self._belief = self._belief._replace(covariance=covariance)
 
     def _go_on(self, lasted: float, numbers: FloatArray) -> None:
@@ -307,12 +307,15 @@ class Follower:
         """Rows of a window without the sensor that contradicts all others; alarms for one that keeps doing so."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
-        def square(sensor: str, by: str) -> float:
-            rows = of[sensor] if sensor == by else [self._read_as(row, by) for row in of[sensor]]
-            limit = chi2.isf(SURE, len(rows))
-            return normalised_square(*self._linear(rows), self._belief.covariance) / float(limit)
+        def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
+            found = {}
+            for sensor in sensors:
+                rows = [self._read_as(row, to[sensor]) for row in of[sensor]] if sensor in to else of[sensor]
+                limit = float(chi2.isf(SURE, len(rows)))
+                found[sensor] = normalised_square(*self._linear(rows), self._belief.covariance) / limit
+            return found
 
-        contradicting = self.doubts.contradicting([name for name, rows in of.items() if rows], square)
+        contradicting = self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
         alarms += self.doubts.judge(time, contradicting)
         if contradicting == PLANT:
             return []

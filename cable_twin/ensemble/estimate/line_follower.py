@@ -8,7 +8,7 @@ all that is above it, towers and drive. So each measurement has a sparse row of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from cable_twin.ensemble.estimate.beginning import Motion, values_at
 from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.follower import CERTAIN, Correction, Estimate
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
-from cable_twin.ensemble.estimate.quantities import Reading, Slow, readings
+from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Reading, Slow, readings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
@@ -28,8 +28,10 @@ from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 
 WINDOW, ENDS = 1.0, 2  # s, of which the mean of each sensor is taken
-PAYLOAD = 0.4  # of the capacity, standard deviation of the payload of a carrier from the plan
+PAYLOAD, EMPTY = 0.4, 0.15  # of the capacity, standard deviation of a payload from the plan, and of one that is empty
+FRICTION_TOLERANCE = 0.25  # of that of the scenario, by which it may differ without an alarm
 FRICTION = 0.4  # standard deviation of the friction of all towers, as share of that of the scenario
+FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
 BIAS, FAST = 0.003, 0.006  # of the load of a tower at rest: slow and fast error of the model
 DRIVE_BIAS, DRIVE_FAST = 150.0, 300.0  # N, the same of a drive
 FORGOTTEN = 200.0  # s, in which a slow error changes
@@ -97,9 +99,13 @@ class LineFollower:
             name: TOWER_FRICTION[one.kind] if one.friction is None else one.friction for name, one in towers.items()
         }
         self._lines, self._profiles = _lines(scenario, layout.supports)
-        size = len(self.carriers) + 1 + len(self.readings)
+        self._known = len(self.carriers) + 2  # payloads, friction, ice
+        size = self._known + len(self.readings)
+        self._ice = next(iter(scenario.cables.values())).ice
         self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self.readings])
-        deviations = np.concatenate([[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION], self._bias])
+        deviations = np.concatenate(
+            [[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION, FIRST_ICE], self._bias]
+        )
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         self._plan = start.columns.payload[self._rows].copy()
         self._sums: dict[str, list[_Sample]] = {}
@@ -185,9 +191,11 @@ class LineFollower:
             self._belief = update(self._belief, rows[0], jacobian, rows[1])
         lasted, self._since, self._sums = time - self._since, time, {}
         kept = np.exp(-lasted / FORGOTTEN)
-        known = len(self.carriers) + 1
+        known = self._known
+        walks = np.zeros(known)
+        walks[-1] = ICE_WALK**2 * lasted
         decay = np.concatenate([np.ones(known), np.full(self._bias.size, kept)])
-        self._belief = predict(self._belief, decay, np.concatenate([np.zeros(known), (1.0 - kept**2) * self._bias**2]))
+        self._belief = predict(self._belief, decay, np.concatenate([walks, (1.0 - kept**2) * self._bias**2]))
         slow = self._slow()
         alarms += self._against_plan(time, slow)
         return Correction(time, slow, self._hidden(snapshot), innovation, tuple(alarms))
@@ -203,11 +211,17 @@ class LineFollower:
     def _consistent(self, time: float, found: dict[str, list[_Sample]], alarms: list[Alarm]) -> dict[str, Terms]:
         """Terms by sensor without those that contradict the others; alarms for those that keep doing so."""
 
-        def square(sensor: str, by: str) -> float:
-            terms = self._terms(by, found[sensor], found[by])
-            return normalised_square(*terms, self._belief.covariance) / float(chi2.isf(SURE, 1))
+        def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
+            """Of each sensor given all others, as these tell friction and ice."""
+            terms = [self._terms(to.get(one, one), found[one], found[to.get(one, one)]) for one in sensors]
+            if not terms:
+                return {}
+            innovation, jacobian, variance = (np.concatenate(part) for part in zip(*terms, strict=True))
+            inverse = np.linalg.inv(jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance))
+            alone = (inverse @ innovation) ** 2 / np.diag(inverse) / float(chi2.isf(SURE, 1))
+            return dict(zip(sensors, alone.tolist(), strict=True))
 
-        contradicting = self.doubts.contradicting([*found], square)
+        contradicting = self.doubts.contradicting([*found], squares)
         alarms += self.doubts.judge(time, contradicting)
         if contradicting == PLANT:
             return {}
@@ -225,6 +239,15 @@ class LineFollower:
                 self._told.add(name)
                 found = f"{got.value:.4g} kg, standard deviation {got.deviation:.2g}"
                 alarms.append(Alarm(time, f"{name}/payload is {found}; {plan:.4g} in the plan"))
+        for name, usual, tolerance in (
+            ("towers/friction", 1.0, FRICTION_TOLERANCE),
+            ("ropes/ice", self._ice, ICE_TOLERANCE),
+        ):
+            got = slow[name]
+            if name not in self._told and abs(got.value - usual) > tolerance + CERTAIN * got.deviation:
+                self._told.add(name)
+                found = f"{got.value:.3g} {got.unit}, standard deviation {got.deviation:.2g}"
+                alarms.append(Alarm(time, f"{name} is {found}; {usual:.3g} in the scenario"))
         return alarms
 
     def _slow(self) -> dict[str, Estimate]:
@@ -235,11 +258,12 @@ class LineFollower:
         }
         row = len(self.carriers)
         found["towers/friction"] = Estimate(1.0 + float(mean[row]), float(deviations[row]), "-")
+        found["ropes/ice"] = Estimate(self._ice + float(mean[row + 1]), float(deviations[row + 1]), "kg/m")
         return found
 
     def _hidden(self, snapshot: Snapshot) -> dict[str, Estimate]:
         """Forces of towers with the deviations that follow from those of payloads."""
-        found, known = {}, len(self.carriers) + 1
+        found, known = {}, self._known
         for name in self._lines:
             effects = self._of_tower(name, snapshot)[:known]
             force = float(np.linalg.norm(snapshot.columns.support_force[snapshot.layout.support_rows[name]]))
@@ -251,15 +275,20 @@ class LineFollower:
     def _exchange(self, snapshot: Snapshot) -> None:
         """Forget the payloads of carriers whose plan has changed, as in a station."""
         plan = snapshot.columns.payload[self._rows]
-        self._forget(np.flatnonzero(plan != self._plan).tolist())
+        changed = np.flatnonzero(plan != self._plan).tolist()
         self._plan = plan.copy()
+        self._forget(changed)
+
+    def _doubt(self, row: int) -> float:
+        """Standard deviation (kg) of the payload of a carrier from its plan."""
+        return (PAYLOAD if self._plan[row] > 0.0 else EMPTY) * self._capacity
 
     def _forget(self, rows: Iterable[int]) -> None:
         """Forget the payloads of some carriers."""
         mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
         for row in rows:
             mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
-            covariance[row, row] = (PAYLOAD * self._capacity) ** 2
+            covariance[row, row] = self._doubt(row) ** 2
             self._told.discard(self.carriers[row])
         self._belief = Belief(mean, covariance)
 
@@ -286,7 +315,7 @@ class LineFollower:
         """Derivatives (n,) of what a sensor reads by payloads, friction, and slow errors."""
         tower = self._kinds[sensor] == "load_cell"
         row = self._of_tower(self._of[sensor], snapshot) if tower else self._of_drive(self._of[sensor], snapshot)
-        row[len(self.carriers) + 1 + [*self.readings].index(sensor)] = 1.0
+        row[self._known + [*self.readings].index(sensor)] = 1.0
         return row
 
     def _of_tower(self, name: str, snapshot: Snapshot) -> FloatArray:
@@ -304,6 +333,9 @@ class LineFollower:
         tension = float(snapshot.columns.highest_tension[rope, 0])
         below = (places[:, 2] < z) * np.abs(slope) * size / max(tension, 1.0)
         effects[: len(self.carriers)] = here * self._gravity * (share * upright + below)
+        half = 0.5 * sum(float(np.hypot(place[0] - x, place[1] - z)) for place in neighbours)
+        lowest = min(place[1] for place in self._profiles[rope])
+        effects[len(self.carriers) + 1] = self._gravity * (half * upright + (z - lowest) * size / max(tension, 1.0))
         return effects
 
     def _of_drive(self, name: str, snapshot: Snapshot) -> FloatArray:

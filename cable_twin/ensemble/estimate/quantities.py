@@ -40,7 +40,7 @@ class Errors(NamedTuple):
         return self.quiet**2 + (stirred * extra) ** 2
 
 
-WHEEL_FORCE_ERROR = 0.5  # as FORCE_ERROR, of a bullwheel: waves of the haul rope differ between meshes
+WHEEL_FORCE_ERROR = 1.0  # as FORCE_ERROR, of a bullwheel: waves of the haul rope differ between meshes
 
 # of sensors, as that of independent samples: three times the error, as it lasts as long as a swing
 FAST_PLACE, FAST_FORCE, FAST_LOAD = Errors(2e-3, 3e-2), Errors(0.3, 12.0), Errors(1e-4, 1.2e-3)  # units as above
@@ -58,10 +58,14 @@ HIDDEN_PITCH_ERRORS = Errors(6e-4, 1.6e-3, 5e-3)
 # with several ropes: haul ropes swing along, and the swing of vehicles is not estimated
 STRAND_ERRORS = Errors(6e-3, 1.5e-2, 3e-2)
 ROLLER_ERRORS = Errors(8e-3, 2e-2, 0.1)
-OF_ROPES = 3.0  # times as much as with one rope
+OF_ROPES = 6.0  # times as much as with one rope
 PITCH_OF_ROPES = Errors(2e-3, 6e-3, 2e-2)
 FAST_UNKNOWN_SWING, UNKNOWN_SWING = Errors(1.5e-2, 3e-2), 4e-3  # rad, of an inclinometer
 LEAST_FORCE = 3e3  # N, of which these errors are shares at least: a haul rope may lift off
+CURVATURE = 0.15  # of the step of a slow quantity, by which it may be wrong, as effects are not linear
+OF_SQUARE = 0.5  # the same of wind, whose effect is that of its square
+WIND_WALK = 0.2  # m/s after a second, as of gusts of 1 m/s that last 50 s; less would trust the square law too far off
+ICE, ICE_TOLERANCE, ICE_WALK = 0.5, 0.3, 5e-3  # kg/m: prior deviation, without an alarm, after a second
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 
@@ -79,6 +83,7 @@ class Slow(NamedTuple):
     plan: float  # value of the scenario
     tolerance: float  # by which the plant may differ from that without an alarm
     walk: float = 0.0  # standard deviation in a second
+    curvature: float = CURVATURE  # of a step, by which it may be wrong, as effects are not linear
     also: tuple[str, ...] = ()  # further keys of the scenario with the same value
 
 
@@ -115,7 +120,12 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
     found += _rolling(scenario)
     across = scenario.dim == 3 and len(scenario.cables) == 1  # of several ropes no sensor tells it
     for axis, speed in zip("xy" if across else "x", scenario.air.wind, strict=False):
-        found.append(Slow(f"wind/{axis}", f"air.wind.{axis}", "m/s", speed, 5.0, -40.0, 40.0, speed, 40.0, 0.1))
+        found.append(
+            Slow(f"wind/{axis}", f"air.wind.{axis}", "m/s", speed, 5.0, -40.0, 40.0, speed, 40.0, WIND_WALK, OF_SQUARE)
+        )
+    if len(scenario.cables) == 1:
+        ice = scenario.cable.ice
+        found.append(Slow("ice", "cable.ice", "kg/m", ice, ICE, 0.0, ice + 10.0, ice, ICE_TOLERANCE, ICE_WALK))
     for rope, end in product(scenario.cables, ("start", "end")):
         support = scenario.cables[rope].ends[end]
         if support.support == "counterweight":

@@ -47,6 +47,14 @@ class Package(NamedTuple):
         """Whether anything was commanded."""
         return bool(self.commands)
 
+    def first(self, seconds: float) -> Package:
+        """Data of the first seconds alone."""
+        series = []
+        for one in self.series:
+            there = one.times <= seconds
+            series.append(one._replace(times=one.times[there], values=one.values[there], held=one.held[there]))
+        return self._replace(series=tuple(one for one in series if one.times.size), end=min(self.end, seconds))
+
 
 def logs_of(paths: Sequence[Path]) -> list[Log]:
     """Open logs of one scenario.

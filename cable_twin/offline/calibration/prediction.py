@@ -73,6 +73,9 @@ def deviations_of(scenario: Scenario, scales: Mapping[str, float]) -> dict[str, 
     return found
 
 
+MUCH_MORE = 1.5  # times as long
+
+
 class Predictor:
     """Twins that repeat the runs of logs with other parameters.
 
@@ -113,6 +116,17 @@ class Predictor:
             np.concatenate([one.held for _, one in of_series]),
             names,
         )
+
+    def first(self, seconds: float) -> Predictor | None:
+        """Predictor of the first seconds of each log alone; None where there is not much more."""
+        if max(one.end for one in self._packages) < MUCH_MORE * seconds:
+            return None
+        packages = [one.first(seconds) for one in self._packages]
+        short = Predictor(
+            self._scenario, packages, self._readings, self._deviations, self.parameters, threads=self._threads
+        )
+        short.bar = self.bar
+        return short
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:

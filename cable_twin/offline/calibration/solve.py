@@ -12,16 +12,19 @@ from scipy.optimize import lsq_linear
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.calibration.check import Check, covariance_of
 from cable_twin.offline.calibration.data import STRETCH
-from cable_twin.offline.calibration.parameters import Parameter
+from cable_twin.offline.calibration.parameters import CalibrationError, Parameter
 from cable_twin.offline.calibration.prediction import Evaluation, Predictor, Rows
+from cable_twin.simulation import EquilibriumError
 
+HORIZONS = 60.0, 180.0  # s, first parts of long logs that are searched before
 SLOW, MOST_ROUGH = 10.0, 3  # s, evaluations: of the first, rough search
 NEAR = 3.0  # standard deviations of what is found, within which a Jacobian is kept
 NO_STEP = 0.03  # standard deviations of what is found, below which a step counts nothing
 NO_LONGER_SMOOTH = 0.3  # the same of a step that makes it worse
 NO_GAIN = 0.005  # of the cost
 LEAST_DAMPING = 1e-3  # of the diagonal of the normal matrix
-MOST_EVALUATIONS = 25
+LEAST_AFTER_FAILURE = 0.1  # the same where the twin could not take the step
+MOST_EVALUATIONS, MOST_FAILED = 25, 6
 NORMAL_95 = 1.959964
 AT_BOUND = 1e-3  # prior deviations
 FEWEST_CLUSTERS = 5
@@ -76,13 +79,23 @@ def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
     Raises:
         CalibrationError: the twin failed.
     """
-    told, rows = check.told, predictor.rows
+    told = check.told
     if not told:
         return _solution(predictor, told, prior, prior, converged=True)
 
-    at, _ = _search(predictor, told, prior, Means(rows, SLOW), roughly=True)
-    at, converged = _search(predictor, told, at, Means(rows, 0.0))
+    at = prior
+    for seconds in HORIZONS:  # of a long run phases of swings fit nowhere but near what is to be found
+        if (short := predictor.first(seconds)) is not None:
+            at = _from_here(short, told, short.evaluate(at.point))[0]
+    at, converged = _from_here(predictor, told, at if at is prior else predictor.evaluate(at.point))
     return _solution(predictor, told, prior, at, converged=converged)
+
+
+def _from_here(predictor: Predictor, told: Sequence[int], at: Evaluation) -> tuple[Evaluation, bool]:
+    """Rough search, then fine search; returns the best evaluation, and whether it is the end of the search."""
+    rows = predictor.rows
+    at, _ = _search(predictor, told, at, Means(rows, SLOW), roughly=True)
+    return _search(predictor, told, at, Means(rows, 0.0))
 
 
 class Means:
@@ -119,7 +132,7 @@ def _search(
 ) -> tuple[Evaluation, bool]:
     """Least squares from an evaluation on; returns the best one, and whether it is the end of the search."""
     low, high = (side[told] for side in predictor.bounds)
-    point, damping, first = at.point.copy(), 0.0, len(predictor.evaluations)
+    point, damping, first, failed = at.point.copy(), 0.0, len(predictor.evaluations), 0
     most = MOST_ROUGH if roughly else MOST_EVALUATIONS
     while len(predictor.evaluations) < first + most:
         step, size = _step(at, means, told, damping, (low - point[told], high - point[told]))
@@ -127,7 +140,14 @@ def _search(
             return at, True
         beside = point.copy()
         beside[told] = np.clip(point[told] + step, low, high)
-        tried = predictor.evaluate(beside, at if size < NEAR else None)
+        try:
+            tried = predictor.evaluate(beside, at if size < NEAR else None)
+        except (EquilibriumError, CalibrationError):  # too far: no rest there, or the twin failed
+            failed += 1
+            if failed > MOST_FAILED:
+                raise
+            damping = max(10.0 * damping, LEAST_AFTER_FAILURE)
+            continue
         gained = cost(at, means) - cost(tried, means)
         if gained >= 0.0:
             damping = 0.0 if damping <= LEAST_DAMPING else damping / 10.0
