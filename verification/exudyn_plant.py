@@ -113,21 +113,27 @@ class HaulRope:
     """
 
     def __init__(self, scenario: Scenario, mass: float) -> None:
-        self._rope, self._mass, self._step = scenario.carriages[CARRIAGE].drive.haul_rope, mass, scenario.solver.step
+        self._rope, self._mass = scenario.carriages[CARRIAGE].drive.haul_rope, mass
         self._far = self._rope.beyond_track + scenario.cable.unstrained_length
         self.stretch = 0.0
         self._rates: tuple[float, float, float] | None = None  # m/s: of drum, carriage and stretch at the last step
+        self._accelerations = 0.0, 0.0  # m/s^2, of drum and carriage
 
     def hang(self, force: float, place: float) -> None:
         """Stretch by a force (N) at rest."""
         self.stretch = force * (self._far - place) / self._rope.axial_stiffness
 
-    def forces(self, place: float, drum: float, carriage: float) -> tuple[float, float]:
-        """Forces (N) on the carriage and of the drive, at a place (m) and speeds (m/s) of drum and carriage."""
+    def forces(self, place: float, drum: float, carriage: float, passed: float) -> tuple[float, float]:
+        """Forces (N) on the carriage and of the drive, at a place (m) and speeds (m/s) of drum and carriage.
+
+        `passed` is the time (s) since the last call, 0 where a step is tried again.
+        """
         rope, length, rate = self._rope, self._far - place, drum - carriage
         before = self._rates or (drum, carriage, rate)
-        self.stretch += 0.5 * self._step * (rate + before[2])
-        drums, carriages = (drum - before[0]) / self._step, (carriage - before[1]) / self._step
+        self.stretch += 0.5 * passed * (rate + before[2])
+        if passed > 0.0:
+            self._accelerations = (drum - before[0]) / passed, (carriage - before[1]) / passed
+        drums, carriages = self._accelerations
         self._rates = drum, carriage, rate
         damping = (
             2.0
@@ -176,7 +182,7 @@ class Tramway:
         ]
         self._system.Assemble()
         self._haul = HaulRope(self._scenario, self._mass)
-        self._mobilised, self._last = 0.0, np.zeros(2)
+        self._mobilised, self._last, self._time = 0.0, np.zeros(2), 0.0
         self._first = float(simulation.snapshot.columns.drive_force[0])
 
     def rest(self) -> None:
@@ -188,7 +194,7 @@ class Tramway:
         place, _ = self._tangent()
         self._haul.hang(self._first, place)
         settings = self._settings(SETTLING, round(SETTLING / self._step))
-        self._system.SetPreStepUserFunction(lambda _system, time: bool(self._drive(time - self._step, 0.0)))
+        self._system.SetPreStepUserFunction(lambda system, _end: bool(self._drive(system.systemData.GetTime(), 0.0)))
         self._system.SolveDynamic(settings, updateInitialValues=True)
         for one in self._dampers:
             self._system.SetObjectParameter(one, "activeConnector", False)
@@ -199,14 +205,19 @@ class Tramway:
         Raises:
             RuntimeError: Exudyn gave up.
         """
+        times = self._step * np.arange(course.speed.size)
+        told = 0
 
-        def before_step(_system: Any, time: float) -> bool:
-            number = round(time / self._step) - 1  # `time` is that of the end of the step
-            row = self._drive(number * self._step, float(course.speed[min(number, course.speed.size - 1)]))
-            if number > 0:  # before the first step there are no forces of joints yet
+        def before_step(system: Any, _end: float) -> bool:
+            nonlocal told
+            time = float(system.systemData.GetTime())  # of the beginning, as Exudyn halves steps where it has to
+            row, number = self._drive(time, float(np.interp(time, times, course.speed))), round(time / self._step)
+            if number > told:  # at first joints have no forces yet
+                told = number
                 on_row(row)
             return True
 
+        self._time = 0.0
         steps = course.speed.size
         settings = self._settings(steps * self._step, steps)
         self._system.SetPreStepUserFunction(before_step)
@@ -235,19 +246,20 @@ class Tramway:
         place, tangent = self._tangent()
         square = float(tangent @ tangent)
         speed = float(tangent @ np.array(system.GetMarkerOutput(self._grip, kinds.Velocity))[:2]) / square
-        on_carriage, drive = self._haul.forces(place, drum, speed)
+        passed, self._time = max(time - self._time, 0.0), time
+        on_carriage, drive = self._haul.forces(place, drum, speed, passed)
         pull = on_carriage * tangent / square
         # the normal force on the rope: weight and inertia of the carriage, across the tangent
         along = tangent / math.sqrt(square)
         pressed = np.array(system.GetObjectOutput(self._joint, kinds.Force))[:2]
         normal = float(np.linalg.norm(pressed - (pressed @ along) * along))
         friction = self._scenario.carriages[CARRIAGE].friction
-        way, sign = speed * self._step, math.copysign(1.0, speed)
+        way, sign = speed * passed, math.copysign(1.0, speed)
         left = (self._mobilised - sign) * math.exp(-abs(way) / PRESLIDING)
         self._mobilised = sign + left
         rub = -friction.rolling * normal * self._mobilised * along
         held = pull + rub
-        ahead = 1.5 * held - 0.5 * self._last if time > 0.0 else held  # for the middle of the step
+        ahead = 1.5 * held - 0.5 * self._last if passed > 0.0 else held  # for the middle of the step
         self._last = held
         system.SetLoadParameter(self._pull, "loadVector", [*ahead, 0.0])
         wind = np.array(system.GetMarkerOutput(self._middle, kinds.Velocity))[:2]

@@ -27,11 +27,16 @@ COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  
 
 @pytest.fixture(scope="module")
 def measured():
+    """As `measurements`, of a plant with another payload."""
+    return measurements({PAYLOAD: TRUTH})
+
+
+def measurements(changes):
     """Scenario of a twin, and all measurements of a plant by time (s), which starts at 2 s."""
     bare = load_scenario("aerial_tramway", COARSE)
     usual = standard_sensors(bare, Simulation(bare).snapshot)
     scenario = load_scenario("aerial_tramway", {**COARSE, "sensors": usual})
-    running = Simulation(load_scenario(scenario.resolved(), {PAYLOAD: TRUTH}), samples=2)
+    running = Simulation(load_scenario(scenario.resolved(), changes), samples=2)
     sensors, found = Sensors(running.scenario, running.layout), {}
     for frame in range(round(DURATION / 0.05) + 1):
         snapshot = running.advance_to(round(0.05 * frame, 9))
@@ -138,6 +143,42 @@ def test_swapped_sensors_are_named(measured):
     reasons = [alarm.reason for one in corrections for alarm in one.alarms]
     assert "sensors load_end and load_tower are swapped, and are taken for each other" in reasons
     assert not follower.left_out
+
+
+def alarms_of(changes):
+    """Alarms of a plant with other values, by reason with the time (s)."""
+    _, corrections = followed(measurements(changes))
+    return {alarm.reason: alarm.time for one in corrections for alarm in one.alarms}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"cable.ice": 1.0}, "ice is 1."),
+        ({"carriages.cabin.friction.rolling": 0.01}, "cabin/rolling is 0.01"),
+    ],
+)
+def test_ice_and_a_doubled_rolling_friction_are_told_within_ten_seconds(changes, said):
+    alarms = alarms_of(changes)
+    ((reason, time),) = alarms.items()
+    assert reason.startswith(said)
+    assert time < 12.0  # 10 s after the start
+
+
+@pytest.mark.long
+def test_a_stuck_counterweight_is_told():
+    """A rope that is pinned where its counterweight rests has more and more tension as its cabin goes to midspan."""
+    place = Simulation(load_scenario("aerial_tramway", COARSE)).cable_positions(np.zeros(1))[0, [0, 2]]
+    alarms = alarms_of({"cable.start": {"position": place.tolist(), "support": "pinned"}})
+    ((reason, time),) = alarms.items()
+    assert reason.startswith("the counterweight at start is stuck: tension changes by +")
+    assert time < 14.0
+
+
+@pytest.mark.long
+def test_a_plant_without_a_fault_gives_no_alarm():
+    assert alarms_of({}) == {}
 
 
 @pytest.fixture(scope="module")

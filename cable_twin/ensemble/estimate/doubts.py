@@ -77,13 +77,19 @@ class Doubts:
                 return f"{one}/{two}"
         return PLANT
 
-    def judge(self, time: float, contradicting: str) -> list[Alarm]:
-        """Alarm where a sensor, or two of them, contradict in several windows one after the other."""
+    def judge(self, time: float, contradicting: str, reason: str = "") -> list[Alarm]:
+        """Alarm where a sensor, or two of them, contradict in several windows one after the other.
+
+        Args:
+            time: s.
+            contradicting: as `contradicting` says.
+            reason: of a fault of the plant that explains `PLANT`; empty for none.
+        """
         self._suspected = {contradicting: self._suspected.get(contradicting, 0) + 1} if contradicting else {}
         if self._suspected.get(contradicting) != SUSPECT_WINDOWS:
             return []
         if contradicting == PLANT:
-            return [Alarm(time, "several sensors contradict the model: the plant is not as it is described")]
+            return [Alarm(time, reason or "several sensors contradict the model: the plant is not as it is described")]
         if "/" in contradicting:
             one, other = contradicting.split("/")
             self._exchanged |= {one: other, other: one}

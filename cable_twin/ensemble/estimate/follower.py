@@ -46,6 +46,7 @@ TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
 SURE = 1e-6  # probability at which a sensor contradicts the others
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
+ALIKE, SURELY = 0.85, 5.0  # of a change of tension at both ends: share that may differ, and standard deviations
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
 
 
@@ -316,7 +317,8 @@ class Follower:
             return found
 
         contradicting = self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
-        alarms += self.doubts.judge(time, contradicting)
+        reason = self._fault_of_plant(of) if contradicting == PLANT else ""
+        alarms += self.doubts.judge(time, contradicting, reason)
         if contradicting == PLANT:
             return []
         one, _, other = contradicting.partition("/")
@@ -324,6 +326,23 @@ class Follower:
             return [row for row in self._rows if row.sensor != one]
         to = {one: other, other: one}
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
+
+    def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> str:
+        """Stuck counterweight, by load cells that find the same change of tension at both ends; empty for none."""
+        cables, sensors = self._scenario.cables, self._scenario.sensors
+        cells = {sensors[name].of: rows for name, rows in of.items() if rows and sensors[name].kind == "load_cell"}
+        for rope, cable in cables.items():
+            names = self._scenario.end_names(rope)
+            if not all(name in cells for name in names):
+                continue
+            apart = [float(np.mean([row.value - row.predicted[0] for row in cells[name]])) for name in names]
+            doubt = [np.sqrt(cells[name][0].variance / len(cells[name])) for name in names]
+            alike = abs(apart[0] - apart[1]) < ALIKE * max(map(abs, apart))
+            for end, name, own, noise in zip(cable.ends.values(), names, apart, doubt, strict=True):
+                if end.support == "counterweight" and alike and abs(own) > SURELY * noise:
+                    first, last = (f"{one / 1e3:+.1f}" for one in apart)
+                    return f"the counterweight at {name} is stuck: tension changes by {first} and {last} kN at the ends"
+        return ""
 
     def _variance(self, reading: Reading) -> float:
         """Variance of a sample: noise of the sensor and fast error of the model."""
