@@ -51,6 +51,7 @@ QUANTUM, SHARE, TILT = 0.01, 0.002, math.radians(0.3)  # m, of the load or limit
 TRUTH_FILE = "truth.json"  # beside the bag: what the sensors would have measured without noise, and all pitches
 SETTLING, ROPE_DAMPING, BODY_DAMPING = 20.0, 1e3, 2e4  # s; N s/m of a node; N s/m and N m s of a body: to find a rest
 PRESLIDING = 1e-3  # m, over which rolling friction builds up
+MOST_WAITING, SHORT = 100, 1e-3  # messages for the recorder; s
 NEWTON = 1e-6  # tolerance, relative and absolute
 
 
@@ -442,7 +443,11 @@ def record(scenario: Scenario, simulation: Simulation, course: Course, rows: lis
     run.recorder.begin(epoch_ns, 0.0, scenario_message(scenario.resolved()))
     for time, topic, data in sorted(messages, key=lambda one: one[0]):
         run.recorder.record([(topic, data)], epoch_ns + nanoseconds(time))
+        while run.recorder.backlog > MOST_WAITING:  # it drops what it cannot write in time
+            clock.sleep(SHORT)
     run.close()
+    if run.recorder.dropped or run.recorder.faults:
+        raise RuntimeError("; ".join([f"{run.recorder.dropped} messages were not recorded", *run.recorder.faults]))
     columns = list(zip(*rows, strict=True))
     (run.directory / TRUTH_FILE).write_text(json.dumps(dict(zip(Row._fields, columns, strict=True))), encoding="utf-8")
     return run.directory
