@@ -13,8 +13,8 @@ from cable_twin.mechanics.solution.relaxation import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-# whose kernels most tests need: several ropes and one, in a plane and in space, with nodes at loads and without
-SHARED = "jig_back", "chairlift", "windy_tramway", "aerial_tramway", "seed_example"
+# whose kernels most tests need: several ropes and one, in a plane and in space
+SHARED = "jig_back", "windy_tramway", "aerial_tramway"
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under `nohup` all commands that tests start would ignore it

@@ -121,14 +121,14 @@ def test_kernels_with_a_workspace_are_compiled_ahead(name):
 
 @needs_kernels
 def test_scenarios_of_a_kind_have_the_same_kernels():
-    """One rope or several, plane or space, nodes at loads or none: few kinds, so that few are compiled."""
+    """One rope or several, plane or space: few kinds, so that few are compiled."""
     kinds = {}
     for name, changes in itertools.product(scenario_names(), ({}, {"space": 3})):
         engine = Engine(load_scenario(name, changes))
-        cable = engine.parts[0].system.cable
+        dim = len(engine.parts[0].system.cable.gravity)
         types = tuple(numba.typeof(pack(argument)) for argument in engine.arguments(0))
-        kinds.setdefault((len(engine.parts) > 1, len(cable.gravity), bool(cable.load_nodes)), set()).add(types)
-    assert len(kinds) == 8
+        kinds.setdefault((len(engine.parts) > 1, dim), set()).add(types)
+    assert len(kinds) == 4
     assert {kind: len(found) for kind, found in kinds.items()} == dict.fromkeys(kinds, 1)
 
 

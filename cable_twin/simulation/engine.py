@@ -149,7 +149,7 @@ class Engine:
         self._sections = pack(self.parts[0].sections)
         self._coupled = couplings.any
         shared = None if like is None else like._ropes
-        self._ropes: Assembly = Assembly(ropes, couplings if self._coupled else None, shared)
+        self._ropes: Assembly = Assembly(ropes, couplings if len(ropes) > 1 else None, shared)
         self.bundle, self.moving = self._ropes.bundle, self._ropes.moving
         self._start: BundleState = self.moving
         self._states = [part.state for part in self.parts]
@@ -531,16 +531,16 @@ def _ropeways(scenario: Scenario, systems: list[System], like: Engine | None) ->
 def leave_out_absent(systems: list[System]) -> list[System]:
     """Systems of one common type, which leaves features absent from all systems out of compiled kernels.
 
-    There are few such types, as what is compiled for one of them is of no use to another one: the paper's elastic model
-    may be left out, nodes that follow loads, and of a rope by itself its number, and its motion and contacts of
-    vehicles if there are none.
+    There are few such types, as what is compiled for one of them is of no use to another one: beside the continuum's
+    elastic model nodes that follow loads are left in, whether there is one or not, and beside the paper's they are
+    left out; of a rope by itself its number, and its motion and contacts of vehicles if there are none.
     """
-    if not any(system.cable.load_nodes for system in systems):
-        never = cast(bool, Known(False))
-        systems = [system._replace(cable=system.cable._replace(load_nodes=never)) for system in systems]
+    known: dict[str, Any] = {}
     if all(system.cable.elastic_model == CONTINUUM for system in systems):
-        known = Known(CONTINUUM)
-        systems = [system._replace(cable=system.cable._replace(elastic_model=known)) for system in systems]
+        known = {"elastic_model": Known(CONTINUUM)}
+    elif not any(system.cable.load_nodes for system in systems):
+        known = {"load_nodes": Known(False)}
+    systems = [system._replace(cable=system.cable._replace(**known)) for system in systems]
     if len(systems) > 1:
         return systems
     systems = [systems[0]._replace(number=Known(ALONE))]
