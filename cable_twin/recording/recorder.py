@@ -90,7 +90,7 @@ class _LogSink:
 
     name = "log"
 
-    def __init__(self, log: McapLog, new_directory: Callable[[], Path] | None) -> None:
+    def __init__(self, log: McapLog, new_directory: Callable[[Path], Path] | None) -> None:
         self._log, self._new_directory = log, new_directory
         self.gone = False
         self.may_move = new_directory is not None
@@ -125,7 +125,7 @@ class _LogSink:
         if beginning.first:
             self._log.begin(beginning.epoch_ns, snapshot)
         elif self._new_directory is not None and (self.gone or self._log.is_gone):
-            self._log.move(self._new_directory(), snapshot, number)
+            self._log.move(self._new_directory(self._log.directory), snapshot, number)
             self.gone = False
         else:
             self._log.split(snapshot, number)
@@ -176,7 +176,7 @@ class Recorder:
         *views: View | None,
         splitting: Splitting = UNSPLIT,
         capacity: int = CAPACITY,
-        new_directory: Callable[[], Path] | None = None,
+        new_directory: Callable[[Path], Path] | None = None,
     ) -> None:
         """Start the writer thread.
 
@@ -185,7 +185,8 @@ class Recorder:
             *views: Where snapshots and commands go, None for nowhere; the recorder closes them.
             splitting: When log and view go on in new files, and how long old ones are kept.
             capacity: Frames that may wait before new ones are dropped.
-            new_directory: Makes the directory in which the log goes on where its own is deleted; else it ends then.
+            new_directory: Makes the directory in which the log goes on where its own, the argument, is deleted; else it
+                ends then.
         """
         self.faults: list[str] = []
         self.dropped = 0

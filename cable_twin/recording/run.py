@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -99,17 +100,16 @@ def start_run(
     return Run(simulation, recorder, logs.live_url, logs.web)
 
 
-def _new_directory(parent: Path) -> Path:
-    """Make a directory named after the time; waits for the next second where the name exists."""
+def _new_directory(parent: Path, gone: Path | None = None) -> Path:
+    """Make a directory named after the time; waits for the next second where the name exists, or did until now."""
     parent.mkdir(parents=True, exist_ok=True)
     while True:
         directory = parent / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        try:
-            directory.mkdir()
-        except FileExistsError:
-            time.sleep(0.2)
-        else:
-            return directory
+        with suppress(FileExistsError):
+            if directory != gone:
+                directory.mkdir()
+                return directory
+        time.sleep(0.2)
 
 
 class _Logs(NamedTuple):

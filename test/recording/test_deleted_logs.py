@@ -13,7 +13,7 @@ from twin_process import wait_until
 from cable_twin.messages import MessageEncoder, topics
 from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.run import start_run
+from cable_twin.recording.run import _new_directory, start_run
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -86,3 +86,9 @@ def test_a_run_goes_on_in_a_new_directory(tmp_path, capsys, how):
     assert "every sample agrees to the last bit" in capsys.readouterr().out
     if how is replace_bag:
         assert next(first.glob("*.mcap")).read_text() == "somebody else's"
+
+
+def test_a_new_directory_never_has_the_name_of_the_deleted_one(tmp_path):
+    deleted = _new_directory(tmp_path)
+    deleted.rmdir()
+    assert _new_directory(tmp_path, deleted) != deleted
