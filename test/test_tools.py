@@ -46,6 +46,7 @@ def test_one_section_is_verified_and_its_rows_printed():
     assert (ROOT / "docs" / "verification.md").read_text(encoding="utf-8") == page
 
 
+@pytest.mark.long
 def test_a_long_run_begins_and_its_energy_is_found():
     """First seconds of the tramway: drive work found in ropes, cabin, friction, dampers and air."""
     result = run_python("-m", "verification.long_runs", "tramway_trip", "--share", 0.02)

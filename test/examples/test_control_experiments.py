@@ -85,6 +85,7 @@ def test_trapezoid_keeps_speed_and_acceleration_and_leaves_time_for_the_jerk(pla
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.long
 def test_model_ahead_feels_a_tower(plans, capsys):
     specification = spec_from_file_location("tower_pass", EXAMPLES / "tower_pass.py")
     tower_pass = module_from_spec(specification)

@@ -157,6 +157,7 @@ def test_what_is_kept_of_a_touch():
     assert not state.push[1:].any()
 
 
+@pytest.mark.long
 def test_newton_hardly_feels_what_its_tangent_leaves_out():
     """Stiff buffers and little mass below the joint, where single vehicles would leave an error of a tenth."""
     body = {"mass": 100.0, "inertia": 20.0, "upper_pivot": [0.0, 2.0], "size": [1.0, 1.0]}

@@ -244,6 +244,7 @@ cases:
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.long
 def test_the_worst_stop_is_at_least_as_bad_as_on_a_grid_ten_times_as_dense(tmp_path, monkeypatch):
     (tmp_path / "trip.yaml").write_text("- {time: 0, name: cabin, speed: 6.0}\n", encoding="utf-8")
     file, kept = cases_in(tmp_path, RUNS), tmp_path / "kept"

@@ -110,6 +110,7 @@ def scheduler():
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.long
 def test_a_worker_that_is_killed_twice_leaves_no_trace(tmp_path, scheduler, monkeypatch, capsys):
     """200 cases on two workers, of which one is killed twice, beside one worker; then nothing is left to do."""
     address, start_worker = scheduler

@@ -49,6 +49,7 @@ def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes
     assert participant.call("emergency_stop", SetBool, data=False).success
 
 
+@pytest.mark.long
 def test_the_rope_goes_by_to_a_place(lift, processes):
     process, participant = lift
 

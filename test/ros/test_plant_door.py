@@ -307,6 +307,7 @@ def test_estimates_and_alarms_of_the_twin_are_variables(plant):
         reader.close()
 
 
+@pytest.mark.long
 def test_a_second_door_leaves_out_the_topics_of_the_first_and_takes_them_over(plant, tmp_path):
     tag = {"source": "plc", "address": "ns=2;s=load", "quantity": "support_force", "of": "tower", "unit": "kN"}
     content = {

@@ -113,6 +113,7 @@ os.fsync = slow_fsync
 """
 
 
+@pytest.mark.long
 def test_commands_do_not_wait_for_the_disk(processes, participants, domain, tmp_path):
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_DISK)

@@ -159,6 +159,7 @@ def test_view_for_a_browser_is_served_to_this_machine_alone_and_ends_with_the_tw
     check_logs(sim.run_directory)
 
 
+@pytest.mark.long
 def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
     # a limit on the size of files is the full disk that needs no privileges
     code = (
@@ -245,6 +246,7 @@ def compilers(directory):
     return found
 
 
+@pytest.mark.long
 def test_interrupt_ends_the_compilation(processes, domain, tmp_path):
     variables = {**environment(tmp_path, domain), "NUMBA_CACHE_DIR": str(tmp_path / "empty_cache")}
     sim = processes(domain=domain, variables=variables)

@@ -23,6 +23,7 @@ RERUN = Path(sys.executable).with_name("rerun")
 FRAME = 10_000_000  # ns
 
 
+@pytest.mark.long
 def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path, capsys):
     limits = ["--split-duration", "1", "--keep-age", "3"]
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *limits)
