@@ -7,6 +7,8 @@ from test_scenario_faults import faults_of
 from cable_twin.frame.records import Command
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from verification import JIT
+from verification.random_loads import drawn, run
 
 TRAMWAY = {"cable.elements": 60}
 
@@ -81,7 +83,27 @@ def test_a_carriage_without_a_drive_just_goes():
     simulation = Simulation(load_scenario("single_span", overrides))
     assert simulation.commands == {}
     assert simulation.snapshot.carriages["cabin"].speed == 4.0
-    assert simulation.advance_to(0.005).carriages["cabin"].speed == pytest.approx(4.0, abs=0.12)  # but for gravity
+    # the wave that it sets off in the rope holds it back: 3.8505 m/s with steps of 0.3 ms
+    assert simulation.advance_to(0.005).carriages["cabin"].speed == pytest.approx(3.8505, abs=2e-3)
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.parametrize("number", [74, 102])  # in a plane, in space
+def test_a_vehicle_that_starts_in_motion_gains_no_energy(number):
+    """No drive, no friction, no damping; with accelerations of the rest, 1e-4 of its kinetic energy at once."""
+    found = run(drawn(number), "push", 2.0)
+    assert found.passed, found
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_a_step_of_force_is_told_from_a_command_that_is_repeated():
+    """The first one sets in within a step, the others change nothing."""
+    once, repeated = (Simulation(load_scenario("single_span")) for _ in range(2))
+    for simulation in (once, repeated):
+        simulation.command("cabin", force=20e3)
+        simulation.advance_to(0.1)
+    repeated.command("cabin", force=20e3)
+    np.testing.assert_array_equal(once.advance_to(0.2).numbers, repeated.advance_to(0.2).numbers)
 
 
 @pytest.mark.parametrize(

@@ -159,11 +159,12 @@ def for_kernels(simulation: Simulation) -> tuple[State, Workspace]:
 
 
 def start_moving(simulation: Simulation) -> None:
-    """Give the start the accelerations that belong to it, so that the first step is as accurate as all others."""
+    """Give the start the accelerations that belong to it, and have the first step use them as all others do."""
     with changing(simulation) as state:
         assert solve_accelerations(simulation.system, state, 0.0, allocate_workspace(simulation.system))
         state.nodes.algorithmic[:] = state.nodes.acceleration
         state.bodies.algorithmic[:] = state.bodies.acceleration
+        state.newton_curvature[0] = np.inf
 
 
 def pendulum(

@@ -172,7 +172,7 @@ class State(NamedTuple):
     ]  # of the rope, already in the parameters
     newton_curvature: Annotated[
         FloatArray, Of(1, unit="1/m"), Range(0.0, inf)
-    ]  # Newton increment over the square of the one before; 0: not known
+    ]  # Newton increment over the square of the one before; 0: not known, nor are accelerations
     clock: Annotated[IntArray, Of(1), CLOCK]  # whole solver steps since the start
     memory: Memory  # all of these
 

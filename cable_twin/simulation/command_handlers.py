@@ -189,6 +189,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
     check_ahead(scenario, command, stopped=engine.parts[0].stopped)
     effect = HANDLERS[command.kind]
     shares = [(part, _share(command, part)) for part in engine.parts]
+    acting = engine.acting()
     for part, share in shares:
         if effect.check_motion is not None:
             effect.check_motion(share, part)
@@ -197,6 +198,8 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
             effect.change(part, share)
     if effect.between is not None:
         effect.between(engine, command)
+    if engine.acting() != acting:
+        engine.forget_accelerations()
 
 
 def _share(command: Command, part: Ropeway) -> Command:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
+from itertools import chain
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -369,6 +370,17 @@ class Engine:
         columns.pantograph_position[:, 0] = moving.place.position
         columns.pantograph_position[:, 2] = moving.stages.position[:, 0]
         self.loop.observe(columns)
+
+    def acting(self) -> bytes:
+        """Modes and forces of all drives, payloads, wind and temperatures: what commands change at once."""
+        state, wheels = self._states[0], self.moving.sheaves.drives
+        own = [(part.state.wind, part.state.temperature) for part in self.parts]
+        drives = state.drives.mode, state.drives.force, wheels.mode, wheels.force
+        return b"".join(array.tobytes() for array in (*drives, state.payload, *chain(*own)))
+
+    def forget_accelerations(self) -> None:
+        """Let the next step use no acceleration of the last one, where forces set in between them."""
+        self._states[0].newton_curvature[0] = 0.0
 
     def drive(self, command: Command) -> None:
         """Apply a speed (m/s) or force (N) command to the bullwheel drives named in the command."""

@@ -23,7 +23,7 @@ from cable_twin.mechanics.solution.bundle.couplings import (
 )
 from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, copy_ropes, rope_of
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
+from cable_twin.mechanics.solution.newmark import coefficients_of_step, correct_rope, factors, predict_rope
 from cable_twin.mechanics.solution.newton import solve_increments, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 
@@ -39,7 +39,7 @@ def begin_rope(c, h, system, state, work):
 
 
 @kernel
-def integrate(bundle, moving, scratch, system, state, work, h):
+def integrate(bundle, moving, scratch, system, state, work, c, h):
     """Take all coordinates over `h` (s), in place. Returns (converged, iterations, last increment in m).
 
     An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
@@ -47,7 +47,6 @@ def integrate(bundle, moving, scratch, system, state, work, h):
     iteration, there is one more.
     """
     solver, ropes = system.solver, bundle.records.shape[0]
-    c = coefficients(solver.spectral_radius)
     if bundle.coupled:
         move_couplings(bundle, moving, system, state, c, h)
     for rope in range(ropes):
@@ -94,7 +93,7 @@ def contact_error_of_all(bundle, system, state, work, increment, previous):
 
 
 @kernel
-def step(bundle, moving, moving_before, scratch, system, state, work, column, h):
+def step(bundle, moving, moving_before, scratch, system, state, work, column, c, h):
     """Integrate one step of length `h` (s) with the force limits of drives and their brakes.
 
     One that would is repeated at its limit and goes on from the speed that it reached. The states at the start of the
@@ -105,7 +104,7 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, h)
     """
     iterations, gap, ropes = 0, 0.0, bundle.records.shape[0]
     for attempt in range(2):
-        converged, used, increment = integrate(bundle, moving, scratch, system, state, work, h)
+        converged, used, increment = integrate(bundle, moving, scratch, system, state, work, c, h)
         iterations += used
         saturated, gap = False, 0.0
         for rope in range(ropes):
@@ -172,7 +171,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     Returns:
         The fields of `Outcome`.
     """
-    solver, c = system.solver, coefficients(system.solver.spectral_radius)
+    solver, memory = system.solver, record_at(bundle.records[0, STATE], state).newton_curvature
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
     lost, moved = 0.0, 0.0
     taken, gone_back = 0, wheels_gone_back(moving.sheaves)
@@ -192,8 +191,9 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                     if part > 0:
                         column = BEFORE
                         copy_ropes(bundle, STATE, BEFORE, state)
+                    c = coefficients_of_step(solver.spectral_radius, memory[0] > 0.0)
                     converged, used, increment, gap = step(
-                        bundle, moving, moving_before, scratch, system, state, work, column, solver.step / parts
+                        bundle, moving, moving_before, scratch, system, state, work, column, c, solver.step / parts
                     )
                     iterations += used
                     if converged:

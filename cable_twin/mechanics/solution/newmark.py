@@ -34,6 +34,17 @@ def coefficients(spectral_radius):
     return Coefficients(alpha_m, alpha_f, 0.25 * (0.5 + gamma) * (0.5 + gamma), gamma)
 
 
+@kernel
+def coefficients_of_step(spectral_radius, begun):
+    """Coefficients of generalized-alpha, or of a step that uses no acceleration of its start, of which none is known.
+
+    At the start of a motion, and where a force sets in at once, accelerations are not those of the step before. With
+    them, the error of such a step is of first order, and may be a gain of energy. Without them it is of second order
+    (Newmark's formulas with β = 1/2 and γ = 1), as is that of a motion with one step of this kind.
+    """
+    return coefficients(spectral_radius) if begun else Coefficients(0.0, 0.0, 0.5, 1.0)
+
+
 @inlined_kernel
 def factors(c, h):
     """Tangent factors of generalized-alpha: ∂acceleration/∂coordinate (1/s²) and ∂velocity/∂coordinate (1/s)."""
