@@ -259,6 +259,7 @@ def energy_on_a_tower() -> Iterator[Result]:
     losses = []
     for friction in (0.0, 0.1):
         simulation = plucked(friction, 4.0, step=2e-3, spectral_radius=0.9)
+        start_moving(simulation)
         rest = tramway(towers__tower__friction=0.0).energy().total
         energies = [simulation.energy().total - rest]
         for frame in range(1, 201):

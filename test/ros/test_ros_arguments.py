@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import re
 import shlex
+from contextlib import suppress
+from functools import partial
 
 import pytest
 from bags import bag
-from twin_process import COMPILING, PATIENCE, TwinProcess, stamps, write_quick_scenario
+from twin_process import COMPILING, PATIENCE, TwinProcess, stamps, wait_until, write_quick_scenario
 
 from cable_twin.frame.records import Command
 from cable_twin.messages import TopicNames
 from cable_twin.offline import replay
+from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import load_scenario
 
@@ -109,7 +112,15 @@ def test_diagnostics_come_without_a_clock_and_name_node_task_and_scenario_in_ful
 
 def test_values_of_the_scenario_are_changed_line_by_line(running, twin):
     assert value_of(twin, "set").string_value == "terrain=[[0, -90], [1000, -90]]\nterrain.1.1=-91"
-    assert read_log(running[0].run_directory).scenario["terrain"] == [[0, -90], [1000, -91]]
+    directory = running[0].run_directory
+    assert wait_until(partial(written_scenario, directory))["terrain"] == [[0, -90], [1000, -91]]
+
+
+def written_scenario(directory):
+    """Scenario of a running log; None until it is on the disk."""
+    with suppress(LogError):
+        return read_log(directory).scenario
+    return None
 
 
 def value_of(twin: Participant, name: str) -> ParameterValue:
