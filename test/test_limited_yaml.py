@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cable_twin.basics.limited_yaml import DEEPEST, LARGEST, MOST, UnreadableYamlError, read_yaml
+from cable_twin.basics.limited_yaml import DEEPEST, LARGEST, MOST, UnreadableYamlError, read_mapping, read_yaml
 from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import parser
 from cable_twin.scenario import ScenarioError, load_scenario, parse_scenario
@@ -81,3 +81,25 @@ def test_what_is_within_limits_is_read():
     assert read_yaml("[" * (DEEPEST - 1) + "1" + "]" * (DEEPEST - 1)).content
     with pytest.raises(UnreadableYamlError, match="larger than"):
         read_yaml("#" * (LARGEST + 1))
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"a: [", ":1: not YAML"),
+        (b"", ": given nothing; allowed: a mapping with a, b"),
+        (b"- 1", ": given [1]; allowed: a mapping with a, b"),
+        (b"a: 1\na: 2\nb: 1\nb: 2\n", ": a: given on lines 1 and 2; allowed: once\n"),
+        (b"\xff", ": not a text in UTF-8 (byte 0); allowed: a YAML file of things"),
+        (None, ": cannot be read (No such file or directory); allowed: a YAML file of things"),
+    ],
+)
+def test_a_mapping_has_a_line_for_each_fault(tmp_path, content, told):
+    file = tmp_path / "file.yaml"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(KeyError) as error:
+        read_mapping(file, KeyError, "things", ("a", "b"))
+    (text,) = error.value.args
+    assert text.startswith(f"{file}{told}")
+    assert all(line.startswith(str(file)) for line in text.splitlines())

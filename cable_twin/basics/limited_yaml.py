@@ -5,7 +5,7 @@ A few lines of aliases stand for a great many values: they are counted before an
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,8 +17,11 @@ from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 from ruamel.yaml.representer import SafeRepresenter
 
+from cable_twin.basics.printable import printable
+
 LARGEST = 2**20  # bytes
 DEEPEST = 60  # lists and mappings within each other
+LONGEST_LINE, LONGEST_GIVEN = 400, 60  # characters of a fault, and of what is given in it
 MOST = 100_000  # values and keys, those of an alias each time that it stands
 
 
@@ -87,6 +90,37 @@ def read_yaml(text: str) -> Document:
     except Exception as error:  # the library raises many kinds for invalid values
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableYamlError(f"holds a value that cannot be read ({reason}); allowed: YAML 1.2") from None
+
+
+def read_mapping(file: Path, error: Callable[[str], Exception], what: str, keys: Iterable[str]) -> Mapping[Any, Any]:
+    """Mapping in a YAML file.
+
+    Args:
+        file: its path; `~` stands for the home of the user.
+        error: makes the exception that is raised, from a text with one line per fault.
+        what: a YAML file of that is allowed, as "load cases".
+        keys: of the mapping, for the message of a file with something else.
+
+    Raises:
+        error: the file cannot be read, is no YAML, gives a key twice, or holds no mapping.
+    """
+    try:
+        found = read_yaml(limited_text(file.expanduser()))
+    except UnreadableYamlError as fault:
+        raise error(f"{file}{fault.where}: {fault}") from None
+    except UnicodeDecodeError as fault:
+        raise error(f"{file}: not a text in UTF-8 (byte {fault.start}); allowed: a YAML file of {what}") from None
+    except (OSError, RuntimeError, ValueError) as fault:  # RuntimeError: ~ of a user without a home
+        reason = getattr(fault, "strerror", None) or fault
+        raise error(f"{file}: cannot be read ({reason}); allowed: a YAML file of {what}") from None
+    twice = [(".".join(map(str, one.path)), one.first, one.second) for one in found.doubles]
+    if twice:
+        lines = (f"{file}: {path}: given on lines {one} and {two}; allowed: once" for path, one, two in twice)
+        raise error("\n".join(printable(line, LONGEST_LINE) for line in lines))
+    if not isinstance(found.content, Mapping):
+        given = "nothing" if found.content is None else printable(repr(found.content), LONGEST_GIVEN)
+        raise error(f"{file}: given {given}; allowed: a mapping with {', '.join(keys)}")
+    return found.content
 
 
 class _LimitedComposer(Composer):

@@ -188,8 +188,7 @@ def test_a_missing_file_is_one_line(capsys):
     assert main(["nowhere.yaml"]) == 2
     (error,) = capsys.readouterr().err.splitlines()
     assert error == (
-        "plant_door: nowhere.yaml: cannot be read (No such file or directory); "
-        "allowed: a YAML file with the map of a plant"
+        "plant_door: nowhere.yaml: cannot be read (No such file or directory); allowed: a YAML file of a plant map"
     )
 
 

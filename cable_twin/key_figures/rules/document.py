@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, Field, ValidationError
 
-from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.basics.limited_yaml import read_mapping
 from cable_twin.key_figures.quantities import QUANTITIES
 from cable_twin.key_figures.rules.conditions import SYSTEMS, VARIABLES, condition_fault
 from cable_twin.key_figures.rules.expressions import FormulaError, variables_of
@@ -155,24 +155,15 @@ def load_profile(source: str) -> Profile:
     file = Path(source).expanduser() if is_file(source) else RULES / f"{source}.yaml"
     if not file.is_file():  # a pipe would hold up a running twin
         raise RuleError(f"{file}: no such file; allowed: a YAML file with a rule profile")
-    try:
-        found = read_yaml(limited_text(file))
-    except UnreadableYamlError as error:
-        raise RuleError(f"{file}{error.where}: {error}") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise RuleError(f"{file}: cannot be read ({reason}); allowed: a YAML file") from None
-    twice = [Fault(one.path, f"given on lines {one.first} and {one.second}; allowed: once") for one in found.doubles]
-    document, faults = read_document(found.content)
-    if document is None or twice or faults:
-        raise RuleError(*(f"{file}: {'.'.join(map(str, path))}: {text}" for path, text in (*twice, *faults)))
+    content = read_mapping(file, lambda text: RuleError(*text.splitlines()), "a rule profile", Document.model_fields)
+    document, faults = read_document(content)
+    if document is None or faults:
+        raise RuleError(*(f"{file}: {'.'.join(map(str, path))}: {text}" for path, text in faults))
     return Profile(file.stem, document)
 
 
-def read_document(data: Any) -> tuple[Document | None, list[Fault]]:
+def read_document(data: Mapping[Any, Any]) -> tuple[Document | None, list[Fault]]:
     """Rule document from plain data, or None, and all its faults."""
-    if not isinstance(data, Mapping):
-        return None, [refuse((), data, "a mapping with the keys of a rule profile")]
     try:
         document = Document.model_validate(data)
     except ValidationError as error:

@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.basics.limited_yaml import read_mapping
 from cable_twin.basics.printable import printable
 from cable_twin.ros.door.plant_map import OUT_OF_THE_MAP, UNIT_OF_TAG, Mqtt, OpcUa, PlantMap, Secret, Server, Tag
 from cable_twin.ros.door.quantities import HINTS, POLAR, QUANTITIES, UNITS, units_of
@@ -52,7 +52,8 @@ def read_map(file: Path) -> Warned:
     Raises:
         MapError: the file, a connection or all tags are faulty.
     """
-    content = dict(_content(file))
+    given = read_mapping(file, MapError, "a plant map", PlantMap.model_fields)
+    content = {str(key): value for key, value in given.items()}
     tags = content.pop("tags", {})
     faults: list[str] = []
     try:
@@ -80,24 +81,6 @@ def read_map(file: Path) -> Warned:
         [f"{file}: {printable(line, 400)}; {LEFT_OUT}" for line in faults],
         [f"{file}: {line}" for line in _warnings(plan)],
     )
-
-
-def _content(file: Path) -> Mapping[str, Any]:
-    """Mapping in a YAML file."""
-    try:
-        found = read_yaml(limited_text(file.expanduser()))
-    except UnreadableYamlError as error:
-        raise MapError(f"{file}{error.where}: {error}") from None
-    except (OSError, RuntimeError, ValueError) as error:  # RuntimeError: ~ of a user without a home
-        reason = getattr(error, "strerror", None) or error
-        raise MapError(f"{file}: cannot be read ({reason}); allowed: a YAML file with the map of a plant") from None
-    if found.doubles:
-        one = found.doubles[0]
-        raise MapError(f"{file}: {'.'.join(map(str, one.path))}: given on lines {one.first} and {one.second}")
-    if not isinstance(found.content, Mapping):
-        keys = ", ".join(PlantMap.model_fields)
-        raise MapError(f"{file}: given {show(found.content)}; allowed: a mapping with {keys}")
-    return {str(key): value for key, value in found.content.items()}
 
 
 def _lines(model: type[BaseModel], error: ValidationError, data: Any) -> Iterator[str]:
