@@ -77,6 +77,7 @@ class Settings(NamedTuple):
 SHAPE = (  # arrays of a state that a search for another rest begins with
     *("nodes.position", "bodies.position", "joints.position", "contact_arc_length", "surplus", "loop_start"),
     *("mesh.arc_length", "mesh.length", "mesh.plain", "node_load", "joint_node", "node_follows", "joint_element"),
+    *("multipliers", "moments"),  # without the weight of what hangs on it, a vehicle would turn about its joint freely
 )
 
 

@@ -38,6 +38,7 @@ from cable_twin.scenario.checks.line import groove_faults
 from cable_twin.simulation.ropeway import Ropeway, of_rope
 
 LOOP_DIGITS = 9  # of a metre, to which places on the loop are known: what is clamped at a bullwheel stays on its side
+LEAST_LEFT = 0.5  # of an element whose node goes along with a load that was moved
 SOUND = 0.02  # of a pull: as near as that to what it has to be, another one is at fault
 
 
@@ -77,7 +78,7 @@ class Loop:
         lengths = np.array([part.system.cable.unstrained_length for part in self._parts.values()])
 
         def rest() -> None:
-            self._lay()
+            self._lay(along=near)
             relax()
             update_end_tensions(self._bundle, self.motion, first.system, first.state)
 
@@ -121,10 +122,16 @@ class Loop:
             )
         return "\n".join(lines)
 
-    def _lay(self) -> None:
-        """Move strand ends to their bullwheels, and clamped vehicles to their places on the moved strands."""
+    def _lay(self, *, along: bool = False) -> None:
+        """Move strand ends to their bullwheels, and clamped vehicles to their places on the moved strands.
+
+        Args:
+            along: whether nodes move along the rope, which keeps it on its towers, and vehicles go with them as they
+                are; else nodes move as the ends do, and vehicles hang down.
+        """
         motion, sheaves = self.motion, self._bundle.sheaves
         parts, passed = list(self._parts.values()), 0.0
+        before = [_points(part) for part in parts] if along else []
         for sheave in range(len(self._names)):
             for side in range(2):
                 part = parts[sheaves.rope[sheave, side]]
@@ -133,7 +140,11 @@ class Loop:
                 way = motion.carriage.position[sheave] * sheaves.direction[sheave]
                 moved = cable.end_position[1 - side] + way - nodes.position[-1 if side == 0 else 0, 0]
                 share = cable.node_arc_length / cable.unstrained_length  # all of it comes along, so none is crushed
-                nodes.position[:, 0] += np.outer(share if side == 0 else 1.0 - share, moved)
+                share = share if side == 0 else 1.0 - share
+                if along:
+                    _move_along(part, moved, share, -1 if side == 0 else 0)
+                else:
+                    nodes.position[:, 0] += np.outer(share, moved)
         for name in self._strands:
             part = self._parts[name]
             state, length = part.state, part.system.cable.unstrained_length
@@ -146,7 +157,14 @@ class Loop:
             on = carriages.clamped & part.riding
             state.joints.position[on] = np.clip(places, 0.0, length)[on]
             state.reference.position[on] = state.joints.position[on]
-            hang_carriages(part.system, state)
+            if along:
+                _take_load_nodes_along(part)
+            else:
+                hang_carriages(part.system, state)
+        for part, points in zip(parts, before, strict=along):
+            riding = np.repeat(part.riding, np.diff(part.system.carriages.body_offset))
+            moved = _points(part) - points
+            part.state.bodies.position[riding, : moved.shape[1]] += moved[riding]
 
     def take_up(self) -> None:
         """Set the travel of bullwheels to the rope lengths of the strands in the present state."""
@@ -161,7 +179,7 @@ class Loop:
             self._parts[name].state.surplus[0] = 0.0
         gone[-1, fixed] = 1.0
         self.motion.rope.position[:] = np.linalg.lstsq(gone, surplus, rcond=None)[0]
-        self._lay()
+        self._lay(along=True)
 
     def _begin_here(self) -> None:
         """Set the travel of all strands and bullwheels to zero in the present state."""
@@ -260,6 +278,51 @@ class Loop:
         depth = depth + np.maximum(motion.carriage.position - sheaves.travel[:, 1], 0.0)
         elastic = 0.5 * float(sheaves.buffer_stiffness @ depth**2)
         return Energy(float(kinetic), elastic, -float(sheaves.pull[moved] @ motion.carriage.position[moved]))
+
+
+def _move_along(part: Ropeway, moved: FloatArray, share: FloatArray, end: int) -> None:
+    """Move the nodes of a strand along it as far as their shares of what an end moves.
+
+    What the end moves across the strand is left to its last span.
+
+    Args:
+        part: the strand.
+        moved: (dim,) m, way of the end.
+        share: (nodes,) of it, from 0 at the other end to 1.
+        end: row of the node at the end, 0 or -1.
+    """
+    state, places = part.state, part.state.mesh.arc_length
+    tangents = state.nodes.position[:, 1] + state.nodes.position[:, 2]
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    forward = float(moved @ tangents[end])
+    last = abs(places[end] - state.contact_arc_length).min(initial=places[-1] - places[0])
+    beside = np.maximum(1.0 - abs(places[end] - places) / last, 0.0)
+    across = moved - forward * tangents[end]
+    state.nodes.position[:, 0] += forward * share[:, None] * tangents + np.outer(beside, across)
+
+
+def _take_load_nodes_along(part: Ropeway) -> None:
+    """Move nodes with the loads that they follow, where these have moved a little, so that no bend at one is lost."""
+    state, mesh = part.state, part.state.mesh
+    nodes = np.flatnonzero(state.node_load >= 0)
+    nodes = nodes[state.node_follows[state.node_load[nodes]]]
+    places = mesh.arc_length.copy()
+    places[nodes] = state.joints.position[state.node_load[nodes]]
+    if not (np.diff(places) > LEAST_LEFT * np.diff(mesh.arc_length)).all():
+        return
+    slopes = 0.5 * (state.nodes.position[nodes, 1] + state.nodes.position[nodes, 2])
+    state.nodes.position[nodes, 0] += (places - mesh.arc_length)[nodes, None] * slopes
+    beside = (state.node_load[:-1] >= 0) | (state.node_load[1:] >= 0)
+    mesh.arc_length[:] = places
+    mesh.length[:] = np.where(beside, np.diff(places), mesh.length)
+
+
+def _points(part: Ropeway) -> FloatArray:
+    """Points (bodies, dim) in m of a strand at the joints of its vehicles, for each of their bodies."""
+    state, count = part.state, np.diff(part.system.carriages.body_offset)
+    nodes = state.nodes.position[:, 0].T
+    points = np.array([np.interp(state.joints.position, state.mesh.arc_length, one) for one in nodes])
+    return np.repeat(points.T, count, axis=0)
 
 
 def settle_near(
