@@ -30,6 +30,7 @@ from cable_twin.scenario.sections.line import KINKS, warn_of_kinks
 LONGEST_DESCRIPTION = 400  # characters in a list
 LONGEST_NAME = 200  # characters of the name of a file that becomes that of a scenario
 SUFFIXES = (".yaml", ".yml")
+SCALARS = (float, int, str, bool, type(None))
 
 
 class ScenarioError(ValueError):
@@ -232,6 +233,8 @@ def _document(text: str) -> Document:
 
 def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
     """Copy of dicts, lists and scalars without numpy types; keys other than texts are added to `faults`."""
+    if type(value) in SCALARS:
+        return value
     if isinstance(value, Mapping):
         strange = [key for key in value if not isinstance(key, str)]
         faults += [refuse(path, Phrase(f"the key {show(key)}"), "keys that are texts") for key in strange]

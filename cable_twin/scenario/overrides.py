@@ -262,6 +262,8 @@ class Written:
 
     def path(self, path: KeyPath) -> KeyPath:
         """Key path in the file, or in an override, of a key path of the scenario."""
+        if not {*path[:1]} & {"drives", *OWN}:
+            return path
         place, rest = self._places().get(path[:2]), path[2:]
         if place is None or self.is_given(path, by_name=True):
             return path

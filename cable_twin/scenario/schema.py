@@ -423,10 +423,13 @@ class Scenario(Section):
     @property
     def dim(self) -> int:
         """Dimension of the working space: 2 in a plane, 3 in space."""
+        return self.space or self._made("dim", (self.ropes, self.cable, self.towers), self._dim)
+
+    def _dim(self) -> int:
+        """Most coordinates of a position of a support."""
         cables = self.cables.values()
         places = [place for cable in cables for place in (cable.start.position, cable.end.position)]
-        places += [tower.position for tower in self.towers.values()]
-        return self.space or max(map(len, places))
+        return max(map(len, [*places, *(tower.position for tower in self.towers.values())]))
 
     def vector(self, given: tuple[float, ...]) -> tuple[float, ...]:
         """Vector with as many numbers as dimensions, from x, z or x, y, z; y is 0 if not given."""

@@ -5,6 +5,7 @@ The table of all quantities, `key_figures/quantities.py`, refers to it by key.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, cast
 
 from pydantic import Field
@@ -201,6 +202,7 @@ class LimitRow(NamedTuple):
         return ", ".join(filter(None, (self.source, self.clause)))
 
 
+@cache
 def limit_row(key: str) -> LimitRow:
     """Limit in the table for a key of `limits`."""
     field = KeyFigureLimits.model_fields[key]
