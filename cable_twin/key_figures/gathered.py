@@ -162,7 +162,7 @@ class KeyFigures:
                 ),
                 *self._of_buffers(rope),
             ]
-            found += [one if one.band else replace(one, band=frames) for one in of_rope]
+            found += [replace(one, band=frames) if frames and not one.band else one for one in of_rope]
         if self._sheaves:
             found += [one for name in self._drives for one in self._of_drive(name)]
             found += [one for row, name in enumerate(self._sheaves) for one in self._of_sheave(row, name)]

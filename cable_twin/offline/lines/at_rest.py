@@ -119,7 +119,8 @@ def calculate(
         on_place()
     names = dict.fromkeys(name for values in found for name in values)
     line.rows = {name: np.array([values.get(name, np.nan) for values in found]) for name in names}
-    line.figures = [*(replace(one, band="") for one in _static(envelope.figures())), *_loads(line)]
+    static = [replace(one, band="") if one.band else one for one in _static(envelope.figures())]
+    line.figures = [*static, *_loads(line)]
 
 
 def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
@@ -172,9 +173,15 @@ def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
 def _loads(line: Line) -> list[KeyFigure]:
     """Add the rows of load components of all supports; returns the figures of their largest and least values."""
     found, forces = [], np.array([-one.support_force for one in line.columns])  # of the cable on its supports
+    places, loads = line.places.tolist(), {"load_along_track": forces[:, :, 0], "load_downwards": -forces[:, :, 2]}
+    extremes = {
+        quantity: (("highest", values.argmax(axis=0).tolist()), ("lowest", values.argmin(axis=0).tolist()))
+        for quantity, values in loads.items()
+    }
     for row, subject in enumerate(supports_of(line.scenario)):
-        for quantity, values in (("load_along_track", forces[:, row, 0]), ("load_downwards", -forces[:, row, 2])):
-            line.rows[f"{subject.name}: {QUANTITIES[quantity].name} [{QUANTITIES[quantity].unit}]"] = values
-            for statistic, at in (("highest", int(np.argmax(values))), ("lowest", int(np.argmin(values)))):
-                found.append(figure(quantity, subject, statistic, float(values[at]), float(line.places[at])))
+        for quantity, values in loads.items():
+            line.rows[f"{subject.name}: {QUANTITIES[quantity].name} [{QUANTITIES[quantity].unit}]"] = values[:, row]
+            for statistic, rows in extremes[quantity]:
+                at = rows[row]
+                found.append(figure(quantity, subject, statistic, float(values[at, row]), places[at]))
     return found
