@@ -29,6 +29,7 @@ MODULES = (
     "loads",
     "random_loads",
     "load_statics",
+    "load_cases",
     "moving_loads",
     "meshes",
     "space",

@@ -9,7 +9,7 @@ import json
 import shlex
 import sys
 from collections.abc import Sequence
-from contextlib import redirect_stdout, suppress
+from contextlib import ExitStack, redirect_stdout, suppress
 from dataclasses import replace
 from functools import partial
 from importlib import metadata
@@ -24,7 +24,8 @@ from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_
 from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
 from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, read_cases
-from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part
+from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, uncollected
+from cable_twin.offline.envelopes.tensioning import ALLOWED
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.lines.at_rest import MOST
@@ -42,8 +43,9 @@ FEW = 4  # cases below which other processes would take longer to start
 SUFFIX = ".json"  # of the result of a case
 EPILOG = f"""\
 A file of load cases has a list `cases`, or a mapping `product` of factors whose levels are combined, or both. A case
-has `set`, changes by dotted key, `loading`, one of {", ".join(PLANS)}, and
-`load_cases` of rule profiles that it models:
+has `set`, changes by dotted key, `loading`, one of {", ".join(PLANS)},
+`tensioning`, one of {ALLOWED},
+`worst_place: {{points: N, figures: [ID]}}`, a search for it, and `load_cases` of rule profiles that it models:
 
   cases:
     - {{id: ice, name: ice of 3 kg/m, set: {{ropes.up.ice: 3.0}}}}
@@ -121,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.error("--parquet needs pyarrow, which this Python does not have: pip install pyarrow")
     console = Console(stderr=True)
     try:
-        with left_at_once("envelope"):
+        with left_at_once("envelope"), uncollected():
             cases = read_cases(options.cases, source, dict(options.set))
             profiles, *_ = [profiles_of(case.scenario) for case in cases]
         shown_by = partial(print, file=sys.stderr, flush=True)
@@ -129,7 +131,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             Simulation(cases[0].scenario, meanwhile=compile_figures)  # a fault of its case is told with it
         if options.results is not None:
             options.results.mkdir(parents=True, exist_ok=True)
-        results = _calculated([Job(case, options.places) for case in cases], options.results, console)
+        with uncollected():
+            results = _calculated([Job(case, options.places) for case in cases], options.results, console)
         verdicts = worst_verdicts(
             [
                 in_case(one.id, judge(one.scenario, result.figures, at_rest=not one.moves))
@@ -144,7 +147,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             shown = [replace(one, place=", ".join(filter(None, (f"case {case}", one.place)))) for case, one in extremes]
             print_figures(table_console(), [shown], at="vehicle at", unit_at="m")
             print_verdicts(table_console(), profiles, verdicts)
-        _write(options, cases, results, extremes, verdicts)
+        with uncollected():
+            _write(options, cases, results, extremes, verdicts)
     except (ScenarioError, CaseError) as error:
         return fail("envelope", error, UNUSABLE)
     except KeyboardInterrupt:
@@ -195,7 +199,8 @@ def _file(kept: Path, job: Job) -> Path:
     scenario = job.case.scenario.resolved()
     for key in ("profile", "installation", "load_cases"):  # judged anew each time
         del scenario["limits"][key]
-    run = [] if job.case.dynamic is None else [job.case.dynamic.inputs]
+    own = (job.case.dynamic, job.case.worst_place)
+    run = [one.inputs for one in own if one is not None] + ["stops"] * job.case.stops
     text = json.dumps([scenario, job.places, metadata.version("cable_twin"), *run], sort_keys=True)
     return kept / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}{SUFFIX}"
 
@@ -281,7 +286,10 @@ def _write(
     columns = ["case", *FIGURE_COLUMNS]
     rows = [[one.id, *figure_columns(figure).values()] for one in results for figure in one.figures]
     if options.csv is not None:
-        with sys.stdout if options.csv == STDOUT else open(options.csv, "w", encoding="utf-8", newline="") as file:
+        with ExitStack() as stack:
+            file = sys.stdout
+            if options.csv != STDOUT:
+                file = stack.enter_context(open(options.csv, "w", encoding="utf-8", newline=""))
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(columns)
             writer.writerows(rows)

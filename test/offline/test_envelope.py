@@ -9,17 +9,20 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cable_twin.key_figures import KeyFigures
+from cable_twin.key_figures import KeyFigures, Subject, figure
 from cable_twin.offline import envelope
 from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
 from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
 from cable_twin.offline.envelopes.runs import Job, run_case
+from cable_twin.offline.envelopes.search import Search
+from cable_twin.offline.envelopes.tensioning import tensioning
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.rests import Rests, differ_in_loads
 from cable_twin.simulation.vehicles import _rooms
 from verification import JIT
 
+PEAKS = {"a/r/highest": 1.37, "b/r/highest": 0.0, "c/r/highest": 2.86}
 CASES = """\
 cases:
   - {id: heavy, name: more counterweight, loading: empty, set: {sheaves.return.counterweight.mass: 36000.0}}
@@ -38,7 +41,7 @@ def cases_in(directory, text):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("cases: 3", "cases: given 3; allowed: a list of mappings with id, name, loading, set, load_cases, dynamic"),
+        ("cases: 3", "cases: given 3; allowed: a list of mappings with id, name, loading, tensioning, set"),
         ("cases: [{name: x}]", "cases.0: given a mapping without an id; allowed: a mapping with id, name"),
         ("cases: [{id: a, sett: {}}]", "cases.0.sett: this key does not exist; allowed: id, name, loading"),
         ("cases: [{id: a}, {id: a}]", "a: given twice; allowed: each id once"),
@@ -71,6 +74,76 @@ def test_wrong_files_and_profiles_are_a_line(tmp_path, capsys):
     first, second = capsys.readouterr().err.splitlines()
     assert "cannot be read (No such file or directory); allowed: a YAML file of load cases" in first
     assert "limits.load_cases.0: given 'france_1985.uplift': without a profile there is no load case" in second
+
+
+@pytest.mark.parametrize(
+    ("case", "told"),
+    [
+        (
+            "tensioning: loose",
+            "tensioning: given 'loose'; allowed: stops, stuck, least_travel, most_travel, or a travel",
+        ),
+        ("tensioning: true", "tensioning: given True; allowed: stops"),
+        ("tensioning: 4.5", "tensioning: given 4.5 m; allowed: -4 to 4 m, as sheaves.return.counterweight.travel has"),
+        ("worst_place: 3", "worst_place: given 3; allowed: a mapping with figures, a list of their ids"),
+        ("worst_place: {figures: [sag]}", "worst_place.figures: id 'sag' is no quantity/subject/statistic"),
+        (
+            "worst_place: {figures: [a/b/lowest], points: 2}",
+            "worst_place.points: given 2; allowed: a whole number from",
+        ),
+        (
+            "worst_place: {figure: 1, figures: [a/b/lowest]}",
+            "worst_place.figure: this key does not exist; allowed: poi",
+        ),
+    ],
+)
+def test_faults_of_tensioning_and_places_are_a_line(tmp_path, case, told):
+    with pytest.raises(CaseError) as error:
+        read_cases(cases_in(tmp_path, f"cases: [{{id: a, {case}}}]"), "chairlift", {})
+    assert str(error.value).startswith(f"{tmp_path / 'cases.yaml'}: a: {told}")
+
+
+def test_what_nothing_tensions_and_nothing_moves_is_a_line(tmp_path):
+    (tmp_path / "span.yaml").write_text(SPAN, encoding="utf-8")
+    for key, told in (
+        ("tensioning: stuck", "nothing tensions a rope here"),
+        ("worst_place: {figures: [a/b/lowest]}", "no"),
+    ):
+        with pytest.raises(CaseError, match=f"{told}"):
+            read_cases(cases_in(tmp_path, f"cases: [{{id: a, {key}}}]"), tmp_path / "span.yaml", {})
+
+
+def test_held_devices_move_the_ends_of_their_ropes():
+    values = tensioning(load_scenario("chairlift"), "most_travel")
+    way = 4.0 * np.array([-0.98, -0.197]) / np.hypot(0.98, 0.197)
+    assert values["sheaves.return.counterweight"] is None
+    moved = load_scenario("chairlift", values)
+    for rope, end in (("up", "start"), ("down", "end")):
+        before = load_scenario("chairlift").ropes[rope].ends[end].position
+        assert np.subtract(moved.ropes[rope].ends[end].position, before) == pytest.approx(way, abs=1e-12)
+    track = load_scenario("aerial_tramway", tensioning(load_scenario("aerial_tramway"), "stuck"))
+    assert (track.cable.start.support, track.cable.start.mass) == ("pinned", None)
+
+
+def test_one_chair_at_its_worst_place_is_one_case_of_the_whole_loop(tmp_path):
+    text = "cases: [{id: one, loading: one, worst_place: {figures: [a/b/lowest]}}]"
+    (case,) = read_cases(cases_in(tmp_path, text), "chairlift", {})
+    assert (case.id, case.worst_place.one, case.worst_place.points) == ("one", True, 40)
+
+
+def test_search_finds_what_lies_between_the_points_of_its_grid():
+    tried = []
+
+    def at(value):
+        tried.append(value)
+        heights = {key: -((value - peak) ** 2) for key, peak in PEAKS.items()}
+        return {key: figure("sag", Subject("r"), "highest", one, 0.0) for key, one in heights.items()}
+
+    search = Search(at, 0.01, "worst_place")
+    for key, peak in PEAKS.items():
+        search.refine(key, [0.0, 1.0, 2.0, 3.0])
+        assert search.worst(key)[0] == pytest.approx(peak, abs=0.02)
+    assert len(tried) == len(set(tried)) < 60
 
 
 def test_loading_plans():
@@ -188,11 +261,15 @@ def test_what_is_no_load_is_calculated_from_scratch(changes):
 
 def test_finished_cases_are_not_calculated_again(calculated, capsys, monkeypatch):
     directory, options = calculated
+    options = list(options)
     before = (directory / "all.csv").read_bytes()
     monkeypatch.setattr("cable_twin.offline.envelope.run_part", None)
     assert envelope.main(options) == 0
     assert f"3 of 3 cases are in {directory / 'kept'} already" in capsys.readouterr().err
     assert (directory / "all.csv").read_bytes() == before
+    options[options.index("--csv") + 1] = "-"
+    assert envelope.main(options) == 0
+    assert capsys.readouterr().out.encode() == before  # and stdout is still open
 
 
 @pytest.mark.long
@@ -256,8 +333,8 @@ def test_the_worst_stop_is_at_least_as_bad_as_on_a_grid_ten_times_as_dense(tmp_p
     found = {one["id"]: one for one in data["envelope"]}
     _, trip, stop = read_cases(file, "aerial_tramway", {})
     dense = stop.dynamic.stop._replace(points=51)
-    monkeypatch.setattr(StopSearch, "_refine", lambda *_: None)
-    moments = StopSearch(stop.scenario, stop.dynamic, dense).moments
+    monkeypatch.setattr(StopSearch, "refine", lambda *_: None)
+    moments = StopSearch(stop.scenario, stop.dynamic, dense).tried
     assert len(moments) == 51
     for key in (SWING, TENSION):
         assert found[key]["case"] == "stop"

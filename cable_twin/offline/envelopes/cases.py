@@ -7,8 +7,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
-from cable_twin.basics.limited_yaml import UnreadableYamlError, limited_text, read_yaml
+from cable_twin.basics.limited_yaml import read_mapping
 from cable_twin.offline.envelopes.motion import Dynamic, DynamicError, read_dynamic
+from cable_twin.offline.envelopes.places import WorstPlace, read_worst_place
+from cable_twin.offline.envelopes.tensioning import STOPS, TensioningError, tensioning
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.checks.fault import listed, show
 
@@ -20,19 +22,26 @@ PLANS = {
     "every_second": "every second vehicle full, the others empty",
     "one": "one vehicle full and the others empty, a case for each vehicle that can be it",
 }
-KEYS = ("id", "name", "loading", "set", "load_cases", "dynamic")
-OF_PRODUCT = ("name", "loading", "set", "load_cases", "dynamic")
+OF_FILE = ("cases", "product")
+OF_PRODUCT = ("name", "loading", "tensioning", "set", "load_cases", "dynamic", "worst_place")
+KEYS = ("id", *OF_PRODUCT)
+ALONE = ("loading", "tensioning", "dynamic", "worst_place")  # keys that one factor of a product may give
 MOST = 20_000  # cases of a file
 
 
 class LoadCase(NamedTuple):
-    """Load case: a scenario with an id, a name that says what it stands for, and its changes by dotted key."""
+    """Load case: a scenario with an id, a name that says what it stands for, and its changes by dotted key.
+
+    `dynamic` is its run, `worst_place` the search for the worst place of its vehicle, None without.
+    """
 
     id: str
     name: str
     scenario: Scenario
     changes: Mapping[str, Any]
     dynamic: Dynamic | None = None
+    worst_place: WorstPlace | None = None
+    stops: bool = False  # whether tensioning devices are held at the limits of their travel
 
     @property
     def moves(self) -> bool:
@@ -57,10 +66,10 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
         ScenarioError: the scenario itself is invalid.
     """
     base = load_scenario(source, changes)
-    content = _content(file)
+    content = read_mapping(file, CaseError, "load cases", OF_FILE)
     faults: list[str] = []
-    if unknown := [key for key in content if key not in ("cases", "product")]:
-        faults.append(f"{unknown[0]}: this key does not exist; allowed: cases, product")
+    if unknown := [key for key in content if key not in OF_FILE]:
+        faults.append(f"{unknown[0]}: this key does not exist; allowed: {', '.join(OF_FILE)}")
     parts = [*_listed(content.get("cases"), faults), *_combined(content.get("product"), faults)]
     if not parts and not faults:
         faults.append("given no case; allowed: a list `cases`, or a mapping `product`")
@@ -80,34 +89,20 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
             scenario = load_scenario(source, {**changes, **values})
             given = one.get("dynamic")
             dynamic = None if given is None else read_dynamic(given, file.parent, scenario)
+            place, stops = _worst_place(one, scenario), one.get("tensioning") == STOPS
+            if stops and dynamic is not None:
+                faults.append(f"{id_}: tensioning: given {STOPS!r} beside dynamic; allowed: a case at rest")
         except DynamicError as error:
             faults += [f"{id_}: {line}" for line in str(error).splitlines()]
         except ScenarioError as error:
             faults += [f"{id_}: {fault.partition(': ')[2]}" for fault in error.faults]
-        except CaseError as error:
+        except (CaseError, TensioningError) as error:
             faults.append(f"{id_}: {error}")
         else:
-            found.append(LoadCase(id_, str(one.get("name", id_)), scenario, values, dynamic))
+            found.append(LoadCase(id_, str(one.get("name", id_)), scenario, values, dynamic, place, stops))
     if faults:
         raise CaseError("\n".join(f"{file}: {fault}" for fault in faults))
     return found
-
-
-def _content(file: Path) -> Mapping[str, Any]:
-    """Mapping in a YAML file."""
-    try:
-        found = read_yaml(limited_text(file))
-    except UnreadableYamlError as error:
-        raise CaseError(f"{file}{error.where}: {error}") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise CaseError(f"{file}: cannot be read ({reason}); allowed: a YAML file of load cases") from None
-    if found.doubles:
-        one = found.doubles[0]
-        raise CaseError(f"{file}: {'.'.join(map(str, one.path))}: given on lines {one.first} and {one.second}")
-    if not isinstance(found.content, Mapping):
-        raise CaseError(f"{file}: given {show(found.content)}; allowed: a mapping of cases and product")
-    return found.content
 
 
 def _listed(cases: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
@@ -152,7 +147,7 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
     for combination in product(*(levels.items() for levels in factors.values())):
         merged: dict[str, Any] = {"set": {}, "load_cases": []}
         for _, one in combination:
-            merged |= {key: value for key, value in one.items() if key in ("loading", "dynamic")}
+            merged |= {key: value for key, value in one.items() if key in ALONE}
             merged["set"] |= one.get("set", {})
             merged["load_cases"] += one.get("load_cases", [])
         names = [str(one.get("name", level)) for level, one in combination]
@@ -163,7 +158,7 @@ def _given_twice(factors: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
     """Fault of a key that two factors set, of which one would be lost; empty without one."""
     owner: dict[str, str] = {}
     for factor, levels in factors.items():
-        keys = {key for one in levels.values() for key in ("loading", "dynamic") if key in one}
+        keys = {key for one in levels.values() for key in ALONE if key in one}
         keys |= {f"set.{key}" for one in levels.values() for key in one.get("set", {})}
         for key in sorted(keys):
             if owner.setdefault(key, factor) != factor:
@@ -194,13 +189,28 @@ def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> b
 
 
 def _each_vehicle(base: Scenario, id_: str, one: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """The case, or of the loading plan `one` a case for each vehicle, with its name added to id and name."""
+    """The case, or of the loading plan `one` a case for each vehicle, with its name added to id and name.
+
+    Of carriers, the worst place of one of them is that of any.
+    """
     if one.get("loading") != "one":
         yield id_, one
+        return
+    if "worst_place" in one and base.carriers is not None:
+        yield id_, {**one, "vehicle": f"{base.carriers.name}_1"}
         return
     name = one.get("name", id_)
     for vehicle in _vehicles(base) or [""]:
         yield f"{id_}+{vehicle}", {**one, "name": f"{name}, {vehicle} full", "vehicle": vehicle}
+
+
+def _worst_place(one: Mapping[str, Any], scenario: Scenario) -> WorstPlace | None:
+    """Search for the worst place of a case; None without one."""
+    if "worst_place" not in one:
+        return None
+    if "dynamic" in one:
+        raise CaseError("worst_place: given beside dynamic; allowed: one of both, as a run has its own places")
+    return read_worst_place(one["worst_place"], scenario, one=one.get("loading") == "one")
 
 
 def _vehicles(scenario: Scenario) -> list[str]:
@@ -212,6 +222,7 @@ def _changes(base: Scenario, one: Mapping[str, Any]) -> dict[str, Any]:
     """Changes of a scenario for a case, by dotted key."""
     plan = one.get("loading")
     values = {} if plan is None else loading(base, plan, one.get("vehicle"))
+    values |= tensioning(base, one["tensioning"]) if "tensioning" in one else {}
     values |= {str(key): value for key, value in one.get("set", {}).items()}
     return values | ({"limits.load_cases": one["load_cases"]} if one.get("load_cases") else {})
 

@@ -12,6 +12,7 @@ import numpy as np
 from cable_twin.frame.records import Command
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
+from cable_twin.offline.envelopes.search import Search
 from cable_twin.offline.script import ScriptedCommand, ScriptError, read_script
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.scenario import Scenario
@@ -22,7 +23,6 @@ KEYS, OF_STOP = ("script", "duration", "stop"), ("from", "to", "points", "settle
 AFTER = 60.0  # s of a run after its last command
 FRAME = 0.02  # s, between two looks at the key figures, and of a moment of a stop
 POINTS, SETTLE = 40, 15.0  # moments of the coarse grid, and s after each stop
-BRACKETS, CLOSE = 3, 0.9  # places refined by search: at most so many, as bad as that share of the worst
 
 
 class Stop(NamedTuple):
@@ -93,19 +93,29 @@ def read_dynamic(given: Any, directory: Path, scenario: Scenario) -> Dynamic:
     if not isinstance(stop, Mapping) or not isinstance(stop.get("figures"), list) or not stop["figures"]:
         raise DynamicError(f"dynamic.stop: given {show(stop)}; allowed: a mapping with figures, a list of their ids")
     _known("dynamic.stop", stop, OF_STOP)
-    try:
-        statistics = {str(one): FigureId.of_text(str(one)).statistic for one in stop["figures"]}
-    except ValueError as error:
-        raise DynamicError(f"dynamic.stop.figures: {error}") from None
-    if other := [one for one, statistic in statistics.items() if statistic not in ("highest", "lowest")]:
-        raise DynamicError(f"dynamic.stop.figures: given {other[0]!r}; allowed: ids that end in highest or lowest")
+    figures = read_figures("dynamic.stop.figures", stop["figures"])
     first = _number("dynamic.stop.from", stop.get("from", 0.0), 0.0)
     last = _number("dynamic.stop.to", stop.get("to", duration), first)
     points = _number("dynamic.stop.points", stop.get("points", POINTS), 3)
     settle = _number("dynamic.stop.settle", stop.get("settle", SETTLE), 0.0)
     if last <= first or settle <= 0.0 or points != int(points):
         raise DynamicError("dynamic.stop: allowed: from below to, settle above 0 s, whole points")
-    return Dynamic(script, duration, Stop(first, last, int(points), settle, tuple(map(str, stop["figures"]))))
+    return Dynamic(script, duration, Stop(first, last, int(points), settle, figures))
+
+
+def read_figures(path: str, given: Sequence[Any]) -> tuple[str, ...]:
+    """Ids of key figures whose worst value is sought.
+
+    Raises:
+        DynamicError: one is no id, or has no worst value; one line.
+    """
+    try:
+        statistics = {str(one): FigureId.of_text(str(one)).statistic for one in given}
+    except ValueError as error:
+        raise DynamicError(f"{path}: {error}") from None
+    if other := [one for one, statistic in statistics.items() if statistic not in ("highest", "lowest")]:
+        raise DynamicError(f"{path}: given {other[0]!r}; allowed: ids that end in highest or lowest")
+    return tuple(statistics)
 
 
 def _known(path: str, given: Mapping[str, Any], keys: Sequence[str]) -> None:
@@ -186,7 +196,7 @@ def _at(figure: KeyFigure, course: Course, what: str) -> KeyFigure:
     return replace(figure, time=course.place(figure.time), place=words)
 
 
-class StopSearch:
+class StopSearch(Search):
     """Search for the worst moments of an emergency stop: a coarse grid, then a bounded search about its worst points.
 
     The run goes once up to the last moment, and its state is kept at each moment of the grid; a stop begins from the
@@ -198,108 +208,42 @@ class StopSearch:
         stop: what is sought.
 
     Attributes:
-        moments: key figures by moment (s) of the stop.
         fault: reason of an early end of a run; empty for none.
     """
 
     def __init__(self, scenario: Scenario, dynamic: Dynamic, stop: Stop) -> None:
         self._scenario, self._script, self._stop = scenario, dynamic.script, stop
-        self.moments: dict[float, Mapping[str, KeyFigure]] = {}
-        self.fault = ""
         self._simulation = Simulation(scenario, on_demand=True)
-        self._frame = max(round(FRAME / self._simulation.step), 1) * self._simulation.step
+        frame = max(round(FRAME / self._simulation.step), 1) * self._simulation.step
+        super().__init__(self._stopped_at, frame, "dynamic.stop")
         self._course, self._states = Course([], []), {0.0: self._simulation.capture()}
-        grid = sorted({self._moment(time) for time in np.linspace(stop.first, stop.last, stop.points).tolist()})
+        moments = np.linspace(stop.first, stop.last, stop.points)
+        grid = sorted({round(round(time / frame) * frame, 9) for time in moments.tolist()})
         due = list(grid)
 
         def keep(time: float) -> None:
-            if due and time >= due[0] - 0.5 * self._frame:
+            if due and time >= due[0] - 0.5 * frame:
                 self._states[due.pop(0)] = self._simulation.capture()
 
-        self.fault = _go(self._simulation, self._script, stop.last + self._frame, None, self._course, keep)
+        self.fault = _go(self._simulation, self._script, stop.last + frame, None, self._course, keep)
         for time in grid:
-            self._stopped_at(time)
+            self.at(time)
         for figure in stop.figures:
-            self._refine(figure, grid)
-
-    def figures(self) -> list[KeyFigure]:
-        """Extreme of each key figure over all stops that were tried."""
-        found: dict[str, KeyFigure] = {}
-        for _, figures in sorted(self.moments.items()):
-            for key, one in figures.items():
-                sense = -1.0 if one.id.statistic == "lowest" else 1.0
-                if key not in found or sense * one.value > sense * found[key].value:
-                    found[key] = one
-        return list(found.values())
-
-    def worst(self, figure: str) -> tuple[float, float]:
-        """Worst moment (s) of a stop for a key figure by id, and the figure there.
-
-        Raises:
-            ValueError: no stop has it; one line.
-        """
-        tried = [(time, found[figure].value) for time, found in self.moments.items() if figure in found]
-        if not tried:
-            raise ValueError(f"dynamic.stop.figures: {figure}: no stop has it; allowed: ids of key figures of a run")
-        return max(tried, key=lambda item: _sense(figure) * item[1])
-
-    def _moment(self, time: float) -> float:
-        """Moment (s) of a frame next to a time."""
-        return round(round(time / self._frame) * self._frame, 9)
-
-    def _refine(self, figure: str, grid: Sequence[float]) -> None:
-        """Search between the neighbours of the worst points of the grid."""
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415 - a while
-
-        worst = self.worst(figure)[1]
-        values = [
-            _sense(figure) * self._stopped_at(time)[figure].value if figure in self._stopped_at(time) else -np.inf
-            for time in grid
-        ]
-        floor = _sense(figure) * worst - (1.0 - CLOSE) * abs(worst)
-        order = sorted(range(len(grid)), key=lambda row: -values[row])
-        peaks = [
-            row
-            for row in order
-            if values[row] >= max(values[max(row - 1, 0)], values[min(row + 1, len(grid) - 1)]) and values[row] >= floor
-        ]
-        for row in peaks[:BRACKETS]:
-            for low, high in ((row - 1, row), (row, row + 1)):
-                if low < 0 or high >= len(grid) or grid[high] - grid[low] <= self._frame:
-                    continue
-                minimize_scalar(
-                    lambda time: -self._value(figure, time),
-                    bounds=(grid[low], grid[high]),
-                    method="bounded",
-                    options={"xatol": self._frame, "maxiter": 12},
-                )
-
-    def _value(self, figure: str, time: float) -> float:
-        found = self._stopped_at(self._moment(time)).get(figure)
-        return -np.inf if found is None else _sense(figure) * found.value
+            self.refine(figure, grid)
 
     def _stopped_at(self, time: float) -> Mapping[str, KeyFigure]:
         """Key figures after a stop at a moment (s), by id."""
-        if time in self.moments:
-            return self.moments[time]
         simulation = self._simulation
         before = max(one for one in self._states if one <= time + 1e-9)
         simulation.restore(self._states[before])
         here, aside = simulation.time, Course([], [])
         if time - here > 0.5 * simulation.step:
             self.fault = self.fault or _go(simulation, self._script, time - here, None, aside, lambda _: None)
-        figures, stopped = (
-            KeyFigures(self._scenario),
-            ScriptedCommand(simulation.time, Command("emergency_stop", {}), "", ""),
-        )
+        figures = KeyFigures(self._scenario)
+        stopped = ScriptedCommand(simulation.time, Command("emergency_stop", {}), "", "")
         try:
             self.fault = self.fault or _go(simulation, [stopped], self._stop.settle, figures, aside, lambda _: None)
         except SolverError as error:
             self.fault = self.fault or str(error)
         what = f"stop at {time:.2f} s, {self._course.place(time):.1f} m"
-        self.moments[time] = {str(one.id): _at(one, aside, what) for one in figures.figures()}
-        return self.moments[time]
-
-
-def _sense(figure: str) -> float:
-    return -1.0 if figure.endswith("/lowest") else 1.0
+        return {str(one.id): _at(one, aside, what) for one in figures.figures()}

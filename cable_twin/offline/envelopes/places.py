@@ -1,0 +1,100 @@
+"""Search for the worst place of a vehicle at rest: a coarse grid over all its places, then bounded searches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cable_twin.key_figures import KeyFigure
+from cable_twin.offline.envelopes.motion import DynamicError, read_figures
+from cable_twin.offline.envelopes.search import Search
+from cable_twin.offline.lines.at_rest import Find, Line, calculate, plan_line
+from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario.checks.fault import show
+
+KEYS = ("points", "figures")
+POINTS, LEAST, MOST = 40, 3, 2000  # of the coarse grid
+FINEST = 0.01  # m, between two places
+
+
+class WorstPlace(NamedTuple):
+    """Search for the worst place of the vehicle of a case at rest.
+
+    Attributes:
+        points: places of the coarse grid.
+        figures: ids of the key figures whose worst place is sought.
+        one: whether a single carrier of many is loaded, which may be anywhere on its loop.
+    """
+
+    points: int
+    figures: tuple[str, ...]
+    one: bool
+
+    @property
+    def inputs(self) -> list[Any]:
+        """Data of the search, for the hash of its result beside the scenario."""
+        return ["worst_place", *self]
+
+
+def read_worst_place(given: Any, scenario: Scenario, *, one: bool) -> WorstPlace:
+    """Search of a load case from its mapping in a file.
+
+    Args:
+        given: the mapping.
+        scenario: of the case.
+        one: whether its loading is that of a single vehicle.
+
+    Raises:
+        DynamicError: it cannot be used; one line.
+    """
+    key = "worst_place"
+    if not isinstance(given, Mapping) or not isinstance(given.get("figures"), list) or not given["figures"]:
+        raise DynamicError(f"{key}: given {show(given)}; allowed: a mapping with figures, a list of their ids")
+    if unknown := [name for name in given if name not in KEYS]:
+        raise DynamicError(f"{key}.{unknown[0]}: this key does not exist; allowed: {', '.join(KEYS)}")
+    points = given.get("points", POINTS)
+    if not isinstance(points, int) or isinstance(points, bool) or not LEAST <= points <= MOST:
+        raise DynamicError(f"{key}.points: given {show(points)}; allowed: a whole number from {LEAST} to {MOST}")
+    if not plan_line(scenario, 2, None).moved:
+        raise DynamicError(f"{key}: allowed: no such key, as no vehicle of this scenario moves")
+    return WorstPlace(points, read_figures(f"{key}.figures", given["figures"]), one and scenario.carriers is not None)
+
+
+def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
+    """Key figures of a line at rest over all places of its vehicle, with the worst of the wanted figures found.
+
+    A carrier of many goes along its whole loop where it alone is loaded, else all go over one spacing.
+
+    Args:
+        scenario: of the case.
+        wanted: what is sought.
+        find: simulation at the rest of a scenario, with the vehicle at a place (m).
+
+    Raises:
+        EquilibriumError: no equilibrium at a place.
+        ValueError: a figure that no place has; one line.
+    """
+    moved, carriers = plan_line(scenario, 2, None), scenario.carriers
+    first, last = moved.places.tolist()
+    if carriers is not None and moved.moved == carriers.name:
+        first, last = 0.0, scenario.spacing * (carriers.count if wanted.one else 1)
+
+    def at(place: float) -> Mapping[str, KeyFigure]:
+        here = scenario
+        if wanted.one and carriers is not None:
+            begin = 0.5 * scenario.spacing if carriers.first is None else carriers.first
+            number = int((begin + place) // scenario.spacing) % carriers.count
+            here = load_scenario(scenario.resolved(), {"carriers.loaded": [number + 1]})
+        line = Line(here, moved.moved, np.array([place]))
+        calculate(line, find=find, rows=False)
+        return {str(one.id): one for one in line.figures}
+
+    search = Search(at, FINEST, "worst_place")
+    grid = np.linspace(first, last, wanted.points).tolist()
+    for place in grid:
+        search.at(place)
+    for figure in wanted.figures:
+        search.refine(figure, grid)
+    return search
