@@ -53,7 +53,8 @@ class Search:
         """
         tried = [(value, found[figure].value) for value, found in self.tried.items() if figure in found]
         if not tried:
-            raise ValueError(f"{self._key}.figures: {figure}: no case has it; allowed: ids of key figures of a run")
+            text = "nothing that was calculated has it; allowed: ids of its key figures"
+            raise ValueError(f"{self._key}.figures: {figure}: {text}")
         return max(tried, key=lambda item: _sense(figure) * item[1])
 
     def refine(self, figure: str, grid: Sequence[float]) -> None:
