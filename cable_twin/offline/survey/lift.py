@@ -213,7 +213,7 @@ def tension_for(corner: FloatArray, rope: Mapping[str, float], weight: float, fa
             text = f"a rope of {rope['breaking_force'] / 1e3:.0f} kN does not carry {weight:.0f} N/m up"
             raise SpanError(
                 f"{text} {corner[:, 1].max() - corner[0, 1]:.0f} m with a safety factor of {factor:.3g}; "
-                "allowed: a stronger rope, or fewer vehicles"
+                "allowed: a stronger rope, fewer vehicles, or `--units ft` if the survey is in feet"
             )
         spans = spans_under_tension(corner, tension, weight, rope["axial_stiffness"])
         tension += most - float(spans.tension.max())
