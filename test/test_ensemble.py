@@ -106,6 +106,21 @@ def test_values_that_would_grade_the_mesh_anew_are_on_the_mesh_of_the_scenario(n
     assert np.nanmax(apart_by / np.maximum(whole, 1.0)) < 1e-3
 
 
+def test_forces_set_in_as_in_single_simulations():
+    """Forces of several members given at once, the same again and others, beside one command after the other."""
+    scenario = load_scenario("single_span")
+    ensemble, singles = Ensemble(scenario, 3), [Simulation(scenario) for _ in range(3)]
+    for time, forces in ((0.2, [0.0, 5e3, 20e3]), (0.4, [0.0, 5e3, 10e3])):
+        ensemble.command("cabin", force=forces)
+        ensemble.advance_to(time)
+        for single, force in zip(singles, forces, strict=True):
+            single.command("cabin", force=force)
+            single.advance_to(time)
+    for member, single in enumerate(singles):
+        np.testing.assert_array_equal(ensemble.simulation(member).state.memory, single.state.memory)
+    ensemble.close()
+
+
 def test_threads_and_a_plain_loop_give_the_same_bits(tramways, tramway):
     tramways.fork(tramway)
     tramways.command("cabin", speed=np.linspace(0.5, 3.0, 6))

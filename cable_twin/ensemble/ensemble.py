@@ -449,8 +449,13 @@ class Ensemble:
         sound = not states.arrays.stopped[rows].any() and np.all(np.isfinite(given) & (np.abs(given) <= most))
         if not sound or most == 0.0 or (kind == "speed" and np.any(mode[rows, row] != SPEED)):
             return False
-        mode[rows, row] = SPEED if kind == "speed" else FORCE
-        states.block["drives.target" if kind == "speed" else "drives.force"][rows, row] = given
+        if kind == "speed":
+            states.block["drives.target"][rows, row] = given
+        else:
+            force = states.block["drives.force"]
+            other = (mode[rows, row] != FORCE) | (force[rows, row] != given)
+            states.block["0/newton_curvature"][np.asarray(rows)[other]] = 0.0  # as `Engine.forget_accelerations`
+            mode[rows, row], force[rows, row] = FORCE, given
         owner = next(number for number, part in enumerate(states.base.engine.parts) if name in part.rows)
         for member, value in zip(rows, given.tolist(), strict=True):
             of_ropes = states.settings[member].of_ropes
