@@ -195,12 +195,14 @@ class Workspace(NamedTuple):
     patch_right: Annotated[IntArray, Of("element")]  # 1 for the element after that load, 0 for the one before
     patch: Annotated[
         FloatArray, Of("vehicle", "patch", "patch column")
-    ]  # tangent of both elements beside a load, with its right side as the last column; rows as in `point.patch_row`
+    ]  # tangent of both elements beside a load, with its right side in the column after; rows as in `point.patch_row`
     no_columns: Annotated[FloatArray, Of("vehicle", "patch", 0)]  # further right sides of patches, where none are
     along_held: Annotated[BoolArray, Of("vehicle")]  # whether the arc length of a load's node has a given increment
     along_increment: Annotated[FloatArray, Of("vehicle", unit="m")]  # that increment
     along_kept: Annotated[FloatArray, Of("vehicle", 3, unit="m, m/s, m/s²")]  # motion of joints before a difference
-    patch_elements: Annotated[IntArray, Of("beside load")]  # elements beside loads
+    plain_elements: Annotated[IntArray, Of("lane")]  # elements beside no load, the last one repeated
+    plain_count: Annotated[IntArray, Of(1)]  # how many of these there are
+    patch_elements: Annotated[IntArray, Of("beside load")]  # elements beside loads, likewise
     patch_count: Annotated[IntArray, Of(1)]  # how many of these there are
     patch_motion: Annotated[FloatArray, Of("patch motion", WIDTH)]  # of the rope on a group of these, one row a number
     patch_elastic: Annotated[FloatArray, Of("element row", WIDTH)]  # elastic part of the `group` of these
@@ -293,9 +295,9 @@ def sizes_of(system: System) -> dict[str, int]:
         "turn dim": turns * dim,
         "turn²": turns * turns,
         "patch": 8 * dim + 2 if system.cable.load_nodes else 0,
-        "patch column": 8 * dim + 3 if system.cable.load_nodes else 0,
-        "beside load": 2 * system.carriages.fixed.size,
-        "patch motion": 13 * dim + 6,
+        "patch column": 8 * dim + 4 if system.cable.load_nodes else 0,
+        "beside load": 2 * system.carriages.fixed.size + WIDTH - 1,
+        "patch motion": dim + 6,
         "patch length": 3 * dim + 2,
         "element row": 4 * dim + 16 * dim * dim,  # residual and tangent of an element
     }
@@ -329,7 +331,10 @@ def _initialise(system: System, state: State) -> None:
 
 def allocate_workspace(system: System) -> Workspace:
     """Allocate the workspace of the solver of `system`."""
-    return allocate(Workspace, sizes_of(system))
+    work = allocate(Workspace, sizes_of(system))
+    work.plain_elements[:] = np.minimum(np.arange(work.plain_elements.size), system.cable.element_count - 1)
+    work.plain_count[0] = system.cable.element_count
+    return work
 
 
 def first_phases(bodies: int) -> FloatArray:

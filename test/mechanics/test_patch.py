@@ -49,7 +49,8 @@ def patch_of(system, state, work, load=0):
     """Patch of a load with the elements beside it alone: matrix and right side."""
     begin_patches(state, work)
     add_patches(system, state, MASS_FACTOR, RATE_FACTOR, 1.0, work)
-    return work.patch[load, :, :-1].copy(), work.patch[load, :, -1].copy()
+    rows = work.patch.shape[1]
+    return work.patch[load, :, :rows].copy(), work.patch[load, :, rows].copy()
 
 
 def unknowns(dim):
@@ -221,7 +222,7 @@ def equations(state, work, dim):
             first += size
         patch = work.patch[state.node_load[node]]
         matrix[np.ix_(found, found)] += patch[np.ix_(taken, taken)]
-        right[found] += patch[taken, -1]
+        right[found] += patch[taken, patch.shape[0]]
     for node in (0, last):
         held = np.arange(dim) + places[node, 0]
         matrix[held], matrix[:, held], right[held] = 0.0, 0.0, 0.0

@@ -7,6 +7,7 @@ lanes are arrays of numpy. Past the last element or number, lanes repeat the las
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from cable_twin.mechanics.language.traced import (
@@ -32,13 +33,25 @@ def gather(coordinates: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
     Takes `coordinates` (nodes, 2, dim) or their rates. The numbers of a node are loaded at once, as they are in memory,
     and then turned into lanes.
     """
-    dim, last = len(like), size_of(coordinates, 0) - 2
-    nodes = [least(first + lane, last) for lane in range(WIDTH)]
+    last = size_of(coordinates, 0) - 2
+    return of_elements(coordinates, [least(first + lane, last) for lane in range(WIDTH)], 1, like)
+
+
+@formula
+def gather_listed(coordinates: Any, elements: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
+    """The same of those in a list `elements` (n,), from entry `first` on: with the slopes towards each element."""
+    return of_elements(coordinates, [elements[first + lane] for lane in range(WIDTH)], 2, like)
+
+
+def of_elements(coordinates: Any, elements: Sequence[Any], after: int, like: Vec) -> tuple[Vec, ...]:
+    """Nodal vectors of the lanes of elements, with the slope in row `after` of their first nodes; for formulas."""
+    dim = len(like)
     vectors: list[Vec] = []
     for end in range(2):
-        rows = [read_lanes(coordinates, (node + end, 0, 0), 2 * dim) for node in nodes]
-        lanes = [as_lanes([lane_of(row, k) for row in rows]) for k in range(2 * dim)]
-        vectors += Vec(lanes[:dim]), Vec(lanes[dim:])
+        size = (after + 1 if end == 0 else 2) * dim
+        rows = [read_lanes(coordinates, (element + end, 0, 0), size) for element in elements]
+        lanes = [as_lanes([lane_of(row, k) for row in rows]) for k in range(size)]
+        vectors += Vec(lanes[:dim]), Vec(lanes[-dim:])
     return tuple(vectors)
 
 
@@ -47,6 +60,18 @@ def gather_numbers(numbers: Any, first: Any) -> Any:
     """Lanes of `WIDTH` entries of `numbers` (elements,) from `first` on."""
     last = size_of(numbers, 0) - 1
     return as_lanes([numbers[least(first + lane, last)] for lane in range(WIDTH)])
+
+
+@formula
+def gather_numbers_listed(numbers: Any, elements: Any, first: Any) -> Any:
+    """Lanes of the entries of `numbers` of the elements in a list, from its entry `first` on."""
+    return as_lanes([numbers[elements[first + lane]] for lane in range(WIDTH)])
+
+
+@formula
+def gather_vectors_listed(rows: Any, elements: Any, first: Any, like: Vec) -> Vec:
+    """Vector (dim,) of lanes: columns of `rows` (dim, n) of the elements in a list, from its entry `first` on."""
+    return Vec(as_lanes([rows[axis, elements[first + lane]] for lane in range(WIDTH)]) for axis in range(len(like)))
 
 
 @formula

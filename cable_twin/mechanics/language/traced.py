@@ -453,7 +453,8 @@ def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
 def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
     """Write lanes to consecutive numbers of an array in memory, from the entry `index` on; for formulas."""
     if not isinstance(array, _Array):
-        array[index[:-1]] = lanes
+        first = np.ravel_multi_index(index, array.shape)
+        array.reshape(-1)[first : first + LANES.width] = lanes
     elif array.place is not None:
         builder, lanes = array.place[1], _as_number(lanes, array.place).cast(LANES)
         builder.store(lanes, builder.bitcast(array.at(index).start(), LANES.vector.as_pointer()), align=8)

@@ -7,7 +7,16 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array
-from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, gather_vectors, spread
+from cable_twin.mechanics.language.simd import (
+    WIDTH,
+    gather,
+    gather_listed,
+    gather_numbers,
+    gather_numbers_listed,
+    gather_vectors,
+    gather_vectors_listed,
+    spread,
+)
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     accumulate,
@@ -55,38 +64,38 @@ def inertia(cable, length, stretch, r_a, a, r_b, b):
 def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Write the residual and tangent of all elements: elastic forces, inertia, weight, flow, and the drag of the air.
 
-    Elements are computed `WIDTH` at a time; in the last group, what is left over repeats the last element.
+    Elements are computed `WIDTH` at a time; in the last group, what is left over repeats the last element. Those beside
+    loads are cleared here, and added with the patches of their loads.
     """
-    cable, group = system.cable, work.group
+    cable, group, plain, count = system.cable, work.group, work.plain_elements, work.plain_count[0]
     e, e_dot, e_ddot = state.nodes.position, state.nodes.velocity, state.nodes.acceleration
     like = cable.gravity
     stretch = rest_stretch(cable, state)
     flowing, taken_in = flows(system, state), mesh_dilution_rate(cable, state)
     clear_array(work.right_side[0])
     clear_array(work.diagonal[0])
-    for first in range(0, cable.element_count, WIDTH):
-        length = gather_numbers(state.mesh.length, first)
-        r_a, slope_a, r_b, slope_b = gather(e, first, like)
+    for k in range(work.patch_count[0]):
+        clear_element(work.patch_elements[k], like, work)
+    for first in range(0, count, WIDTH):
+        length = gather_numbers_listed(state.mesh.length, plain, first)
+        r_a, slope_a, r_b, slope_b = gather_listed(e, plain, first, like)
         shape = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        rates = gather(e_dot, first, like)
+        rates = gather_listed(e_dot, plain, first, like)
         shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
-        r_a, slope_a, r_b, slope_b = gather(e_ddot, first, like)
+        r_a, slope_a, r_b, slope_b = gather_listed(e_ddot, plain, first, like)
         inert = inertia(cable, length, stretch, r_a, slope_a, r_b, slope_b)
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
         at_rest = stretch * length
         elastic = elastic_force(cable, at_rest, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
         if system.moving_cable.moving and flowing:
-            factors = flow_factors(cable, state, gather_numbers(state.mesh.arc_length, first) + 0.5 * length)
+            factors = flow_factors(cable, state, gather_numbers_listed(state.mesh.arc_length, plain, first) + 0.5 * length)
             add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group)
         if system.air.present:
-            wind = gather_vectors(state.wind_field.along_rope, first, like)
+            wind = gather_vectors_listed(state.wind_field.along_rope, plain, first, like)
             add_drag(system.air.rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
-        for lane in range(min(WIDTH, cable.element_count - first)):
-            if cable.load_nodes and work.patch_of[first + lane] >= 0:
-                clear_element(first + lane, like, work)  # its own are added with the patch of its load
-            else:
-                add_element(group, lane, first + lane, like, work)
+        for lane in range(min(WIDTH, count - first)):
+            add_element(group, lane, plain[first + lane], like, work)
 
 
 @inlined_kernel

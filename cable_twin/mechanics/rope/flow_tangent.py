@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, spread
+from cable_twin.mechanics.language.simd import WIDTH, gather_listed, gather_numbers_listed, spread
 from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import accumulate, add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
@@ -22,7 +22,6 @@ from cable_twin.mechanics.rope.ale import (
 )
 from cable_twin.mechanics.rope.elastic_models import continuum, element_frame
 from cable_twin.mechanics.rope.element import inertia, rates_of_strain
-from cable_twin.mechanics.rope.patch import beside_load
 from cable_twin.mechanics.rope.shape_functions import AXIAL_POINTS, AXIAL_SLOPES, AXIAL_WEIGHT, combine, vector_row
 
 PART = 1e-6  # of a length, for the difference that stands for the derivative of `element_frame`
@@ -104,8 +103,10 @@ def factors_change(mass, stretch, speed, change, share):
 
 
 @kernel
-def add_flow_tangent(system, state, end, mass_factor, rate_factor, group, columns, slot):
+def add_flow_tangent(system, state, end, mass_factor, rate_factor, columns, slot, work):
     """Add the derivative of the residual of all elements by the rope over one end to a column of their nodes.
+
+    Those beside loads have theirs in the columns of patches.
 
     Args:
         system: parameters.
@@ -113,25 +114,26 @@ def add_flow_tangent(system, state, end, mass_factor, rate_factor, group, column
         end: 0 or 1.
         mass_factor: as in `assemble`.
         rate_factor: as in `assemble`.
-        group: scratch of a group of elements.
         columns: (nodes, slots, 2, dim²), of which column 0 of the block is added to.
         slot: number of the block.
+        work: of the rope.
     """
-    cable, like = system.cable, system.cable.gravity
+    cable, like, group = system.cable, system.cable.gravity, work.group
+    plain, count = work.plain_elements, work.plain_count[0]
     stretch, taken_in = rest_stretch(cable, state), mesh_dilution_rate(cable, state)
     change = change_by_end(cable, state, end, mass_factor, rate_factor)
-    for first in range(0, cable.element_count, WIDTH):
-        length = gather_numbers(state.mesh.length, first)
-        middle = gather_numbers(state.mesh.arc_length, first) + 0.5 * length
-        r_a, slope_a, r_b, slope_b = gather(state.nodes.position, first, like)
+    for first in range(0, count, WIDTH):
+        length = gather_numbers_listed(state.mesh.length, plain, first)
+        middle = gather_numbers_listed(state.mesh.arc_length, plain, first) + 0.5 * length
+        r_a, slope_a, r_b, slope_b = gather_listed(state.nodes.position, plain, first, like)
         shape = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
-        rates = gather(state.nodes.velocity, first, like)
+        rates = gather_listed(state.nodes.velocity, plain, first, like)
         shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
         at_rest = stretch * length
         longer = change.stretch * length / at_rest
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
         elastic = elastic_change(cable, at_rest, *shape, *strain_rates, longer, change.dilution + 0.0 * length)
-        inert = inertia(cable, length, change.stretch, *gather(state.nodes.acceleration, first, like))
+        inert = inertia(cable, length, change.stretch, *gather_listed(state.nodes.acceleration, plain, first, like))
         speed = between_ends(cable, state.rope.velocity, middle)
         share = share_of_end(cable, end, middle)
         factors = factors_change(cable.mass_per_length, stretch, speed, change, share)
@@ -142,9 +144,8 @@ def add_flow_tangent(system, state, end, mass_factor, rate_factor, group, column
         spread(add_scaled(1.0, elastic[0], add_scaled(1.0, inert[2], flow[2])), group, vector_row(2, like))
         on_b = add_scaled(1.0, elastic[2], add_scaled(1.0, inert[3], flow[3]))
         spread(scale(length, on_b), group, vector_row(3, like))
-        for lane in range(min(WIDTH, cable.element_count - first)):
-            if beside_load(cable, state, first + lane):
-                continue  # its own nodes are not those of the solution; the next iteration takes that up
+        for lane in range(min(WIDTH, count - first)):
+            element = plain[first + lane]
             for i in range(4):
                 force = load(group[vector_row(i, like) :, lane], like)
-                accumulate(force, columns[first + lane + i // 2, slot, i % 2, :: len(like)])
+                accumulate(force, columns[element + i // 2, slot, i % 2, :: len(like)])

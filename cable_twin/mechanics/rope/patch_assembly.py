@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import clear_array
-from cable_twin.mechanics.language.simd import WIDTH, add_diagonal, add_spread, read_square, read_vector, spread
+from cable_twin.mechanics.language.simd import (
+    WIDTH,
+    add_diagonal,
+    add_spread,
+    gather_listed,
+    gather_numbers_listed,
+    gather_vectors_listed,
+    read_square,
+    read_vector,
+    spread,
+)
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
@@ -26,7 +36,7 @@ from cable_twin.mechanics.rope.patch import (
     by_length,
     follows,
     forces_on_patch,
-    motion_of_rope,
+    rope_motion,
     rope_past,
     shift_vectors,
 )
@@ -60,7 +70,23 @@ def begin_patches(state, work):
             state.mesh.plain[node] = 0.0
             work.patch_elements[count] = node
             count += 1
+    list_elements(work, count)
+
+
+@kernel
+def list_elements(work, count):
+    """List the elements beside no load, and fill the last group of either list; `count` are beside loads."""
     work.patch_count[0] = count
+    for k in range(count, -(-count // WIDTH) * WIDTH):
+        work.patch_elements[k] = work.patch_elements[count - 1]
+    plain = 0
+    for element in range(work.patch_of.size):
+        if work.patch_of[element] < 0:
+            work.plain_elements[plain] = element
+            plain += 1
+    work.plain_count[0] = plain
+    for k in range(plain, -(-plain // WIDTH) * WIDTH):
+        work.plain_elements[k] = work.plain_elements[plain - 1]
 
 
 @inlined_kernel
@@ -75,36 +101,46 @@ def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
     """Add the residual and tangent of all elements beside loads to their patches, `WIDTH` elements at a time."""
     count = work.patch_count[0]
     for first in range(0, count, WIDTH):
-        gather_motion(system, state, first, count, work)
-        linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
+        motion = gather_motion(system, state, first, work)
+        linearise_patches(system, state, motion, mass_factor, rate_factor, stiffness_factor, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work)
 
 
 @inlined_kernel
-def gather_motion(system, state, first, count, work):
-    """Write motion, length, wind and passing rope of `WIDTH` elements beside loads to the lanes of `patch_motion`."""
-    like = system.cable.gravity
-    rows = 12 * len(like)
+def gather_motion(system, state, first, work):
+    """Motion of the rope on `WIDTH` elements beside loads, in lanes; their lengths, wind and passing rope in `work`.
+
+    Returns:
+        Nodal vectors, and velocities and accelerations of the rope, as of `motion_of_rope`.
+    """
+    like, rows, elements = system.cable.gravity, work.patch_motion, work.patch_elements
     for lane in range(WIDTH):
-        element = work.patch_elements[min(first + lane, count - 1)]
-        e, v, a = motion_of_rope(system, state, element, state.nodes.acceleration)
-        write_motion(e, v, a, lane, work.patch_motion)
-        work.patch_motion[rows, lane] = state.mesh.length[element]
-        store(load(state.wind_field.along_rope[:, element], like), work.patch_motion[rows + 1 :, lane])
+        element = elements[first + lane]
         k_a, k_a_dot, speed_a = rope_past(system, state, element)
         k_b, k_b_dot, speed_b = rope_past(system, state, element + 1)
-        store((k_a, k_b, k_a_dot, k_b_dot, speed_b - speed_a), work.patch_motion[rows + len(like) + 1 :, lane])
+        store((k_a, k_b, k_a_dot, k_b_dot, speed_b - speed_a), rows[len(like) + 1 :, lane])
+    length = gather_numbers_listed(state.mesh.length, elements, first)
+    spread((length,), rows, 0)
+    spread(gather_vectors_listed(state.wind_field.along_rope, elements, first, like), rows, 1)
+    k_a, k_b, k_a_dot, k_b_dot, grows = read_vector(rows, len(like) + 1, (0.0, 0.0, 0.0, 0.0, 0.0))
+    e = gather_listed(state.nodes.position, elements, first, like)
+    rates = gather_listed(state.nodes.velocity, elements, first, like)
+    accelerations = gather_listed(state.nodes.acceleration, elements, first, like)
+    spreads = 0.0
+    if system.moving_cable.moving:
+        spreads = -mesh_dilution_rate(system.cable, state)
+    v, a = rope_motion(length, grows, e, rates, accelerations, (k_a, k_a_dot), (k_b, k_b_dot), spreads)
+    return e, v, a
 
 
 @inlined_kernel
-def force_patches(system, state, work):
+def force_patches(system, state, motion, work):
     """Write the forces of a gathered group of elements beside loads to the vectors of `group`, Q_X to its blocks."""
     like, rows = system.cable.gravity, work.patch_motion
-    motion = read_motion(rows, 0, like), read_motion(rows, 1, like), read_motion(rows, 2, like)
-    length, wind = read_vector(rows, 12 * len(like), (0.0,))[0], read_vector(rows, 12 * len(like) + 1, like)
-    passing = read_vector(rows, 13 * len(like) + 1, (0.0, 0.0))
+    length, wind = read_vector(rows, 0, (0.0,))[0], read_vector(rows, 1, like)
+    passing = read_vector(rows, len(like) + 1, (0.0, 0.0))
     forces, along = forces_on_patch(system, state, length, motion, wind, passing)
     for i in range(4):
         spread(forces[i], work.group, vector_row(i, like))
@@ -127,8 +163,8 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
     like = system.cable.gravity
     dim = len(like)
     for first in range(0, count, WIDTH):
-        gather_motion(system, state, first, count, work)
-        force_patches(system, state, work)
+        motion = gather_motion(system, state, first, work)
+        force_patches(system, state, motion, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             number, right = work.patch_of[element], work.patch_right[element]
@@ -142,27 +178,15 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
                     patch_columns[number, shift_row(right, end, dim), slot] -= share * along
 
 
-@formula
-def write_motion(e, v, a, lane, rows):
-    """Write nodal vectors, velocities and accelerations of the rope on an element to one lane of `rows`."""
-    for number, vector in enumerate((*e, *v, *a)):
-        for axis, entry in enumerate(vector):
-            rows[number * len(vector) + axis, lane] = entry
-
-
-@formula
-def read_motion(rows, which, like):
-    """Four nodal vectors (dim,) of lanes: of the shape (0), of velocities (1), or of accelerations (2)."""
-    return tuple(read_vector(rows, (4 * which + k) * len(like), like) for k in range(4))
-
-
 @inlined_kernel
-def linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of `WIDTH` elements beside loads, with their elastic part, in groups as of `element`."""
+def linearise_patches(system, state, motion, mass_factor, rate_factor, stiffness_factor, work):
+    """Residual and tangent of `WIDTH` elements beside loads, with their elastic part, in groups as of `element`.
+
+    Takes the `motion` of `gather_motion`.
+    """
     cable, like, group, elastic_group = system.cable, system.cable.gravity, work.group, work.patch_elastic
     rows, stretch = work.patch_motion, rest_stretch(cable, state)
-    length = read_vector(rows, 12 * len(like), (0.0,))[0]
-    e, v, a = read_motion(rows, 0, like), read_motion(rows, 1, like), read_motion(rows, 2, like)
+    length, (e, v, a) = read_vector(rows, 0, (0.0,))[0], motion
     shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
     at_rest = stretch * length
     still = scale(0.0, shape[0])
@@ -176,9 +200,9 @@ def linearise_patches(system, state, mass_factor, rate_factor, stiffness_factor,
     inert = inertia(cable, length, stretch, *a)
     write_group(cable, length, elastic, inert, mass_factor * stretch, group)
     if system.air.present:
-        wind = read_vector(rows, 12 * len(like) + 1, like)
+        wind = read_vector(rows, 1, like)
         add_drag(system.air.rope_drag, wind, length, shape, v, rate_factor, stiffness_factor, group)
-    k_a, k_b, k_a_dot, k_b_dot, grows = read_vector(rows, 13 * len(like) + 1, (0.0, 0.0, 0.0, 0.0, 0.0))
+    k_a, k_b, k_a_dot, k_b_dot, grows = read_vector(rows, len(like) + 1, (0.0, 0.0, 0.0, 0.0, 0.0))
     mass = cable.mass_per_length * stretch
     if rate_factor > 0.0:
         per_rate = stiffness_factor / rate_factor
@@ -202,8 +226,8 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
     length, mass = state.mesh.length[element], cable.mass_per_length * rest_stretch(cable, state)
     e = nodal_vectors(state.nodes.position, element, like)
     rates = nodal_vectors(state.nodes.velocity, element, like)
-    k = load(work.patch_motion[13 * dim + 1 :, lane], (0.0, 0.0))
-    grows = work.patch_motion[13 * dim + 5, lane]
+    k = load(work.patch_motion[dim + 1 :, lane], (0.0, 0.0))
+    grows = work.patch_motion[dim + 5, lane]
     for i in range(4):
         for j in range(4):
             matrix = load(group[block_row(i, j, like) :, lane], square)

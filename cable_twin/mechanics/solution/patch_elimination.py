@@ -13,6 +13,8 @@ stays, after these in rows and columns, and is one of the unknowns of the ropes 
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.simd import WIDTH
+from cable_twin.mechanics.language.traced import formula, read_lanes, write_lanes
 from cable_twin.mechanics.language.vectors import load, store
 from cable_twin.mechanics.rope.point import clamp_row
 
@@ -40,7 +42,7 @@ def condense_patches(state, work, patch_columns, like):
             size = clamp_row(dim) + dim
         if work.along_held[number]:
             hold_row(work.patch[number], 5 * dim, work.along_increment[number])
-        eliminate(work.patch[number], patch_columns[number], count, dim, size)
+        eliminate(work.patch[number], patch_columns[number], count, size, like)
         if following >= 0:
             hand_on(
                 work.patch[number], work.patch[following], patch_columns[number], patch_columns[following], count, dim
@@ -74,9 +76,10 @@ def turn_of(row, dim):
 
 
 @kernel
-def eliminate(patch, columns, count, dim, size):
+def eliminate(patch, columns, count, size, like):
     """Eliminate the load's own unknowns of a patch of `size` ones from the equations of all that are left."""
-    first, end, last = 2 * dim, 5 * dim + 1, patch.shape[1] - 1
+    dim = len(like)
+    first, end = 2 * dim, 5 * dim + 1
     for turn in range(3 * dim + 1):
         pivot = own_row(turn, dim)
         inverse = 1.0 / patch[pivot, pivot]
@@ -84,16 +87,23 @@ def eliminate(patch, columns, count, dim, size):
             factor = patch[row, pivot] * inverse
             if factor == 0.0 or (first <= row < end and turn_of(row, dim) <= turn):
                 continue
-            for column in range(last + 1):  # with what is eliminated already: one loop of whole vectors is cheaper
-                patch[row, column] -= factor * patch[pivot, column]
+            subtract_row(patch, row, factor, pivot, like)
             for column in range(count):
                 columns[row, column] -= factor * columns[pivot, column]
+
+
+@formula
+def subtract_row(patch, row, factor, pivot, like):
+    """Subtract `factor` times one row of a patch from another; with what is eliminated already, in whole lanes."""
+    for column in range(0, 8 * len(like) + WIDTH, WIDTH):
+        rest = read_lanes(patch, (row, column), WIDTH) - factor * read_lanes(patch, (pivot, column), WIDTH)
+        write_lanes(rest, patch, (row, column))
 
 
 @kernel
 def hand_on(patch, following, columns, following_columns, count, dim):
     """Add the Schur complement of a patch to the patch of the next load, at the adjacent node."""
-    before, own, last = 2 * dim, 5 * dim + 1, patch.shape[1] - 1
+    before, own, last = 2 * dim, 5 * dim + 1, patch.shape[0]
     size = before + 3 * dim + 1
     for i in range(size):
         row = i if i < before else i - before + own
@@ -109,7 +119,7 @@ def hand_on(patch, following, columns, following_columns, count, dim):
 def carry_over(work, number, first, node, like):
     """Add the Schur complement of a patch to the nodes beside a train of loads at nodes `first` to `node`."""
     patch, before, after, dim = work.patch[number], first - 1, node + 1, len(like)
-    own, last, count = 5 * dim + 1, patch.shape[1] - 1, node - first + 1
+    own, last, count = 5 * dim + 1, patch.shape[0], node - first + 1
     size = abs(work.diagonal[before, 0, 0, 0]) + abs(patch[0, 0])
     scale = size if size > 0.0 else 1.0
     for i in range(2 * dim):
@@ -158,7 +168,7 @@ def substitute(state, work, node, like):
     patch, own = work.patch[number], 5 * dim + 1
     following = state.node_load[node + 1]
     size = (3 * dim + 1 if following >= 0 else 2 * dim) + own
-    last = patch.shape[1] - 1
+    last = patch.shape[0]
     if state.clamp_holds[number]:
         size = clamp_row(dim) + dim
     for turn in range(3 * dim, -1, -1):

@@ -252,14 +252,14 @@ def add_clamp_gaps(bundle, moving, scratch, system, state, work):
             if at_node(own.cable, here, carriage):
                 patch = room.patch[carriage]
                 gap = gap_to_close(bundle, moving, scratch, clamp, system, state, like)
-                add_column(gap, patch, clamp_row(len(like)), patch.shape[1] - 1)
+                add_column(gap, patch, clamp_row(len(like)), patch.shape[0])
 
 
 @inlined_kernel
 def add_clamp_at_node(patch, diagonal, right, out, back, like):
     """Write block and couplings of a clamp whose joint is at a node, from what condensation left of its patch."""
     dim, square = len(like), outer(0.0, like, like)
-    one, force, last = full(0.0, symmetric(0.0, 0.0, like), 1.0), clamp_row(dim), patch.shape[1] - 1
+    one, force, last = full(0.0, symmetric(0.0, 0.0, like), 1.0), clamp_row(dim), patch.shape[0]
     clear_array(diagonal)
     store(one, diagonal[1, 1])
     store(read_matrix(patch, force, force, square), diagonal[0, 0])
@@ -297,7 +297,7 @@ def recover_clamps(bundle, moving, scratch, state, work, like):
         accumulate(change, here.clamp_force[carriage])
         if own.patch.size > 0:
             for axis in range(len(like)):
-                own.patch[carriage, clamp_row(len(like)) + axis, own.patch.shape[2] - 1] = change[axis]
+                own.patch[carriage, clamp_row(len(like)) + axis, own.patch.shape[1]] = change[axis]
         own.sliding_pivot[carriage], own.sliding_right[carriage] = 1.0, scratch.clamp_right[clamp, 1, 0]
         clear_array(own.sliding_row[carriage])
 

@@ -102,7 +102,7 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
                 own, here, room = rope_of(bundle, rope, system, state, work)
                 columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
                 slot = scratch.slot[sheave, rope]
-                add_flow_tangent(own, here, 1 - side, mass_factor, rate_factor, room.group, columns, slot)
+                add_flow_tangent(own, here, 1 - side, mass_factor, rate_factor, columns, slot, room)
                 add_vehicles_and_towers(own, here, room, 1 - side, columns, slot)
     for sheave in range(sheaves.inertia.size):
         read_ends(bundle, motion, sheave, system, state, work)
@@ -460,7 +460,7 @@ def answer_wheel(bundle, moving, scratch, sheave, system, state, work):
                 if number >= 0:
                     for row in range(2 * len(like), 5 * len(like) + 1):
                         by_rope = scratch.patch_columns[number, row, slot]
-                        room.patch[number, row, room.patch.shape[2] - 1] -= moved * by_rope
+                        room.patch[number, row, room.patch.shape[1]] -= moved * by_rope
     for clamp in range(bundle.clamps.rope.size):
         slot = scratch.slot[sheave, bundle.clamps.rope[clamp]]
         if slot >= 0 and moving.clamp_rope[clamp] >= 0:
