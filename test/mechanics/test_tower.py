@@ -6,6 +6,7 @@ from systems import dense_blocks, difference, disturbed_state, from_nodal_vector
 
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.tower import (
+    NEAR,
     add_towers,
     contact_energy,
     contact_force,
@@ -70,7 +71,7 @@ def test_the_contact_is_the_nearest_point_of_the_rope(start):
     state.contact_arc_length[:] = np.array(PLACES) + start
     for contact, s in enumerate(PLACES):
         find_contact(system.cable, system.towers, state, contact)
-        assert state.contact_arc_length[contact] == pytest.approx(s, abs=1e-11)
+        assert state.contact_arc_length[contact] == pytest.approx(s, abs=NEAR**2)  # of elements of less than a metre
 
 
 def test_beyond_an_end_the_contact_stays_at_the_end():

@@ -44,7 +44,7 @@ from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
-NEAR = 1e-6  # of an element's length: a last move below leaves its square
+NEAR = 1e-4  # of an element's length: a last move below leaves its square times the share of depth to bend
 
 
 @kernel

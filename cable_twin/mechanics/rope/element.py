@@ -89,7 +89,9 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         elastic = elastic_force(cable, at_rest, *shape, *strain_rates, rate_factor, stiffness_factor)
         write_group(cable, length, elastic, inert, mass_factor * stretch, group)
         if system.moving_cable.moving and flowing:
-            factors = flow_factors(cable, state, gather_numbers_listed(state.mesh.arc_length, plain, first) + 0.5 * length)
+            factors = flow_factors(
+                cable, state, gather_numbers_listed(state.mesh.arc_length, plain, first) + 0.5 * length
+            )
             add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group)
         if system.air.present:
             wind = gather_vectors_listed(state.wind_field.along_rope, plain, first, like)

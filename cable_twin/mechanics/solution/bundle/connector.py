@@ -11,9 +11,9 @@ from math import sqrt
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     accumulate,
-    add_scaled,
     dot,
     full,
     load,
@@ -22,7 +22,7 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     symmetric,
 )
-from cable_twin.mechanics.rope.point import add_block, add_to, coordinate
+from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.shape_functions import MASS, SLOPE
 from cable_twin.mechanics.solution.bundle.records import STATE, WORK
 
@@ -95,17 +95,28 @@ def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
         work: takes the result.
         rate_factor: as in `assemble`.
     """
-    like = cable.gravity
-    unit = full(1.0, symmetric(1.0, 0.0, like), 0.0)
     for element in range(cable.element_count):
         length = state.mesh.length[element]
         mass = by_mass * cable.mass_per_length * length
-        for i in range(4):
-            scale_i = length if i % 2 else 1.0
-            total = scale(0.0, like)
-            for j in range(4):
-                scale_j = scale_i * (length if j % 2 else 1.0)
-                damping = scale_j * (mass * MASS[i][j] + tension_time / length * SLOPE[i][j])
-                total = add_scaled(-damping, coordinate(state.nodes.velocity, element, j, like), total)
-                add_block(scale(rate_factor * damping, unit), element, i, j, work)
-            add_to(total, element, i, work)
+        rates = nodal_vectors(state.nodes.velocity, element, cable.gravity)
+        matrices = work.diagonal, work.upper, work.lower
+        damp_element(element, length, mass, tension_time / length, rates, rate_factor, *matrices, work.right_side)
+
+
+@formula
+def damp_element(element, length, mass, tension, rates, rate_factor, diagonal, upper, lower, right_side):
+    """Add the damping of one element beside no load: by α times its mass (kg/s), and by β T over its length (N s/m)."""
+    for i in range(4):
+        total = 0.0 * rates[i]
+        for j in range(4):
+            damping = mass * MASS[i][j] + tension * SLOPE[i][j]
+            for _ in range(i % 2 + j % 2):
+                damping = length * damping
+            total = total - damping * rates[j]
+            array = diagonal if i // 2 == j // 2 else upper if i // 2 == 0 else lower
+            node = element + (i // 2 if i // 2 == j // 2 else 0)
+            for axis in range(len(total)):
+                entry = axis * (len(total) + 1)
+                known = array[node, i % 2, j % 2, entry]
+                array[node, i % 2, j % 2, entry] = known + rate_factor * damping
+        accumulate(total, right_side[element + i // 2, i % 2])

@@ -3,8 +3,8 @@
 The front is one node of each rope, the next to be eliminated, and the clamps of which a node has been reached, each a
 block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
 added when both its nodes are at the front, a clamp with each of its nodes when that is, and the remainder of an
-elimination couples the nodes that follow. Where nothing is linked this is `block_tridiagonal` rope by rope. The order
-of elimination is found once, from the places of the couplings.
+elimination couples the nodes that follow. What is outside the couplings of a rope is eliminated before (`free_ends`).
+The order of elimination is found once, from the places of the couplings.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     store_pair,
     subtract_pair,
 )
+from cable_twin.mechanics.solution.bundle.free_ends import eliminate_ends, substitute_ends
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
 
 CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
@@ -141,9 +142,14 @@ def solve_bundle(bundle, scratch, work, like):
     """
     order, ropes = bundle.order, bundle.records.shape[0]
     note_touches(bundle, scratch)
+    for rope in range(ropes):
+        if order.joined[rope] and not eliminate_ends(*ends_of(bundle, rope, scratch, work), like):
+            return False
     connector, event, nodes = 0, 0, order.node.size
     for number in range(nodes):
         rope, node = order.rope[number], order.node[number]
+        if not scratch.coupled_from[rope] <= node <= scratch.coupled_to[rope]:
+            continue
         while connector < order.connector_at.size and order.connector_at[connector] == number:
             link(bundle.connectors, connector, scratch, like)
             connector += 1
@@ -174,15 +180,30 @@ def solve_bundle(bundle, scratch, work, like):
             substitute(bundle, event, order.rope[number], order.node[number], scratch, work, like)
         else:
             substitute_clamp(bundle, event, -1 - number, scratch, work, like)
+    for rope in range(ropes):
+        if order.joined[rope]:
+            substitute_ends(*ends_of(bundle, rope, scratch, work), like)
     return True
+
+
+@inlined_kernel
+def ends_of(bundle, rope, scratch, work):
+    """Arguments of `eliminate_ends` of a rope, but the last one."""
+    columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
+    kept = scratch.coupled_from[rope], scratch.coupled_to[rope]
+    return record_at(bundle.records[rope, WORK], work), columns, scratch.slots[rope], *kept
 
 
 @kernel
 def note_touches(bundle, scratch):
-    """List the clamps coupled to each node, and clear the front."""
-    nodes, ropes = bundle.order.node.size, bundle.records.shape[0]
+    """List the clamps coupled to each node, find the coupled nodes of each rope, and clear the front."""
+    nodes, ropes, connectors = bundle.order.node.size, bundle.records.shape[0], bundle.connectors
+    for rope in range(ropes):
+        scratch.coupled_from[rope], scratch.coupled_to[rope] = bundle.offset[rope + 1] - bundle.offset[rope], -1
+    for connector in range(connectors.length.size):
+        for end in range(2):
+            note_coupled(scratch, connectors.rope[connector, end], connectors.node[connector, end])
     scratch.linked[:] = 0
-    scratch.front[:ropes] = 0
     scratch.front[ropes:] = -1
     scratch.width[0] = ropes
     scratch.touch[:nodes] = -1
@@ -194,6 +215,19 @@ def note_touches(bundle, scratch):
             touch, number = CLAMP_NODES * clamp + k, bundle.order.number[scratch.clamp_node[clamp, k]]
             scratch.touch[nodes + touch] = scratch.touch[number]
             scratch.touch[number] = touch
+            note_coupled(scratch, bundle.order.rope[number], bundle.order.node[number])
+    for rope in range(ropes):
+        if scratch.coupled_to[rope] < 0:
+            middle = (bundle.offset[rope + 1] - bundle.offset[rope]) // 2
+            scratch.coupled_from[rope], scratch.coupled_to[rope] = middle, middle
+        scratch.front[rope] = scratch.coupled_from[rope]
+
+
+@inlined_kernel
+def note_coupled(scratch, rope, node):
+    """Take a node into the range of coupled nodes of its rope."""
+    scratch.coupled_from[rope] = min(scratch.coupled_from[rope], node)
+    scratch.coupled_to[rope] = max(scratch.coupled_to[rope], node)
 
 
 @inlined_kernel
@@ -257,7 +291,7 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
     store_pair(right, own.right_side[node])
     columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
     apply_to_columns(inverse, columns, count, square)
-    follows = node + 1 < own.diagonal.shape[0]
+    follows = node < scratch.coupled_to[rope]
     lower = no_node(like)
     upper = lower
     if follows:
@@ -355,7 +389,7 @@ def substitute(bundle, event, rope, node, scratch, work, like):
     """Back substitution of one node."""
     own, square = record_at(bundle.records[rope, WORK], work), outer(0.0, like, like)
     columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
-    if node + 1 < own.diagonal.shape[0]:
+    if node < scratch.coupled_to[rope]:
         upper, after = load_node(own.upper[node], square), scratch.wheel_columns[bundle.offset[rope] + node + 1]
         less_neighbour(upper, own.right_side[node + 1], own.right_side[node], like)
         for b in range(count):

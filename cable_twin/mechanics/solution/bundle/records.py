@@ -188,6 +188,8 @@ class BundleWork(NamedTuple):
     front: Annotated[IntArray, Of("member")]  # node of each rope, then clamp at each further place of the front, or -1
     width: Annotated[IntArray, Of(1)]  # members that have been used so far
     sequence: Annotated[IntArray, Of("eliminated")]  # what was: the number of a node, or -1 - clamp
+    coupled_from: Annotated[IntArray, Of("rope")]  # first node of each rope that something holds to another one now
+    coupled_to: Annotated[IntArray, Of("rope")]  # last of them; where there is none, both are a node in the middle
     touch: Annotated[IntArray, Of("touch")]  # first of the clamps' nodes at each node, then the one after each
     member: Annotated[IntArray, Of("clamp")]  # place of each at the front
     nodes_left: Annotated[IntArray, Of("clamp")]  # of its four, that are still to be eliminated
