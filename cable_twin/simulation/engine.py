@@ -326,6 +326,9 @@ class Engine:
             "iteration",
             "slot",
             "count",
+            "inner",
+            "opposite",
+            "kept_to",
         )
         numbers = dict.fromkeys(counts, 0) | dict.fromkeys(("by_mass", "tension_time"), 1.0)
         return first.typical(self._works[0]) | whole | inner | numbers

@@ -103,7 +103,7 @@ def factors_change(mass, stretch, speed, change, share):
 
 
 @kernel
-def add_flow_tangent(system, state, end, mass_factor, rate_factor, columns, slot, work):
+def add_flow_tangent(system, state, end, mass_factor, rate_factor, wheel_columns, slot, work):
     """Add the derivative of the residual of all elements by the rope over one end to a column of their nodes.
 
     Those beside loads have theirs in the columns of patches.
@@ -114,7 +114,7 @@ def add_flow_tangent(system, state, end, mass_factor, rate_factor, columns, slot
         end: 0 or 1.
         mass_factor: as in `assemble`.
         rate_factor: as in `assemble`.
-        columns: (nodes, slots, 2, dim²), of which column 0 of the block is added to.
+        wheel_columns: (nodes, slots, 2, dim²), of which column 0 of the block is added to.
         slot: number of the block.
         work: of the rope.
     """
@@ -148,4 +148,4 @@ def add_flow_tangent(system, state, end, mass_factor, rate_factor, columns, slot
             element = plain[first + lane]
             for i in range(4):
                 force = load(group[vector_row(i, like) :, lane], like)
-                accumulate(force, columns[element + i // 2, slot, i % 2, :: len(like)])
+                accumulate(force, wheel_columns[element + i // 2, slot, i % 2, :: len(like)])

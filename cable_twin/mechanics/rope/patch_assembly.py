@@ -101,8 +101,8 @@ def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
     """Add the residual and tangent of all elements beside loads to their patches, `WIDTH` elements at a time."""
     count = work.patch_count[0]
     for first in range(0, count, WIDTH):
-        motion = gather_motion(system, state, first, work)
-        linearise_patches(system, state, motion, mass_factor, rate_factor, stiffness_factor, work)
+        nodal_motion = gather_motion(system, state, first, work)
+        linearise_patches(system, state, nodal_motion, mass_factor, rate_factor, stiffness_factor, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work)
@@ -136,12 +136,12 @@ def gather_motion(system, state, first, work):
 
 
 @inlined_kernel
-def force_patches(system, state, motion, work):
+def force_patches(system, state, nodal_motion, work):
     """Write the forces of a gathered group of elements beside loads to the vectors of `group`, Q_X to its blocks."""
     like, rows = system.cable.gravity, work.patch_motion
     length, wind = read_vector(rows, 0, (0.0,))[0], read_vector(rows, 1, like)
     passing = read_vector(rows, len(like) + 1, (0.0, 0.0))
-    forces, along = forces_on_patch(system, state, length, motion, wind, passing)
+    forces, along = forces_on_patch(system, state, length, nodal_motion, wind, passing)
     for i in range(4):
         spread(forces[i], work.group, vector_row(i, like))
     spread(along, work.group, block_row(0, 0, like))
@@ -163,8 +163,8 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
     like = system.cable.gravity
     dim = len(like)
     for first in range(0, count, WIDTH):
-        motion = gather_motion(system, state, first, work)
-        force_patches(system, state, motion, work)
+        nodal_motion = gather_motion(system, state, first, work)
+        force_patches(system, state, nodal_motion, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             number, right = work.patch_of[element], work.patch_right[element]
@@ -179,14 +179,14 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
 
 
 @inlined_kernel
-def linearise_patches(system, state, motion, mass_factor, rate_factor, stiffness_factor, work):
+def linearise_patches(system, state, nodal_motion, mass_factor, rate_factor, stiffness_factor, work):
     """Residual and tangent of `WIDTH` elements beside loads, with their elastic part, in groups as of `element`.
 
-    Takes the `motion` of `gather_motion`.
+    Takes the `nodal_motion` of `gather_motion`.
     """
     cable, like, group, elastic_group = system.cable, system.cable.gravity, work.group, work.patch_elastic
     rows, stretch = work.patch_motion, rest_stretch(cable, state)
-    length, (e, v, a) = read_vector(rows, 0, (0.0,))[0], motion
+    length, (e, v, a) = read_vector(rows, 0, (0.0,))[0], nodal_motion
     shape = subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3])
     at_rest = stretch * length
     still = scale(0.0, shape[0])
