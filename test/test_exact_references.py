@@ -53,7 +53,14 @@ def test_a_load_rests_where_its_potential_is_least():
 
 @needs_kernels
 @pytest.mark.parametrize("start", ["rest", "push"])
-@pytest.mark.parametrize("system", [light_rope(100, 10.0), drawn(1), drawn(4)], ids=["light rope", "driven", "fixed"])
+@pytest.mark.parametrize(
+    "system",
+    [
+        pytest.param(light_rope(100, 10.0), id="light rope"),
+        pytest.param(drawn(1), id="driven"),
+        pytest.param(drawn(4), id="fixed", marks=pytest.mark.long),  # kernels of several vehicles on one rope in space
+    ],
+)
 def test_a_rope_with_loads_gains_no_energy(system, start):
     found = run(system, start, 4.0)
     assert found.passed, found

@@ -85,7 +85,7 @@ def test_a_straight_start_knows_on_which_elements_its_carriages_are():
     assert cable.node_arc_length[element] <= 2.0 < cable.node_arc_length[element + 1]
 
 
-@pytest.mark.parametrize("space", [2, 3])
+@pytest.mark.parametrize("space", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_a_slack_rope_in_too_few_frames_is_told(space):
     """Warning for 20 elements, off by metres; none for 160, for a taut rope, and for `continuum`."""
     slack = {**LEVEL_SPAN, "space": space}

@@ -27,7 +27,7 @@ from cable_twin.mechanics.solution.newmark import coefficients_of_step, correct_
 from cable_twin.mechanics.solution.newton import solve_increments, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 
-REFRESH = 1.1  # growth of the remembered curvature in a step, so that it is measured again now and then
+REFRESH = 1.03  # growth of the remembered curvature in a step, so that it is measured again now and then
 LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 
 
