@@ -74,6 +74,18 @@ def test_the_contact_is_the_nearest_point_of_the_rope(start):
         assert state.contact_arc_length[contact] == pytest.approx(s, abs=NEAR**2)  # of elements of less than a metre
 
 
+def test_a_contact_that_is_clear_of_the_rope_is_looked_at_again_when_the_rope_comes():
+    """Off by 2 cm it is left; off by 0.5 cm, and where it is far from the nearest point, it is found."""
+    for depth, start, looked in ((-0.02, 0.005, False), (-0.005, 0.005, True), (-0.02, 0.1, True)):
+        system, state, work = touching(depth)
+        state.contact_arc_length[:] = np.array(PLACES) + start
+        for contact, s in enumerate(PLACES):
+            assert bool(find_contact(system.cable, system.towers, state, contact)) == looked
+            where = s if looked else s + start
+            assert state.contact_arc_length[contact] == pytest.approx(where, abs=NEAR**2)
+        assert not forces_on_nodes(system, state, work).any()
+
+
 def test_beyond_an_end_the_contact_stays_at_the_end():
     system, state, _ = touching(places=(0.3,))
     system.towers.position[0] = [-5.0, 0.0]

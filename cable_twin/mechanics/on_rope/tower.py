@@ -44,14 +44,25 @@ from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
 from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
+CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
 NEAR = 1e-4  # of an element's length: a last move below leaves its square times the share of depth to bend
 
 
 @kernel
 def find_contact(cable, towers, state, contact):
-    """Update the arc length of a contact to the nearest point of the rope."""
-    point = load(towers.position[contact], cable.gravity)
-    state.contact_arc_length[contact] = nearest(cable, state, point, state.contact_arc_length[contact])
+    """Update the arc length of a contact to the nearest point of the rope; returns whether the rope may touch it.
+
+    A rope that is `CLEAR` off does not, and its arc length is left where it is while it is less than that from the
+    nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side of the rope.
+    """
+    like, s = cable.gravity, state.contact_arc_length[contact]
+    place = load(towers.position[contact], like)
+    apart, r_x, there, far = approach(cable, state, place, s)
+    along = dot(apart, r_x)
+    if dot(apart, load(towers.normal[contact], like)) > CLEAR and along * along < CLEAR * CLEAR * dot(r_x, r_x):
+        return False
+    state.contact_arc_length[contact] = nearest(cable, state, place, there) if far else there
+    return True
 
 
 @kernel
@@ -61,20 +72,30 @@ def nearest(cable, state, place, arc_length):
     Where the rope bends so sharply around the place that the distance is no minimum, which no rope at rest does, the
     slope is kept positive.
     """
-    s, coordinates = arc_length, state.nodes.position
+    s = arc_length
     for _ in range(MAX_MOVES):
-        point = point_at(cable, state, s)
-        length = state.mesh.length[point.element]
-        r_x, r_xx = slope(coordinates, point, place), bend(coordinates, point, place)
-        apart = subtract(value(coordinates, point, place), place)
-        squared = dot(r_x, r_x)
-        move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
-        move = min(max(move, -length), length)
-        before = s
-        s = min(max(s + move, 0.0), cable.unstrained_length)
-        if not abs(s - before) > NEAR * length:
+        _, _, s, far = approach(cable, state, place, s)
+        if not far:
             break
     return s
+
+
+@inlined_kernel
+def approach(cable, state, place, arc_length):
+    """One move of Newton's method towards the point of the rope nearest to a place.
+
+    Returns:
+        r - p (dim,) in m and r_x (dim,) before it; the arc length (m) after it; whether another one is due.
+    """
+    coordinates, point = state.nodes.position, point_at(cable, state, arc_length)
+    length = state.mesh.length[point.element]
+    r_x, r_xx = slope(coordinates, point, place), bend(coordinates, point, place)
+    apart = subtract(value(coordinates, point, place), place)
+    squared = dot(r_x, r_x)
+    move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
+    move = min(max(move, -length), length)
+    after = min(max(arc_length + move, 0.0), cable.unstrained_length)
+    return apart, r_x, after, abs(after - arc_length) > NEAR * length
 
 
 @kernel
@@ -143,7 +164,8 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
     """
     like = cable.gravity
     for contact in range(towers.stiffness.size):
-        find_contact(cable, towers, state, contact)
+        if not find_contact(cable, towers, state, contact):
+            continue
         point, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
         n, n_by_depth, n_by_rate = normal_force(towers, contact, depth, -dot(normal, moving))
         if n == 0.0:
@@ -191,9 +213,8 @@ def settle_towers(cable, towers, state):
     for tower in range(towers.top.shape[0]):
         total = 0.0
         for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
-            find_contact(cable, towers, state, contact)
-            _, n = contact_force(cable, towers, state, contact)
-            total += n
+            if find_contact(cable, towers, state, contact):
+                total += contact_force(cable, towers, state, contact)[1]
             state.contact_deflection[contact], _ = mobilise(
                 slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact]
             )
