@@ -234,9 +234,10 @@ class Scenario(Section):
 
         A rope that begins straight, or has a free end, may lack the tension beside which its bending moment at a
         vehicle, which a node with two slopes does not pass on, counts for little. Carriers that are closer than two
-        elements would leave hardly a node to the rope.
+        elements would leave hardly a node to the rope. Where points pass each other, the element between their nodes
+        would have no length.
         """
-        unsuited = self.cable.initial_shape == "straight" or "free" in self.cable.supports
+        unsuited = self.cable.initial_shape == "straight" or "free" in self.cable.supports or self._points_may_pass()
         if self.carriers and not self._whole.riding:
             loop = self._whole.strand.loop_length if self._whole.strand else inf
             apart = min(self.carriers.spacing or inf, loop / self.carriers.count)
@@ -261,6 +262,12 @@ class Scenario(Section):
             f"beside clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
         }
         return next((reason for reason, holds in reasons.items() if holds), None)
+
+    def _points_may_pass(self) -> bool:
+        """Return whether two neighbours on the rope of this scenario have no length, so that they do not meet."""
+        on_rope = sorted((one for one in self.carriages.values() if not one.clamped_to), key=lambda one: one.arc_length)
+        pairs = pairwise(one for one in on_rope if one.joint != "clamped")
+        return any("sliding" in (a.joint, b.joint) and a.is_point and b.is_point for a, b in pairs)
 
     def _clamps_are_close(self) -> bool:
         """Return whether vehicles on the rope of this scenario are clamped to another one too near to each other."""

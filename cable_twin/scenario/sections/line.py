@@ -112,7 +112,7 @@ class Cable(Section):
         default=None,
         description="joint of a vehicle: at a place of an element, as in the paper, or at a node of the mesh that "
         "follows it, with a slope of the rope on either side; null: node, and paper beside element_frame, runge_kutta, "
-        "connectors, pantographs, close carriers, a free end and a straight start",
+        "connectors, pantographs, close carriers, points that may pass each other, a free end and a straight start",
     )
     damping_time: float = quantity("s", "Kelvin-Voigt relaxation time of EA and EI", 0.0, ge=0)
     mass_damping: float = quantity("1/s", "damping per mass, of one of several ropes", 0.0, ge=0)

@@ -166,6 +166,11 @@ class Carriage(Section):
     bodies: dict[str, Body] = Field(description="bodies by name, from the cable downwards", min_length=1)
     payload: Payload | None = Field(default=None, description="payload; null: none")
 
+    @property
+    def is_point(self) -> bool:
+        """Whether all bodies have a width of 0, so that another such vehicle may pass."""
+        return all(body.size is not None and body.size[0] == 0.0 for body in self.bodies.values())
+
 
 class CarrierPayload(Section):
     """Payload of each carrier, changed in the stations: full up, empty down."""
