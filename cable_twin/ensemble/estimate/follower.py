@@ -22,6 +22,7 @@ from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
+    OF_SQUARE,
     Hidden,
     Reading,
     hidden_quantities,
@@ -47,6 +48,8 @@ NARROWEST = 0.03  # of the prior deviation, apart from which members are at leas
 SURE = 1e-6  # probability at which a sensor contradicts the others
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
 ALIKE, SURELY = 0.85, 5.0  # of a change of tension at both ends: share that may differ, and standard deviations
+FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
+FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
 
 
@@ -98,7 +101,7 @@ class Follower:
         apart = Layout.of(scenario, ENDS_OF_CABLE)
         self._scenario = scenario
         self.window = WINDOW if len(scenario.cables) == 1 else WINDOW_OF_ROPES
-        self._fast = swings(apart) if len(scenario.cables) == 1 else ()
+        self._fast = swings(apart)
         self._first = 2 * len(self.slow) + 1  # member with the first swing
         self._ensemble = Ensemble(scenario, self._first + len(self._fast), threads=threads, progress=False)
         start = self._ensemble.snapshot(0)
@@ -231,14 +234,35 @@ class Follower:
         if used:
             terms = self._linear(used)
             innovation = normalised_square(*terms, self._belief.covariance) / len(used)
-            self._belief = update(self._belief, *terms)
-            self._doubt_steps()
+            before, self._belief = self._belief, update(self._belief, *terms)
+            if self._went_far(before):
+                self._belief, self._stirred = self._belief._replace(covariance=self._stirred_up(before)), 1.0
+            else:
+                self._doubt_steps()
         lasted, self._since, self._from = time - self._since, time, time
         hidden = self._hidden(numbers)
         self._go_on(lasted, numbers)
         slow = self._slow()
         alarms += self._against_plan(time, slow)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _went_far(self, before: Belief) -> bool:
+        """Whether a correction moved wind, still little known, to where its effects have other slopes.
+
+        Such a correction says where to take the slopes, and nothing more: what the square of the wind does beyond them
+        would be put down to payloads and friction, with bands that it never leaves again.
+        """
+        number = [row for row, one in enumerate(self.slow) if one.curvature == OF_SQUARE]
+        moved, deviations = self._belief.mean - before.mean, np.sqrt(np.diag(before.covariance))
+        far = np.maximum(FAR, FAR_SHARE * np.abs(self._belief.mean))
+        return bool(((np.abs(moved) > far) & (deviations > FAR))[number].any())
+
+    def _stirred_up(self, before: Belief) -> FloatArray:
+        """Covariance before a correction, with doubt about all swings, as another wind at once stirs the twin."""
+        covariance, count = before.covariance.copy(), len(self.slow)
+        for row in range(count, count + len(self._fast)):
+            covariance[row, row] = max(covariance[row, row], FAR_SWING**2)
+        return covariance
 
     def _doubt_steps(self) -> None:
         """Add the second-order error of the last correction to the variances of slow quantities."""

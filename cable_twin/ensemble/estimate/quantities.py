@@ -55,12 +55,12 @@ HIDDEN_FORCE_ERRORS = {
     "tower": Errors(2e-4, 1.2e-3, 1.5e-2),
 }
 HIDDEN_PITCH_ERRORS = Errors(6e-4, 1.6e-3, 5e-3)
-# with several ropes: haul ropes swing along, and the swing of vehicles is not estimated
+# with several ropes: haul ropes swing along
 STRAND_ERRORS = Errors(6e-3, 1.5e-2, 3e-2)
 ROLLER_ERRORS = Errors(8e-3, 2e-2, 0.1)
 OF_ROPES = 6.0  # times as much as with one rope
 PITCH_OF_ROPES = Errors(2e-3, 6e-3, 2e-2)
-FAST_UNKNOWN_SWING, UNKNOWN_SWING = Errors(1.5e-2, 3e-2), 4e-3  # rad, of an inclinometer
+FAST_ANGLE_OF_ROPES, ANGLE_ERROR_OF_ROPES = FAST_ANGLE.scaled(4.0), 1e-3  # rad, of an inclinometer
 LEAST_FORCE = 3e3  # N, of which these errors are shares at least: a haul rope may lift off
 CURVATURE = 0.15  # of the step of a slow quantity, by which it may be wrong, as effects are not linear
 OF_SQUARE = 0.5  # the same of wind, whose effect is that of its square
@@ -194,7 +194,7 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
         elif sensor.kind == "inclinometer":
             column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), 1]
             place = np.atleast_1d(column).astype(np.intp)
-            fast, error = (FAST_ANGLE, ANGLE_ERROR) if alone else (FAST_UNKNOWN_SWING, UNKNOWN_SWING)
+            fast, error = (FAST_ANGLE, ANGLE_ERROR) if alone else (FAST_ANGLE_OF_ROPES, ANGLE_ERROR_OF_ROPES)
             found[name] = Reading(name, "rad", place, noise, fast, error)
     return found
 

@@ -36,11 +36,16 @@ class Swing(NamedTuple):
 
 
 def swings(layout: Layout) -> tuple[Swing, ...]:
-    """Angles and rates of all bodies of carriages: pitch, and in space roll as well."""
-    places, found = layout.places, []
+    """Angles and rates of all bodies of carriages: pitch, and in space roll as well.
+
+    With several ropes, whose members are dear, pitch of the second body alone, or of an only one: what hangs from the
+    carriage on the rope turns as a whole.
+    """
+    places, found, alone = layout.places, [], len(layout.ropes) == 1
     for vehicle, name in enumerate(layout.carriages):
-        for body in range(layout.first_body[vehicle], layout.first_body[vehicle] + len(layout.vehicles[name])):
-            for axis in (PITCH, ROLL) if layout.space else (PITCH,):
+        bodies = range(layout.first_body[vehicle], layout.first_body[vehicle] + len(layout.vehicles[name]))
+        for body in bodies if alone else bodies[:2][-1:]:
+            for axis in (PITCH, ROLL) if layout.space and alone else (PITCH,):
                 for rate in (False, True):
                     column = (places.body_angular_velocity if rate else places.body_angles)[body, axis]
                     found.append(Swing(vehicle, body, axis, rate, int(column)))
