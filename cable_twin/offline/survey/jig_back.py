@@ -158,7 +158,7 @@ def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) ->
             "roller_load": None,
             "tension_per_transverse_load": assumed(TRANSVERSE, "least tension over the weight across the rope"),
         },
-        "solver": {"step": assumed(0.01, "s")},
+        "solver": {"step": assumed(0.01, "s"), "tolerance": assumed(1e-6, "m")},
     }
 
 
