@@ -58,7 +58,7 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     told = {status.name: status for status in decode(data, "diagnostic_msgs/msg/DiagnosticArray").status}
     told_at = (stamp_ns - log.epoch_ns) / SECOND
     ahead = stamp_ns - max(stamp for _, stamp, _ in log.messages(["joint_states"]))
-    # of all frames; of the diagnostics beside a frame that was not due yet; or before the last frame, as the twin was ended
+    # of all frames; of the diagnostics beside a frame that was not due yet; or before the last frame, at the end
     assert -10_000_000 <= ahead <= 10_000_000
     before, after = KeyFigures(limited), KeyFigures(limited)  # a frame may be computed and not yet be gathered
     for item in read_snapshots(log):
