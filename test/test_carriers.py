@@ -121,3 +121,20 @@ def test_kinds_come_in_their_order_and_are_logged(tmp_path, capsys):
 def test_carriers_that_cannot_be_are_told_in_a_line(carriers, said):
     faults = faults_of(*lift_of(carriers))
     assert any(said in fault for fault in faults), faults
+
+
+def test_a_cabin_that_leaves_the_rope_leaves_no_ringing_behind():
+    """Tension beside the drive of the shipped gondola lift, as two cabins leave it at 6 m/s: within 1 % around that."""
+    simulation = Simulation(load_scenario("gondola"))
+    simulation.command("haul_rope", speed=6.0)
+    simulation.advance_to(21.0)
+    tensions, riding = [], []
+    while simulation.time < 22.0:
+        simulation.advance_to(simulation.time + simulation.step)
+        columns = simulation.snapshot.columns
+        tensions.append(columns.highest_tension[0, 0])
+        riding.append(int(columns.attached.sum()))
+    (left,) = np.flatnonzero(np.diff(riding) < 0)[-1:]
+    assert max(tensions[left - 10 : left + 20]) < 1.01 * max(tensions[: left - 10])
+    after = np.array(tensions[left + 2 : left + 22])
+    assert np.abs(np.diff(after)).max() < 200.0  # N; 7 kN up and down without a step of its own

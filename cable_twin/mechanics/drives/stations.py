@@ -1,6 +1,7 @@
 """Stations of a moving rope: vehicles off the rope hang at rest, and are attached on their return.
 
-Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part.
+Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part. Its force comes and goes
+between two steps, so that the next one uses no acceleration of the last.
 """
 
 from __future__ import annotations
@@ -8,10 +9,10 @@ from __future__ import annotations
 from math import floor
 
 from cable_twin.mechanics.drives.reference import follow
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
-from cable_twin.mechanics.on_rope.presence import keep_on
+from cable_twin.mechanics.on_rope.presence import keep_on, rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
     joint_point,
     joint_tangent,
@@ -28,10 +29,22 @@ from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 @kernel
 def loop_coordinate(system, state, carriage):
     """Place (m) of a clamped vehicle along mesh and loop, from the start of the mesh."""
+    return loop_coordinate_after(system, state, carriage, 0.0)
+
+
+@inlined_kernel
+def loop_coordinate_after(system, state, carriage, way):
+    """Place (m) of a clamped vehicle along mesh and loop once the rope has gone by for another `way` (m)."""
     length = system.moving_cable.loop_length
     along = system.carriages.loop_place[carriage] - system.moving_cable.loop_offset
-    place = along - state.loop_start[0] + state.rope.position[0]
+    place = along - state.loop_start[0] + state.rope.position[0] + way
     return (place - length * floor(place / length)) / rest_stretch(system.cable, state)
+
+
+@inlined_kernel
+def way_of_step(system, state):
+    """Way (m) of the rope in the next step, at its present speed."""
+    return system.solver.step * state.rope.velocity[0]
 
 
 @kernel
@@ -51,7 +64,7 @@ def hang_in_station(system, state, carriage, station):
     cable = system.cable
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         give_back(system, state, state.joint_node[carriage])
-    state.attached[carriage] = False
+    state.attached[carriage], state.newton_curvature[0] = False, 0.0
     keep_on(system, state, carriage)
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)
@@ -65,19 +78,30 @@ def hang_in_station(system, state, carriage, station):
 
 
 @kernel
+def detach_carriers(system, state):
+    """Park all carriers that would leave the mesh in the next step."""
+    way = way_of_step(system, state)
+    for carriage in range(system.carriages.fixed.size):
+        if system.carriages.clamped[carriage] and rides(system, state, carriage):
+            place = loop_coordinate_after(system, state, carriage, way)
+            if place > system.cable.unstrained_length:
+                park(system, state, carriage, place)
+
+
+@kernel
 def attach_carriers(system, state):
-    """Attach all carriers that have reached the mesh: upright, moving with the rope.
+    """Attach all carriers that have reached the mesh and stay on it: upright, moving with the rope.
 
     Within one step of the end of the mesh its weight is on the held end but for some centimetres of arm, so that no
     other carriage feels more of it than the wave that a load makes that rolls onto a rope.
     """
-    cable = system.cable
+    length, way = system.cable.unstrained_length, way_of_step(system, state)
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage] or not system.carriages.clamped[carriage]:
             continue
         if system.number == ALONE or system.moving_cable.carries[carriage]:
             place = loop_coordinate(system, state, carriage)
-            if place <= cable.unstrained_length:
+            if place <= length and loop_coordinate_after(system, state, carriage, way) <= length:
                 attach(system, state, carriage, place)
 
 
@@ -92,7 +116,7 @@ def attach(system, state, carriage, place):
 def put_on(system, state, carriage, place, speed, rate):
     """Attach a carriage to the cable at an arc length (m): upright, moving along the cable at `speed` (m/s)."""
     cable = system.cable
-    state.attached[carriage] = True
+    state.attached[carriage], state.newton_curvature[0] = True, 0.0
     keep_on(system, state, carriage)
     state.joints.position[carriage] = place
     state.joints.velocity[carriage] = speed

@@ -56,8 +56,8 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
         place_couplings(bundle, moving, system, state, c, h)
     mass_factor, rate_factor = factors(c, h)
 
-    memory = record_at(bundle.records[0, STATE], state).newton_curvature
-    curvature = REFRESH * memory[0] if memory[0] > 0.0 else inf
+    known = least_curvature(bundle, state)
+    curvature = REFRESH * known if known > 0.0 else inf
     increment, before = 0.0, 0.0
     for iteration in range(1, solver.max_iterations + 1):
         solvable, increment, changed = solve_increments(
@@ -77,9 +77,25 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
         )
         before = increment
         if (left < solver.tolerance and changed == 0) or increment == 0.0:
-            memory[0] = curvature
+            remember_curvature(bundle, state, curvature)
             return True, iteration, increment
     return False, solver.max_iterations, increment
+
+
+@kernel
+def least_curvature(bundle, state):
+    """Least curvature (1/m) that the ropes remember; 0 if a rope does not know the accelerations of its start."""
+    least = inf
+    for rope in range(bundle.records.shape[0]):
+        least = min(least, record_at(bundle.records[rope, STATE], state).newton_curvature[0])
+    return least
+
+
+@kernel
+def remember_curvature(bundle, state, curvature):
+    """Store the curvature (1/m) of Newton's method with all ropes."""
+    for rope in range(bundle.records.shape[0]):
+        record_at(bundle.records[rope, STATE], state).newton_curvature[0] = curvature
 
 
 @kernel
@@ -171,7 +187,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     Returns:
         The fields of `Outcome`.
     """
-    solver, memory = system.solver, record_at(bundle.records[0, STATE], state).newton_curvature
+    solver = system.solver
     iterations, halvings, worst_gap, increment = 0, 0, 0.0, 0.0
     lost, moved = 0.0, 0.0
     taken, gone_back = 0, wheels_gone_back(moving.sheaves)
@@ -191,7 +207,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                     if part > 0:
                         column = BEFORE
                         copy_ropes(bundle, STATE, BEFORE, state)
-                    c = coefficients_of_step(solver.spectral_radius, memory[0] > 0.0)
+                    c = coefficients_of_step(solver.spectral_radius, least_curvature(bundle, state) > 0.0)
                     converged, used, increment, gap = step(
                         bundle, moving, moving_before, scratch, system, state, work, column, c, solver.step / parts
                     )

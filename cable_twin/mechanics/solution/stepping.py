@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from cable_twin.mechanics.drives.haul_rope import take_up
 from cable_twin.mechanics.drives.motion import move_drives
-from cable_twin.mechanics.drives.stations import attach_carriers
+from cable_twin.mechanics.drives.stations import attach_carriers, detach_carriers
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.buffer import settle_buffers
 from cable_twin.mechanics.on_rope.friction import settle_friction
@@ -49,11 +49,12 @@ def begin_step(system, state, h):
 
 @kernel
 def end_step(system, state, work):
-    """End a step: store friction and contacts, attach carriers entering the rope; returns the largest gap (m)."""
+    """End a step: store friction and contacts, detach and attach carriers; returns the largest gap (m)."""
     gap = largest_gap(system, state, work, True)
     settle(system, state)
     take_up(system, state)
     if system.moving_cable.moving:
+        detach_carriers(system, state)
         attach_carriers(system, state)
     return gap
 
