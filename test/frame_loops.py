@@ -26,7 +26,7 @@ class SteppedClock(SteadyClock):
 def frame_loop(scenario="aerial_tramway", *, overrides=None, **options):
     """Frame loop of a small simulation; callbacks that are not given do nothing."""
     if isinstance(scenario, str):
-        scenario = load_scenario(scenario, {"cable.elements": 10, **(overrides or {})})
+        scenario = load_scenario(scenario, {"cable.elements": 10, "solver.step": 0.005, **(overrides or {})})
     defaults = {
         "frame_steps": 2,
         "real_time_factor": 1.0,

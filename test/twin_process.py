@@ -85,6 +85,7 @@ def write_quick_scenario(directory: Path, space: int = 2) -> Path:
     content = yaml.load((config_directory() / "aerial_tramway.yaml").read_text(encoding="utf-8"))
     content["cable"].update(elements=20, start={"position": [0.0, 0.0]})
     del content["towers"]
+    content["solver"]["step"] = 0.005  # s, half a frame
     cabin = content["carriages"]["cabin"]
     cabin["arc_length"] = 60.0
     cabin["drive"]["limits"].update(acceleration=4.0, deceleration=None, jerk=40.0)

@@ -24,7 +24,13 @@ from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
 
 FINER, FEWER = 8.0, 0.6  # times the elements
-STOP, END, FRAME = 20.0, 30.0, 0.02  # s: emergency stop, end of a trip, between looks
+FRAME = 0.02  # s, between looks
+TRIPS = {  # s: emergency stop and end of a trip, which takes a vehicle past a tower
+    "aerial_tramway": (120.0, 150.0),
+    "windy_tramway": (120.0, 150.0),
+    "jig_back": (70.0, 90.0),
+}
+TRIP = (30.0, 45.0)  # s, of the others
 MOST_TENSION, MOST_FIGURE, MOST_SPREAD = 0.1, 0.3, 0.2  # %
 AROUND = np.linspace(0.9, 1.1, 16)  # times the elements of the shipped mesh
 SPREAD = ("jig_back", "bicable")
@@ -94,10 +100,11 @@ def at_rest(simulation: Simulation, name: str) -> Found:
 def trip(simulation: Simulation, name: str) -> Found:
     """Key figures of a trip from rest that ends in an emergency stop."""
     case, figures, stopped = ROPEWAYS[name], KeyFigures(simulation.scenario), False
+    stop, end = TRIPS.get(name, TRIP)
     figures.command(simulation.command(case.drive, speed=case.speed))
-    for frame in range(1, round(END / FRAME) + 1):
+    for frame in range(1, round(end / FRAME) + 1):
         figures.update(simulation.advance_to(frame * FRAME))
-        if not stopped and simulation.time >= STOP:
+        if not stopped and simulation.time >= stop:
             figures.command(simulation.emergency_stop())
             stopped = True
     return Found(elements_of(simulation), figures_of(figures))
