@@ -97,8 +97,7 @@ class MemberStates:
     def read(self, member: int) -> Simulation:
         """Load the present state of a member into a simulation, for its snapshot alone."""
         settings, variant = self.settings[member], self.variants[member]
-        wanted = variant, settings.parameters, settings.start
-        if not all(one is other for one, other in zip(wanted, self._entered, strict=True)):
+        if not is_same((variant, settings.parameters, settings.start), self._entered):
             return self.enter(member)
         self._write(member)
         variant.show(self.report(member))
@@ -185,6 +184,15 @@ class MemberStates:
             moved=float(sums[MOVED]),
         )
         return step_failure(self.base.system.solver, clock, outcome)
+
+
+def is_same(one: Any, other: Any) -> bool:
+    """Whether both are one object, or tuples of the same objects."""
+    if one is other:
+        return True
+    if not isinstance(one, tuple) or not isinstance(other, tuple) or len(one) != len(other):
+        return False
+    return all(is_same(*pair) for pair in zip(one, other, strict=True))
 
 
 def looks_of(base: Simulation) -> Looks:

@@ -11,7 +11,7 @@ from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
 from cable_twin.key_figures.outlook import ANNOUNCED, AS_COMMANDED, EMERGENCY_STOP, LEFT_OUT, SHOWN, Future, Outlook
-from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.scenario import Scenario, wind_unfelt
 from cable_twin.simulation import SAMPLES, Simulation
 from cable_twin.simulation.command_handlers import GUST_DURATION, check_ahead
@@ -140,14 +140,17 @@ class _Run:
         self._highest: list[FloatArray] = []
         self._lowest: list[FloatArray] = []
         self._last: Snapshot | None = None
+        self._rows: tuple[IntArray, IntArray] | None = None  # of both in a frame
 
     def take(self, snapshot: Snapshot) -> None:
         """Take in the next snapshot."""
         self.figures.update(snapshot)
-        columns = snapshot.columns
+        if self._rows is None:
+            places = snapshot.layout.places
+            self._rows = places.highest_tension[:, 0].astype(np.int64), places.lowest_tension[:, 0].astype(np.int64)
         self._times.append(snapshot.time)
-        self._highest.append(columns.highest_tension[:, 0].copy())
-        self._lowest.append(columns.lowest_tension[:, 0].copy())
+        self._highest.append(snapshot.numbers[self._rows[0]])
+        self._lowest.append(snapshot.numbers[self._rows[1]])
         self._last = snapshot
 
     def check(self) -> list[KeyFigure]:

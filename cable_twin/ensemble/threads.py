@@ -35,7 +35,7 @@ class Lane:
         states = allocate_states(systems)
         ropes = [Rope(system, state, allocate_workspace(system)) for system, state in zip(systems, states, strict=True)]
         self._assembly = Assembly(ropes, engine.couplings if len(ropes) > 1 else None)
-        self.arguments = self._assembly.arguments
+        self.arguments = tuple(map(pack, self._assembly.arguments))
         self._tables: dict[int, Addresses] = {}
         self._bundles: dict[int, int] = {}
 

@@ -235,6 +235,13 @@ class Layout:
     def columns(self, numbers: NDArray[Any]) -> Columns:
         """Views of the columns of a frame (size,), or of several frames (..., size) with leading axes."""
         leading = numbers.shape[:-1]
+        if not leading:  # made for each frame
+            return Columns(
+                *[
+                    numbers[first:last] if len(shape) == 1 else numbers[first:last].reshape(shape)
+                    for first, last, shape in self._places
+                ]
+            )
         return Columns(*(numbers[..., first:last].reshape(leading + shape) for first, last, shape in self._places))
 
 

@@ -167,6 +167,7 @@ class Travel:
         self._layout: Layout | None = None  # of the frames so far
         self._numbers: list[int] = []  # places in a frame of `shown`
         self.last: Snapshot | None = None  # last frame that holds them
+        self._placed: tuple[Snapshot, FloatArray] | None = None  # its points, if they are known
 
     def shows(self, snapshot: Snapshot) -> bool:
         """Whether a frame comes after the last one and holds the points; frames of a log may not."""
@@ -188,7 +189,11 @@ class Travel:
     def steps(self, snapshot: Snapshot, members: Rows | slice = slice(None)) -> FloatArray:
         """Travel (members,) in m since the last frame; NaN for vehicles off the rope in either frame."""
         assert self.last is not None
-        moved = self._points(snapshot.columns)[members] - self._points(self.last.columns)[members]
+        if self._placed is None or self._placed[0] is not self.last:
+            self._placed = self.last, self._points(self.last.columns)
+        before = self._placed[1]
+        after = self._points(snapshot.columns)
+        self._placed, moved = (snapshot, after), after[members] - before[members]
         steps = np.sum(moved * along_rope(snapshot, self.vehicles[members]), axis=1)
         return np.where((self.attached(snapshot) & self.attached(self.last))[members], steps, nan)
 
@@ -275,6 +280,16 @@ class CarriedStops:
                 self._stops += stop_figures(subject, float(self._start[member]), values, time, places)
 
 
+class Farthest(NamedTuple):
+    """Load of a group that has gone farthest in a stop."""
+
+    number: int  # of its vehicle among those with loads
+    kind: str  # of the stop
+    speed: float  # m/s at the command
+    way: float  # m since then
+    begun: float  # s, of the command
+
+
 class SeatStops:
     """Farthest forward travel along the rope of the load of each vehicle after a command to stop.
 
@@ -307,8 +322,7 @@ class SeatStops:
         self._start = np.zeros(count)  # m/s along the rope at the command
         self._begun, self._farthest_at = np.full(count, nan), np.full(count, nan)  # s
         self._way, self._farthest = np.zeros(count), np.zeros(count)  # m
-        self._found: dict[Subject, KeyFigure] = {}  # of each group, of the stop that counts
-        self._counts: dict[Subject, str] = {}  # its kind
+        self._found: dict[Subject, Farthest] = {}  # of each group, of the stop that counts
 
     def update(self, snapshot: Snapshot) -> None:
         """Evaluate one snapshot for the travel of passengers, in order of time."""
@@ -331,7 +345,11 @@ class SeatStops:
 
     def figures(self) -> Iterator[KeyFigure]:
         """Yield the stopping distance of each carriage, and of the carrier whose load went farthest."""
-        yield from self._found.values()
+        for subject, members in self._travel.groups:
+            if (one := self._found.get(subject)) is not None:
+                stop = self._travel.describe(one.number, members, one.kind, one.speed)
+                where = f"{stop}, its load along the rope, swing included"
+                yield figure("passenger_stopping_distance", subject, "highest", one.way, one.begun, where)
 
     def _begin(self, number: int, kind: str, time: float, last: Snapshot) -> None:
         """Begin the stop of one moving vehicle, by index."""
@@ -362,14 +380,11 @@ class SeatStops:
             number = max(moved, key=lambda one: float(self._farthest[one]))
             kind, before = self._kinds[number], self._found.get(subject)
             if before is not None:
-                counts = self._counts[subject] == EMERGENCY and kind == STOP
-                if counts or (before.time == self._begun[number] and before.value >= self._farthest[number]):
+                counts = before.kind == EMERGENCY and kind == STOP
+                if counts or (before.begun == self._begun[number] and before.way >= self._farthest[number]):
                     continue
-            stop = self._travel.describe(number, members, kind, self._start[number])
-            where = f"{stop}, its load along the rope, swing included"
             way, begun = float(self._farthest[number]), float(self._begun[number])
-            self._counts[subject] = kind
-            self._found[subject] = figure("passenger_stopping_distance", subject, "highest", way, begun, where)
+            self._found[subject] = Farthest(number, kind, float(self._start[number]), way, begun)
 
 
 def along_rope(snapshot: Snapshot, vehicles: Rows) -> FloatArray:
@@ -387,10 +402,19 @@ def along_rope(snapshot: Snapshot, vehicles: Rows) -> FloatArray:
 def _placed(c: Columns, bodies: Rows, offsets: FloatArray) -> FloatArray:
     """Positions (n, 3) in m of points at offsets (n, 3) in m from the centres of bodies, in the axes of these."""
     turn = c.body_orientation[bodies]
-    twice = 2.0 * np.cross(turn[:, :3], offsets)
-    moved = offsets + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)
+    twice = 2.0 * _cross(turn, offsets)
+    moved = offsets + turn[:, 3:] * twice + _cross(turn, twice)
     points: FloatArray = c.body_position[bodies] + np.where(offsets.any(axis=1, keepdims=True), moved, 0.0)
     return points
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products (n, 3) of the first three columns of two arrays; `np.cross` takes six times as long for few."""
+    found = np.empty_like(b)
+    for axis in range(3):
+        second, third = (axis + 1) % 3, (axis + 2) % 3
+        found[:, axis] = a[:, second] * b[:, third] - a[:, third] * b[:, second]
+    return found
 
 
 def _load(vehicle: Carriage) -> tuple[int, FloatArray]:
