@@ -26,10 +26,10 @@ from cable_twin.terminal.command_line import Filled
 
 PLANTS, DURATION, FRAME = 20, 120.0, 0.02  # -, s, s
 START, FIRST = 2.0, 30.0  # s: of the motion, and from which on estimates count
-TRAMWAY = {"cable.elements.target": 7.0, "cable.elements.at_towers": 2.5}
+TRAMWAY = {"cable.elements.target": 7.0, "cable.elements.at_towers": 1.0}
 ROPES = {
     f"ropes.{kind}_{number}.elements": {"target": target, "at_towers": at_towers, "growth": 2.0}
-    for kind, target, at_towers in (("track", 9.0, 3.0), ("haul", 5.0, 1.5))
+    for kind, target, at_towers in (("track", 9.0, 0.5), ("haul", 5.0, 1.5))
     for number in (1, 2)
 }
 NORMAL_95 = 1.959964
