@@ -9,7 +9,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from cable_twin.frame.sensors import Sensors
-from cable_twin.messages.sensor_messages import sensor_topics
+from cable_twin.messages.sensor_messages import SensorOutput, measurements_from_message, sensor_topic, sensor_topics
+from cable_twin.messages.topics import FrameNames
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
@@ -115,6 +116,23 @@ def test_an_inclinometer_and_an_imu_tell_pitch_turn_and_acceleration(log):
     assert boxes[0].linear_acceleration_covariance[0] == pytest.approx(0.05**2)
 
 
+def test_an_inclinometer_in_space_tells_roll_as_well():
+    both = {"kind": "inclinometer", "of": "cabin", "rate": 20.0}
+    changes = {"sensors": {"pitch": both, "roll": {**both, "axis": "roll"}}, "air.wind": [-5.0, 12.0, 0.0]}
+    scenario = load_scenario("windy_tramway", changes)
+    assert {sensor_topic(one) for one in scenario.sensors.values()} == {
+        "sensors/inclinometer/cabin",
+        "sensors/inclinometer/cabin/roll",
+    }
+    simulation = Simulation(scenario, samples=2)
+    output = SensorOutput(scenario, simulation.layout, FrameNames("map", ""))
+    angles = simulation.snapshot.columns.body_angles[-1]
+    assert angles[0] > 0.01  # rad
+    for topic, data in output.messages(simulation.snapshot, 0):
+        (found,) = measurements_from_message(topic, data, scenario.sensors, 0)
+        assert found.values == pytest.approx((angles[0 if found.sensor == "roll" else 1],))
+
+
 def samples(scenario, frame=0.01, begin=0.0):
     simulation = Simulation(scenario, samples=2)
     simulation.command("cabin", speed=3.0)
@@ -143,6 +161,10 @@ def test_a_scenario_without_sensors_has_no_topics_of_theirs():
     ("sensor", "said"),
     [
         ({"kind": "encoder", "of": "bus"}, "sensors.one.of: given 'bus'; allowed: cabin, for encoder"),
+        (
+            {"kind": "inclinometer", "of": "cabin", "axis": "roll"},
+            "sensors.one.axis: given 'roll'; allowed: pitch, or roll of an inclinometer in space",
+        ),
         ({"kind": "load_cell", "of": "cabin"}, "sensors.one.of: given 'cabin'; allowed: start, end"),
         (
             {"kind": "imu", "of": "cabin/roof"},

@@ -22,6 +22,7 @@ from cable_twin.scenario.schema import Sensor
 HOUR = 3600.0  # s, of a drift
 LOAD_CELL, INCLINOMETER = 0.002, radians(0.3)  # standard deviations: share of the load at rest, and rad
 UNLIMITED = 100e3  # N, taken as the range of a drive without a limit of its force
+ANGLES = {"roll": 0, "pitch": 1}  # columns of the angles of a body
 EARLY = 1e-6  # of a sample period, by which a frame may come before a sample is due
 
 
@@ -142,7 +143,7 @@ class _Running:
         return tuple((share * force).tolist())
 
     def _inclinometer(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        return (self._spoiled(float(snapshot.columns.body_angles[self._row, 1]), draws[0]),)
+        return (self._spoiled(float(snapshot.columns.body_angles[self._row, ANGLES[self._sensor.axis]]), draws[0]),)
 
     def _imu(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
         """Angular velocity, and mean specific force (acceleration minus gravity) since the previous sample."""
@@ -180,8 +181,8 @@ def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[
     """Sensors that a ropeway usually has, as a mapping for `sensors` of a scenario.
 
     An encoder of 1 cm and the force of each drive, a load cell at each end and tower with 0.2 % of its load at rest as
-    standard deviation, and an inclinometer of 0.3 degrees on the last body of each carriage; ten samples a second,
-    which arrive up to 50 ms late, and of which 2 % are lost.
+    standard deviation, and an inclinometer of 0.3 degrees on the last body of each carriage, in space another one for
+    its roll; ten samples a second, which arrive up to 50 ms late, and of which 2 % are lost.
 
     Args:
         scenario: of the plant.
@@ -200,7 +201,10 @@ def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[
         load = float(np.linalg.norm(rest.columns.support_force[row]))
         found[f"load_{name.replace('/', '_')}"] = {"kind": "load_cell", "of": name, "noise": LOAD_CELL * load, **common}
     for name in layout.carriages:
-        found[f"tilt_{name}"] = {"kind": "inclinometer", "of": name, "noise": INCLINOMETER, **common}
+        tilt = {"kind": "inclinometer", "of": name, "noise": INCLINOMETER, **common}
+        found[f"tilt_{name}"] = tilt
+        if layout.space:
+            found[f"roll_{name}"] = {**tilt, "axis": "roll"}
     return found
 
 
@@ -209,4 +213,4 @@ def body_of(sensor: Sensor, layout: Layout) -> str:
     return sensor.of if "/" in sensor.of else f"{sensor.of}/{layout.vehicles[sensor.of][-1]}"
 
 
-__all__ = ["Measurement", "Sensors", "body_of", "standard_sensors"]
+__all__ = ["ANGLES", "Measurement", "Sensors", "body_of", "standard_sensors"]

@@ -51,7 +51,7 @@ def sensor_topic(sensor: Sensor) -> str:
         return "sensors/joint_states"
     if sensor.kind == "load_cell":
         return f"sensors/{support_force_topic(sensor.of)}"
-    return f"sensors/{sensor.kind}/{sensor.of}"
+    return f"sensors/{sensor.kind}/{sensor.of}{'/roll' if sensor.axis == 'roll' else ''}"
 
 
 def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
@@ -115,7 +115,8 @@ def measurements_from_message(
         return [Measurement(name, time, (force.x, force.y, force.z))]
     if sensors[name].kind == "inclinometer":
         turn = message.orientation
-        return [Measurement(name, time, (2.0 * float(np.arctan2(turn.y, turn.w)),))]
+        about = turn.x if sensors[name].axis == "roll" else turn.y
+        return [Measurement(name, time, (2.0 * float(np.arctan2(about, turn.w)),))]
     turn, pull = message.angular_velocity, message.linear_acceleration
     return [Measurement(name, time, (turn.x, turn.y, turn.z, pull.x, pull.y, pull.z))]
 
@@ -155,8 +156,9 @@ class SensorOutput:
             return topic, serialize(WrenchStamped(header(stamp_ns, self._frames.named(sensor.of)), wrench))
         head = header(stamp_ns, self._frames.named(body_of(sensor, self._layout)))
         if sensor.kind == "inclinometer":
-            half = 0.5 * values[0]
-            turned, still = Quaternion(0.0, float(np.sin(half)), 0.0, float(np.cos(half))), Vector3(0.0, 0.0, 0.0)
+            sine, cosine = float(np.sin(0.5 * values[0])), float(np.cos(0.5 * values[0]))
+            about = (sine, 0.0, 0.0) if sensor.axis == "roll" else (0.0, sine, 0.0)
+            turned, still = Quaternion(*about, cosine), Vector3(0.0, 0.0, 0.0)
             return topic, serialize(Imu(head, turned, _square(sensor.noise), still, UNKNOWN, still, UNKNOWN))
         upright = Quaternion(0.0, 0.0, 0.0, 1.0)
         turn, pull = Vector3(*values[:3]), Vector3(*values[3:])

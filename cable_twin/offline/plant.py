@@ -35,7 +35,8 @@ NODE = "virtual_plant"  # name of the node, beside that of a twin
 EPILOG = """\
 Parameters and mesh of the plant are those of SCENARIO with the values of --set. Its sensors are those of --sensors, a
 YAML file as the section `sensors` of a scenario; else those of the scenario; else the usual ones: encoders of 1 cm,
-forces of drives, load cells of 0.2 %, inclinometers of 0.3 degrees, ten times a second, up to 50 ms late, 2 % lost.
+forces of drives, load cells of 0.2 %, inclinometers of 0.3 degrees for pitch and, in space, roll, ten times a second,
+up to 50 ms late, 2 % lost.
 
 With --log the bag has them under /plant/, with all else that a run has, such as the true values, for comparison:
 `follow` uses none of that but the commands.

@@ -53,11 +53,14 @@ class Sensor(Section):
 
     kind: Literal["encoder", "drive_force", "load_cell", "inclinometer", "imu"] = Field(
         description="measured quantity: position along the cable (m), force of a drive (N), force of a support (N), "
-        "pitch (rad), or acceleration and angular velocity (m/s^2, rad/s)"
+        "pitch or roll (rad), or acceleration and angular velocity (m/s^2, rad/s)"
     )
     of: str = Field(
         description="measured object: vehicle or drive (encoder, drive_force), support (load_cell), vehicle or "
         "VEHICLE/BODY (others)"
+    )
+    axis: Literal["pitch", "roll"] = Field(
+        default="pitch", description="angle that an inclinometer measures: pitch, or in space roll, across the track"
     )
     rate: float = quantity("Hz", "sampling rate, at most that of frames", 50.0, gt=0)
     noise: float = quantity(OF_KIND, "standard deviation of white noise; m/s^2 of an imu", 0.0, ge=0)

@@ -31,14 +31,14 @@ def measured():
     return measurements({PAYLOAD: TRUTH})
 
 
-def measurements(changes):
+def measurements(changes, name="aerial_tramway", duration=DURATION):
     """Scenario of a twin, and all measurements of a plant by time (s), which starts at 2 s."""
-    bare = load_scenario("aerial_tramway", COARSE)
+    bare = load_scenario(name, COARSE)
     usual = standard_sensors(bare, Simulation(bare).snapshot)
-    scenario = load_scenario("aerial_tramway", {**COARSE, "sensors": usual})
+    scenario = load_scenario(name, {**COARSE, "sensors": usual})
     running = Simulation(load_scenario(scenario.resolved(), changes), samples=2)
     sensors, found = Sensors(running.scenario, running.layout), {}
-    for frame in range(round(DURATION / 0.05) + 1):
+    for frame in range(round(duration / 0.05) + 1):
         snapshot = running.advance_to(round(0.05 * frame, 9))
         if frame == 40:
             running.command("cabin", speed=7.0)
@@ -105,6 +105,22 @@ def test_a_large_correction_of_the_wind_leaves_the_drive_on_its_course():
     ensemble.close()
     assert abs(force[0] - force[1]) < 1000.0  # N
     assert abs(place[0] - place[1]) < 0.03  # m
+
+
+def test_a_plant_that_rests_in_a_strong_wind_is_known_before_it_moves():
+    """Payload and both components of the wind, with what swings at rest in it, from twins that rest in still air."""
+    wind = {"air.wind.x": -5.0, "air.wind.y": 12.0}
+    follower, corrections = followed(measurements({PAYLOAD: 2000.0, **wind}, "windy_tramway", 6.0))
+    assert not follower.left_out
+    for correction in (corrections[0], corrections[-1]):
+        slow = correction.slow
+        for name, true, most in (("cabin/payload", 2000.0, 150.0), ("wind/x", -5.0, 3.0), ("wind/y", 12.0, 1.5)):
+            assert abs(slow[name].value - true) < most, f"{name} at {correction.time} s"
+            assert abs(slow[name].value - true) < 3.5 * slow[name].deviation, f"{name} at {correction.time} s"
+    assert corrections[0].time == pytest.approx(1.0)
+    swing = corrections[-1].hidden
+    assert abs(swing["cabin/cabin/roll"].value) > 0.02  # rad
+    assert abs(swing["cabin/cabin/roll"].deviation) < 0.01
 
 
 def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):

@@ -264,10 +264,12 @@ def test_samples_of_one_scan_are_one_message_that_a_twin_reads_back():
         "x": tag(axis="x"),
         "z": tag(axis="z"),
         "p": tag(quantity="pitch", of="cabin", unit="deg", deviation=0.5),
+        "r": tag(quantity="roll", of="cabin", unit="deg"),
     }
     kinds = {"encoder": "cabin", "drive_force": "cabin", "load_cell": "tower", "inclinometer": "cabin"}
     sensors = {kind: Sensor(kind=kind, of=of) for kind, of in kinds.items()}
-    values = {"v": 5.0, "s": 120.0, "f": 4e4, "z": 3e5, "x": -2e4, "p": 0.1}
+    sensors["roll"] = Sensor(kind="inclinometer", of="cabin", axis="roll")
+    values = {"v": 5.0, "s": 120.0, "f": 4e4, "z": 3e5, "x": -2e4, "p": 0.1, "r": -0.2}
     ready = sent(tags, *((name, value, 0.001 * row) for row, (name, value) in enumerate(values.items())))
     found = {}
     for topic, data in ready:
@@ -277,6 +279,7 @@ def test_samples_of_one_scan_are_one_message_that_a_twin_reads_back():
     assert found["drive_force"] == (4e4,)
     assert found["load_cell"] == (-2e4, 0.0, 3e5)
     assert found["inclinometer"] == pytest.approx((0.1,))
+    assert found["roll"] == pytest.approx((-0.2,))
     imu = decode(next(data for topic, data in ready if "inclinometer" in topic), Imu.__msgtype__)
     assert imu.orientation_covariance[4] == pytest.approx(math.radians(0.5) ** 2)
     assert imu.angular_velocity_covariance[0] == -1.0

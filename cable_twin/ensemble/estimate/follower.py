@@ -39,6 +39,7 @@ from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 
 WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope and with several
+FIRST_WINDOW = 1.0  # s, the first one of a twin that stands, so that it is as its plant before that moves
 LONGEST_WINDOW = 6.0  # s, to which it may grow while members pass from one element to the next
 SETTLING = 0.15  # s after a correction, without measurements
 FORGOTTEN = 100.0  # s, in which the error of the model in a sensor changes
@@ -49,6 +50,7 @@ SURE = 1e-6  # probability at which a sensor contradicts the others
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
 ALIKE, SURELY = 0.85, 5.0  # of a change of tension at both ends: share that may differ, and standard deviations
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
+RESTS = 8  # at most, that are tried for one window
 FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
 
@@ -127,6 +129,7 @@ class Follower:
         self._rows: list[_Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
+        self._stands, self._begun = True, 0.0  # no drive was commanded to move since the beginning, s
         self._told: set[str] = set()  # quantities with an alarm
 
     @property
@@ -165,6 +168,7 @@ class Follower:
         self._belief = Belief(mean, covariance)
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
+        self._stands, self._begun = not under_way, time
         self.doubts.forget()
         self._swing()
 
@@ -180,6 +184,8 @@ class Follower:
         """
         self._advance(applied.time)
         self._ensemble.apply(applied.command)
+        if applied.command.kind in ("speed", "force") and any(applied.command.values.values()):
+            self._stands = False
 
     def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
         """Take the measurements of one time (s), which are not older than those before; a correction where due.
@@ -211,7 +217,8 @@ class Follower:
                     self._ensemble.swing(member, anchored(self._fast, numbers, member))
             return None
         lasted = time - self._since
-        if lasted < self.window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
+        window = FIRST_WINDOW if self._stands and self._since == self._begun else self.window
+        if lasted < window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
         return self._correct(time, numbers, alarms)
 
@@ -229,13 +236,15 @@ class Follower:
 
     def _correct(self, time: float, numbers: FloatArray, alarms: list[Alarm]) -> Correction:
         """Correct slow quantities and states by the measurements of a window."""
+        if self._stands and self._rest_where_believed(time):
+            numbers = self._ensemble.numbers()
         used = self._of_swing() if self._at_tower else self._consistent(time, alarms)
         innovation = 1.0
         if used:
             terms = self._linear(used)
             innovation = normalised_square(*terms, self._belief.covariance) / len(used)
             before, self._belief = self._belief, update(self._belief, *terms)
-            if self._went_far(before):
+            if self._went_far(before, self._belief):
                 self._belief, self._stirred = self._belief._replace(covariance=self._stirred_up(before)), 1.0
             else:
                 self._doubt_steps()
@@ -246,15 +255,58 @@ class Follower:
         alarms += self._against_plan(time, slow)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
-    def _went_far(self, before: Belief) -> bool:
-        """Whether a correction moved wind, still little known, to where its effects have other slopes.
+    def _rest_where_believed(self, time: float) -> bool:
+        """Begin anew, while the plant stands, at rests of all members around what a window says of a far wind.
+
+        At rest all times of a window are alike, so that its measurements say it again, to what is there now (iterated
+        Kalman filter, Bell and Cathey 1993). A twin that rests in a wind does not swing, as one in which it sets in.
+
+        Returns:
+            Whether the members have other states now.
+        """
+        first, anew, count = (self._belief, self._points), False, len(self.slow)
+        for _ in range(RESTS):
+            before = self._belief
+            if not self._rows or not self._went_far(before, found := update(before, *self._linear(self._rows))):
+                break
+            mean = before.mean.copy()
+            mean[:count] = found.mean[:count]
+            self._belief = before._replace(mean=mean)
+            if not self._rest(time, self._stencil()):
+                self._belief = before
+                break
+            anew = True
+        if anew and self._contradicting()[1]:  # it was not the wind
+            self._belief, points = first
+            self._rest(time, points)
+        return anew
+
+    def _rest(self, time: float, points: FloatArray) -> bool:
+        """Put all members to rest at points of the slow quantities; False where there is no such rest."""
+        before, self._points = self._points, points
+        try:
+            self._change(rest=True)
+        except ValueError:
+            self._points = before
+            return False
+        self._zero, self._belief = time, self._belief._replace(mean=self._belief.mean.copy())
+        self._belief.mean[: len(self.slow)] = points[0]
+        self._swing()
+        numbers = self._ensemble.numbers()
+        self._rows = [
+            row._replace(predicted=self.readings[row.sensor].of(numbers), numbers=numbers) for row in self._rows
+        ]
+        return True
+
+    def _went_far(self, before: Belief, after: Belief) -> bool:
+        """Whether a correction moves wind, still little known, to where its effects have other slopes.
 
         Such a correction says where to take the slopes, and nothing more: what the square of the wind does beyond them
         would be put down to payloads and friction, with bands that it never leaves again.
         """
         number = [row for row, one in enumerate(self.slow) if one.curvature == OF_SQUARE]
-        moved, deviations = self._belief.mean - before.mean, np.sqrt(np.diag(before.covariance))
-        far = np.maximum(FAR, FAR_SHARE * np.abs(self._belief.mean))
+        moved, deviations = after.mean - before.mean, np.sqrt(np.diag(before.covariance))
+        far = np.maximum(FAR, FAR_SHARE * np.abs(after.mean))
         return bool(((np.abs(moved) > far) & (deviations > FAR))[number].any())
 
     def _stirred_up(self, before: Belief) -> FloatArray:
@@ -330,6 +382,19 @@ class Follower:
 
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
         """Rows of a window without the sensor that contradicts all others; alarms for one that keeps doing so."""
+        of, contradicting = self._contradicting()
+        reason = self._fault_of_plant(of) if contradicting == PLANT else ""
+        alarms += self.doubts.judge(time, contradicting, reason)
+        if contradicting == PLANT:
+            return []
+        one, _, other = contradicting.partition("/")
+        if not other:
+            return [row for row in self._rows if row.sensor != one]
+        to = {one: other, other: one}
+        return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
+
+    def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
+        """Rows of a window by sensor, and which contradict, as `Doubts.contradicting` says."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
@@ -340,16 +405,7 @@ class Follower:
                 found[sensor] = normalised_square(*self._linear(rows), self._belief.covariance) / limit
             return found
 
-        contradicting = self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
-        reason = self._fault_of_plant(of) if contradicting == PLANT else ""
-        alarms += self.doubts.judge(time, contradicting, reason)
-        if contradicting == PLANT:
-            return []
-        one, _, other = contradicting.partition("/")
-        if not other:
-            return [row for row in self._rows if row.sensor != one]
-        to = {one: other, other: one}
-        return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
+        return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
 
     def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> str:
         """Stuck counterweight, by load cells that find the same change of tension at both ends; empty for none."""

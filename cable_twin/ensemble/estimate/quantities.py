@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.frame.sensors import Measurement, body_of
+from cable_twin.frame.sensors import ANGLES, Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
@@ -192,7 +192,7 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
             fast, error = (fast, error) if alone else (fast.scaled(OF_ROPES), OF_ROPES * error)
             found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load)
         elif sensor.kind == "inclinometer":
-            column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), 1]
+            column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), ANGLES[sensor.axis]]
             place = np.atleast_1d(column).astype(np.intp)
             fast, error = (FAST_ANGLE, ANGLE_ERROR) if alone else (FAST_ANGLE_OF_ROPES, ANGLE_ERROR_OF_ROPES)
             found[name] = Reading(name, "rad", place, noise, fast, error)
@@ -209,7 +209,7 @@ class Hidden(NamedTuple):
 
 
 def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
-    """Hidden quantities of a scenario: extreme tensions, forces of ends and towers, pitch of bodies."""
+    """Hidden quantities of a scenario: extreme tensions, forces of ends and towers, angles of bodies."""
     places, found = layout.places, []
     alone = len(scenario.cables) == 1
     share = 1.0 if alone else OF_ROPES
@@ -233,8 +233,9 @@ def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
         errors = beside if rope in scenario.strands else HIDDEN_FORCE_ERRORS[kind].scaled(share)
         found.append(Hidden(f"{name}/force", "N", vector, errors))
     for row, name in enumerate(layout.bodies):
-        place = np.atleast_1d(places.body_angles[row, 1]).astype(np.intp)
-        found.append(Hidden(f"{name}/pitch", "rad", place, HIDDEN_PITCH_ERRORS if alone else PITCH_OF_ROPES))
+        for angle in ("pitch", "roll") if layout.space and alone else ("pitch",):
+            place = np.atleast_1d(places.body_angles[row, ANGLES[angle]]).astype(np.intp)
+            found.append(Hidden(f"{name}/{angle}", "rad", place, HIDDEN_PITCH_ERRORS if alone else PITCH_OF_ROPES))
     return tuple(found)
 
 

@@ -134,20 +134,20 @@ class Group:
         return WrenchStamped(header(stamp_ns, self._of), Wrench(force, Vector3(0.0, 0.0, 0.0)))
 
     def _imu(self, parts: Mapping[str, float], deviations: Mapping[str, float], stamp_ns: int) -> Any:
-        half = 0.5 * parts.get("pitch", 0.0)
-        turned = Quaternion(0.0, math.sin(half), 0.0, math.cos(half))
+        pitch, roll = (0.5 * parts.get(angle, 0.0) for angle in ("pitch", "roll"))  # one of them in a message
+        turned = Quaternion(math.sin(roll), math.sin(pitch), 0.0, math.cos(pitch + roll))
         vectors = {
             part: Vector3(*(parts.get(f"{part}.{axis}", 0.0) for axis in XYZ))
             for part in ("angular_velocity", "acceleration")
         }
         covariances = {
             part: deviations[part] ** 2 * np.eye(3).reshape(9) if part in deviations else UNKNOWN
-            for part in ("pitch", "angular_velocity", "acceleration")
+            for part in ("pitch", "roll", "angular_velocity", "acceleration")
         }
         return Imu(
             header(stamp_ns, self._of),
             turned,
-            covariances["pitch"],
+            covariances["roll" if "roll" in parts else "pitch"],
             vectors["angular_velocity"],
             covariances["angular_velocity"],
             vectors["acceleration"],

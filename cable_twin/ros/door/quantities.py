@@ -101,6 +101,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         "z",
     ),
     "pitch": Quantity("pitch of a body", "rad", "inclinometer/OF", IMU, "pitch", "body"),
+    "roll": Quantity("roll of a body, across the track", "rad", "inclinometer/OF/roll", IMU, "roll", "body"),
     "angular_velocity": Quantity("angular velocity", "rad/s", "imu/OF", IMU, "angular_velocity", "body", XYZ),
     "acceleration": Quantity(
         "acceleration minus gravity, in the axes of the body", "m/s^2", "imu/OF", IMU, "acceleration", "body", XYZ

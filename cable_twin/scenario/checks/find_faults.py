@@ -163,7 +163,7 @@ def _sensors(scenario: Scenario) -> Iterator[Fault]:
         "inclinometer": [*vehicles, *bodies],
         "imu": [*vehicles, *bodies],
     }
-    taken: dict[tuple[str, str], str] = {}
+    taken: dict[tuple[str, str, str], str] = {}
     for name, sensor in scenario.sensors.items():
         path = ("sensors", name)
         yield from name_faults(path)
@@ -172,7 +172,9 @@ def _sensors(scenario: Scenario) -> Iterator[Fault]:
         if sensor.of not in known[sensor.kind]:
             allowed_names = listed(known[sensor.kind], "nothing in this scenario")
             yield refuse((*path, "of"), sensor.of, f"{allowed_names}, for {sensor.kind}")
-        if (first := taken.setdefault((sensor.kind, sensor.of), name)) != name:
+        if sensor.axis == "roll" and (sensor.kind != "inclinometer" or scenario.dim == 2):
+            yield refuse((*path, "axis"), sensor.axis, "pitch, or roll of an inclinometer in space")
+        if (first := taken.setdefault((sensor.kind, sensor.of, sensor.axis), name)) != name:
             yield refuse(
                 (*path, "of"), sensor.of, f"one {sensor.kind} for each object", f"measured by '{first}' already"
             )
