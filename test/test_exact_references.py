@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from verification import JIT
+from verification.moving_loads import mass_on_string, moving_mass
 from verification.point_loads import Rope, by_quadrature, rest_place, solve, with_tension
 from verification.random_loads import drawn, light_rope, run
 
@@ -66,3 +67,12 @@ def test_a_rope_with_loads_gains_no_energy(system, start):
     assert found.passed, found
     assert (found.kinetic > 1.0) == (start == "push")  # J: a push moves it, and rest is rest
     assert np.isfinite(found.lost)
+
+
+@needs_kernels
+@pytest.mark.parametrize("share", [0.66, 0.68, 0.7])
+def test_short_waves_do_not_grow_beside_a_fast_load(share):
+    """Over 180 elements at shares of the wave speed at which they resonated with the passing of nodes, by 1.1 each."""
+    time, exact, _ = moving_mass(share, 10.0)
+    at, place, _ = mass_on_string(share, 10.0, 200)
+    assert np.abs(place - np.interp(at, time, exact)).max() < 1e-3 * np.abs(exact).max()

@@ -253,7 +253,7 @@ def test_condensation_solves_all_equations(dim, loads):
 def test_a_node_that_is_put_back_leaves_the_rope(dim):
     """Handed on to the next node, behind the load: to rounding. Ahead of it, one cubic takes the place of two."""
     system, state, _ = loaded(dim, element_count=6)
-    state.joints.position[0] = np.array([0.4, 0.6]) @ system.cable.node_arc_length[2:4]
+    state.joints.position[0] = np.array([0.28, 0.72]) @ system.cable.node_arc_length[2:4]
     follow(state)
     behind = np.linspace(0.0, state.joints.position[0], 40)
     before = [position_on_cable(system.cable, state, s) for s in behind]
@@ -269,7 +269,7 @@ def test_hand_over_keeps_the_energy_of_a_smooth_rope():
     """A parabola in rigid motion is one cubic before and after: its energy stays, but for Gauss points."""
     system, state, _ = loaded(2, element_count=6)
     system = system._replace(cable=make_cable(element_count=6, load_nodes=True))
-    state.joints.position[0] = np.array([0.4, 0.6]) @ system.cable.node_arc_length[2:4]
+    state.joints.position[0] = np.array([0.28, 0.72]) @ system.cable.node_arc_length[2:4]
     state.joints.velocity[0], state.joints.acceleration[0] = 0.7, 0.2
     follow(state)
     s = state.mesh.arc_length
@@ -282,4 +282,4 @@ def test_hand_over_keeps_the_energy_of_a_smooth_rope():
     before = energies(system, state)
     update_load_nodes(system, state)
     assert state.joint_node[0] == 3
-    np.testing.assert_allclose(energies(system, state), before, rtol=1e-10)
+    np.testing.assert_allclose(energies(system, state), before, rtol=1e-9)

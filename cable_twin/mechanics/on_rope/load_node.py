@@ -150,7 +150,7 @@ def pull_along(system, state, carriage):
     return pull_at_node(system, state, node) / rope_passing(state.nodes.position, node, system.cable.gravity)
 
 
-HOLD = 0.55  # of an element, that a load goes from the place of its node before the next one takes it over
+HOLD = 0.7  # of an element, that a load goes from the place of its node before the next one takes it over
 FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is found to follow it
 
 
