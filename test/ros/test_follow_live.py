@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from ros_participant import Participant
 from sensor_msgs.msg import JointState
-from twin_process import COMPILING, TwinProcess, allocate_domain, environment, release_domain, run_python
+from twin_process import COMPILING, TwinProcess, allocate_domain, environment, release_domain, run_module
 
 from cable_twin.recording.log_reader import read_log
 
-PAYLOAD = "carriages.cabin.payload.mass"
-TRUTH = 4200.0  # kg
 COARSE = ["--set", "cable.elements={target: 20.0, at_towers: 6.0, growth: 1.7}"]  # for speed
+
+
+class Followed(NamedTuple):
+    """Scenario that is followed, and what is estimated of its plant."""
+
+    scenario: str
+    both: list[str]  # options of plant and twin
+    plant: list[str]  # further ones of the plant
+    drive: str
+    quantity: str
+    truth: float
+    narrow: float  # deviation that is waited for
+
+
+TRAMWAY = Followed(
+    "aerial_tramway", COARSE, ["--set", "carriages.cabin.payload.mass=4200"], "cabin", "cabin/payload", 4200.0, 150.0
+)
+LIFT = Followed("gondola", [], [], "haul_rope", "towers/friction", 1.0, 0.2)
 
 
 @pytest.fixture
@@ -31,13 +49,11 @@ def started():
         one.kill()
 
 
-def plant(directory, domain, started):
-    """Plant with another payload, as a process of its own."""
-    options = [*COARSE, "--set", f"{PAYLOAD}={TRUTH}"]
+def plant(followed, directory, domain, started):
+    """Plant as a process of its own."""
+    options = [followed.scenario, *followed.both, *followed.plant]
     variables = environment(directory, domain)  # not forked, as it becomes another process
-    started.append(
-        TwinProcess(directory, "aerial_tramway", *options, module="offline.plant", domain=domain, variables=variables)
-    )
+    started.append(TwinProcess(directory, *options, module="offline.plant", domain=domain, variables=variables))
     return started[-1]
 
 
@@ -52,21 +68,24 @@ def following(participant):
     return found[-1].message
 
 
-def payload(participant):
-    """Estimate of the payload and its standard deviation in the newest message, kg."""
-    status = next(one for one in participant.received["estimate"][-1].status if one.name == "cabin/payload")
+def estimate(participant, quantity):
+    """Estimate of a quantity and its standard deviation in the newest message that has both."""
+    if not participant.received["estimate"]:
+        return 0.0, float("inf")
+    status = next(one for one in participant.received["estimate"][-1].status if one.name == quantity)
     values = {one.key: one.value for one in status.values}
     return float(values["value"]), float(values["standard_deviation"])
 
 
 @pytest.mark.long
-def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, domain, started):
+@pytest.mark.parametrize("followed", [TRAMWAY, LIFT], ids=lambda one: one.scenario)
+def test_a_plant_is_followed_through_its_end_and_from_its_next_start(followed, tmp_path, domain, started):
     """The twin says when it goes on alone; its log has what the plant said, and replays to the last bit."""
     (tmp_path / "plant").mkdir()
-    first = plant(tmp_path / "plant", domain, started)
-    options = [*COARSE, "--follow", "--outlook=false", "--rerun=none"]
+    first = plant(followed, tmp_path / "plant", domain, started)
+    options = [*followed.both, "--follow", "--outlook=false", "--rerun=none"]
     variables = environment(tmp_path, domain)
-    twin = TwinProcess(tmp_path, "aerial_tramway", *options, domain=domain, variables=variables)
+    twin = TwinProcess(tmp_path, followed.scenario, *options, domain=domain, variables=variables)
     started.append(twin)
     participant = Participant(domain)
     participant.subscribe("/diagnostics", DiagnosticArray)
@@ -75,16 +94,17 @@ def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, d
     commands = participant.node.create_publisher(JointState, "/plant/joint_commands", 10)
     participant.until(lambda: participant.received["/plant/joint_states"], COMPILING, "a plant")
     participant.until(lambda: following(participant) == "follows", COMPILING, "a twin that follows")
-    timer = participant.node.create_timer(0.1, lambda: commands.publish(JointState(name=["cabin"], velocity=[5.0])))
-    participant.until(lambda: payload(participant)[1] < 150.0, COMPILING, "a narrow band")
-    value, deviation = payload(participant)
-    assert abs(value - TRUTH) < 4.0 * deviation
+    command = JointState(name=[followed.drive], velocity=[5.0])
+    timer = participant.node.create_timer(0.1, lambda: commands.publish(command))
+    participant.until(lambda: estimate(participant, followed.quantity)[1] < followed.narrow, COMPILING, "a narrow band")
+    value, deviation = estimate(participant, followed.quantity)
+    assert abs(value - followed.truth) < 4.0 * deviation
     first.kill()
     participant.until(lambda: following(participant) == "goes on by its model", COMPILING, "a twin alone")
     seen = len(participant.received["estimate"])
     participant.until(lambda: len(participant.received["estimate"]) > seen, COMPILING, "estimates by the model")
     participant.node.destroy_timer(timer)
-    second = plant(tmp_path / "plant", domain, started)
+    second = plant(followed, tmp_path / "plant", domain, started)
     participant.until(lambda: following(participant) == "follows", COMPILING, "a twin that follows again")
     participant.close()
     second.kill()
@@ -94,5 +114,5 @@ def test_a_plant_is_followed_through_its_end_and_from_its_next_start(tmp_path, d
     log = twin.run_directory
     recorded = [topic for topic, _, _ in read_log(log).messages(["/plant/joint_states", "estimate"])]
     assert {*recorded} == {"/plant/joint_states", "estimate"}
-    replayed = run_python("-m", "cable_twin.offline.replay", log, directory=tmp_path)
+    replayed = run_module("offline.replay", str(log), directory=tmp_path)
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
