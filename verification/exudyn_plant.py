@@ -15,6 +15,7 @@ import json
 import math
 import sys
 import time as clock
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -453,7 +454,7 @@ def record(scenario: Scenario, simulation: Simulation, course: Course, rows: lis
     return run.directory
 
 
-def main() -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the plant and record it."""
     parser = argparse.ArgumentParser(
         prog="python -m verification.exudyn_plant", description=__doc__, formatter_class=Filled
@@ -463,7 +464,7 @@ def main() -> int:
     parser.add_argument("--elements", type=int, default=ELEMENTS, help=f"of the rope; default: {ELEMENTS}")
     parser.add_argument("--seed", type=int, default=1, help="of the noise; default: 1")
     parser.add_argument("--log", type=Path, required=True, help="directory for the bag")
-    options = parser.parse_args()
+    options = parser.parse_args(argv)
     exudyn = load_exudyn()
     if exudyn is None:
         print("exudyn_plant: Exudyn is not installed; allowed: after pip install '.[bench]'", file=sys.stderr)

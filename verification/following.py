@@ -33,6 +33,7 @@ ROPES = {
     for number in (1, 2)
 }
 NORMAL_95 = 1.959964
+HEAVIER, SOFTER, ROUGHER = 1.05, 0.9, 2.0  # times rope mass, stiffness and rolling friction, of plants modelled wrong
 MARGIN = 0.05  # of a bound, within which truth is not drawn
 
 
@@ -76,7 +77,22 @@ def truth_of(follower: Follower, seed: int) -> dict[str, float]:
     return found
 
 
-def follow(scenario: str, seed: int, duration: float, said: list[str], took: list[float]) -> Iterator[Score]:
+def wrong(scenario: str, values: dict[str, float]) -> dict[str, float]:
+    """Values by key of a plant with heavier and softer ropes than its twin; rolling friction among `values` grows."""
+    bare, found = load_scenario(scenario), {}
+    for rope, cable in bare.cables.items():
+        key = bare.rope_key(rope)
+        found[f"{key}.mass_per_length"] = HEAVIER * cable.mass_per_length
+        found[f"{key}.axial_stiffness"] = SOFTER * cable.axial_stiffness
+    for key in values:
+        if key.endswith(".rolling"):
+            values[key] *= ROUGHER
+    return found
+
+
+def follow(
+    scenario: str, seed: int, duration: float, said: list[str], took: list[float], *, modelled_wrong: bool = False
+) -> Iterator[Score]:
     """Scores of all estimates of a plant with a seed; sensors that are left out or contradict are `said`.
 
     Processor time (s) of the twin is added to what it `took`.
@@ -85,8 +101,9 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
     usual = standard_sensors(bare, Simulation(bare).snapshot, seed)
     follower = Follower(load_scenario(scenario, {"sensors": usual}), threads=1)
     values = truth_of(follower, seed)
+    others = wrong(scenario, values) if modelled_wrong else {}
     everywhere = {key: values[one.key] for one in follower.slow for key in (one.key, *one.also)}
-    plant = Simulation(load_scenario(scenario, {**scene.mesh, **everywhere, "sensors": usual}), samples=2)
+    plant = Simulation(load_scenario(scenario, {**scene.mesh, **others, **everywhere, "sensors": usual}), samples=2)
     sensors = Sensors(plant.scenario, plant.layout)
     speed, started = float(np.random.default_rng(seed + 1000).uniform(*scene.speeds)), False
     waiting: list[Measurement] = []
@@ -144,6 +161,11 @@ def table(found: list[Score]) -> list[str]:
     return lines
 
 
+def _share(one: Score) -> float:
+    """Error of a force as a share of it; 0 of any other quantity."""
+    return abs(one.error / one.truth) if one.unit == "N" else 0.0
+
+
 def main() -> int:
     """Follow some plants and print the table."""
     parser = argparse.ArgumentParser(
@@ -153,6 +175,12 @@ def main() -> int:
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
     parser.add_argument("--first", type=int, default=1, help="seed of the first plant; default: 1")
     parser.add_argument("--scenario", choices=list(SCENES), default="aerial_tramway", help="default: aerial_tramway")
+    parser.add_argument(
+        "--wrong",
+        action="store_true",
+        help=f"plants with {HEAVIER:g} times the rope mass, {SOFTER:g} times its stiffness, and "
+        f"{ROUGHER:g} times the rolling friction that was drawn",
+    )
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.plants)
     said: list[str] = []
@@ -160,11 +188,14 @@ def main() -> int:
     found = [
         score
         for seed in track(seeds, "plants", console=Console(stderr=True), transient=True)
-        for score in follow(options.scenario, seed, options.duration, said, took)
+        for score in follow(options.scenario, seed, options.duration, said, took, modelled_wrong=options.wrong)
     ]
     print("\n".join(table(found)))
+    shares = {one.name: 100.0 * _share(one) for one in sorted(found, key=_share) if _share(one)}
+    print("\nlargest error of a force, % of it: " + ", ".join(f"{name} {share:.2f}" for name, share in shares.items()))
     print(
-        f"\n{len(seeds)} plants of {options.duration:g} s, without a fault: {len(said)} alarms of sensors",
+        f"\n{len(seeds)} plants of {options.duration:g} s, {'modelled wrong' if options.wrong else 'without a fault'}: "
+        f"{len(said)} alarms of sensors",
         f"processor time of the twin: {100.0 * sum(took) / len(seeds) / options.duration:.0f} % of a core",
         *said,
         sep="\n",
