@@ -138,3 +138,5 @@ def test_a_cabin_that_leaves_the_rope_leaves_no_ringing_behind():
     assert max(tensions[left - 10 : left + 20]) < 1.01 * max(tensions[: left - 10])
     after = np.array(tensions[left + 2 : left + 22])
     assert np.abs(np.diff(after)).max() < 200.0  # N; 7 kN up and down without a step of its own
+    assert riding[-1] < simulation.scenario.carriers.count  # some are in a station, where no step begins anew
+    assert all(part.state.newton_curvature[0] > 0.0 for part in simulation.parts.values())

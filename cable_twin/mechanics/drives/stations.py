@@ -64,7 +64,8 @@ def hang_in_station(system, state, carriage, station):
     cable = system.cable
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         give_back(system, state, state.joint_node[carriage])
-    state.attached[carriage], state.newton_curvature[0] = False, 0.0
+    if state.attached[carriage]:
+        state.attached[carriage], state.newton_curvature[0] = False, 0.0
     keep_on(system, state, carriage)
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)
