@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from verification import JIT
-from verification.moving_loads import mass_on_string, moving_mass
+from verification.moving_loads import mass_on_string, moving_mass, off_with_long_steps
 from verification.point_loads import Rope, by_quadrature, rest_place, solve, with_tension
 from verification.random_loads import drawn, light_rope, run
 
@@ -76,3 +76,9 @@ def test_short_waves_do_not_grow_beside_a_fast_load(share):
     time, exact, _ = moving_mass(share, 10.0)
     at, place, _ = mass_on_string(share, 10.0, 200)
     assert np.abs(place - np.interp(at, time, exact)).max() < 1e-3 * np.abs(exact).max()
+
+
+@needs_kernels
+def test_a_load_may_pass_an_element_in_a_few_steps():
+    """Its node is handed on before it comes so near to the next one that it would stand still."""
+    assert off_with_long_steps(6.0) < 2e-3

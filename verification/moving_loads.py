@@ -257,6 +257,23 @@ def rolling_load() -> Iterator[Result]:
             yield Result(f"{where}: wave of the force, {number} a mesh period, of the weight", "-", 0.0, wave, 2e-4)
 
 
+def off_with_long_steps(steps: float) -> float:
+    """Largest difference of the contact force, over the weight, on elements passed in `steps`, from elements of 10 m."""
+    step = 0.01  # s
+    short = round(ROLLING.end[0] / (SPEED * step * steps))
+    _, force, _ = rolled(short, step=step)
+    _, coarse_force, _ = rolled(ELEMENTS, step=step)
+    return float(np.abs(force - coarse_force).max() / ROLLING.loads[0])
+
+
+@case("load that passes an element in a few steps", "elements of 10 m and the same steps", needs_jit=True, long=True)
+def long_steps() -> Iterator[Result]:
+    """The load that rolls, with steps of 10 ms."""
+    for steps in (12.5, 6.0, 5.0):
+        off = off_with_long_steps(steps)
+        yield Result(f"{steps:g} steps: contact force, largest difference over the weight", "-", 0.0, off, 2e-3)
+
+
 SAGGING = Rope((100.0, 20.0), 112.0, 100.0, 2e5, (0.37 * 112.0,), (8e3,))  # soft and slack: errors above rounding
 
 

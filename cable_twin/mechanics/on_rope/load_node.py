@@ -150,7 +150,8 @@ def pull_along(system, state, carriage):
     return pull_at_node(system, state, node) / rope_passing(state.nodes.position, node, system.cable.gravity)
 
 
-HOLD = 0.7  # of an element, that a load goes from the place of its node before the next one takes it over
+# of an element, that a load goes from the place of its node before the next one takes it over: with long steps earlier
+HOLD, LEAST_HOLD, STEPS_AHEAD = 0.7, 0.55, 4.0
 FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is found to follow it
 
 
@@ -230,17 +231,28 @@ def beside_other(state, node):
     return state.node_load[node - 1] >= 0 or state.node_load[node + 1] >= 0
 
 
+@inlined_kernel
+def hold_of(system, state, number, element):
+    """Share of an element of a length (m) that a load goes before the next node takes it over.
+
+    At least a few steps before that node: with fewer the short element ahead of the load rings, and at last the load's
+    own node would stand still.
+    """
+    ahead = LEAST * system.cable.cell_length + STEPS_AHEAD * system.solver.step * abs(state.joints.velocity[number])
+    return min(HOLD, max(LEAST_HOLD, 1.0 - ahead / element))
+
+
 @kernel
 def pass_on(system, state, front, way):
     """Shift a train of loads by one node of the mesh, once the nodes of the loads have moved far from their homes."""
-    homes, places, total, count, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, 0, front
+    homes, places, beyond, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, front
     room = LEAST * system.cable.cell_length
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:
         gone = way * (places[node] - homes[node])
-        total += gone / (way * (homes[node + way] - homes[node]))
-        count += 1
+        element = way * (homes[node + way] - homes[node])
+        beyond += gone / element - hold_of(system, state, state.node_load[node], element)
         free = gone > room and way * (homes[node] - places[node - way]) > room
-        if free and total > HOLD * count:
+        if free and beyond > 0.0:
             shift_train(system, state, min(node, front), max(node, front), way)
             return
         node -= way
