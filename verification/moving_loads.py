@@ -258,7 +258,7 @@ def rolling_load() -> Iterator[Result]:
 
 
 def off_with_long_steps(steps: float) -> float:
-    """Largest difference of the contact force, over the weight, on elements passed in `steps`, from elements of 10 m."""
+    """Largest difference of the contact force, over the weight, with elements passed in `steps` from ones of 10 m."""
     step = 0.01  # s
     short = round(ROLLING.end[0] / (SPEED * step * steps))
     _, force, _ = rolled(short, step=step)
