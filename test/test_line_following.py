@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.line_follower import LineFollower
+from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
@@ -126,6 +127,25 @@ def test_ice_and_a_doubled_friction_of_towers_are_told_within_ten_seconds(faults
     assert not follower.left_out
 
 
+def test_effects_of_payloads_on_the_loads_of_towers_are_those_of_two_rests():
+    """All cabins that go up half full instead of full: the rope pulls less, and more so the higher a tower is."""
+    bare = load_scenario("gondola")
+    full = Simulation(bare, samples=2).snapshot
+    half = Simulation(load_scenario("gondola", {"carriers.payload.leaving.return": 375.0}), samples=2).snapshot
+    statics, rows = LineStatics(bare, full), [full.layout.vehicle_rows[name] for name in full.layout.carriers]
+    less = (half.columns.payload - full.columns.payload)[rows]
+    for name in statics.towers:
+        row = full.layout.support_rows[name]
+        true = np.linalg.norm(half.columns.support_force[row]) - np.linalg.norm(full.columns.support_force[row])
+        assert abs(statics.of_tower(name, full).payloads @ less - true) < 0.05 * abs(true) + 30.0, name  # N
+    bare = load_scenario("gondola", {"ropes.up.ice": 1.0, "ropes.down.ice": 1.0})
+    iced = Simulation(bare, samples=2).snapshot
+    for name in statics.towers:
+        row = full.layout.support_rows[name]
+        true = np.linalg.norm(iced.columns.support_force[row]) - np.linalg.norm(full.columns.support_force[row])
+        assert abs(statics.of_tower(name, full).ice - true) < 0.05 * abs(true) + 30.0, name  # N
+
+
 def test_a_lift_without_a_fault_gives_no_alarm(under_way):
     _, alarms = followed(under_way, lambda one: one)
     assert alarms == []
@@ -134,7 +154,7 @@ def test_a_lift_without_a_fault_gives_no_alarm(under_way):
 @pytest.mark.long
 def test_payload_of_each_chair_is_found_once_it_has_passed_two_load_cells():
     said: list[str] = []
-    found = list(follow(1, DURATION, said))
+    found = list(follow("chairlift", 1, DURATION, said, []))
     assert not [line for line in said if "sensor" in line]
     assert [line for line in said if "in the plan" in line]
     payloads = [one for one in found if one.name == "payload" and one.cells >= 2]

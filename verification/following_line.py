@@ -1,14 +1,16 @@
-"""Twins of a chairlift that follow random plants of known truth: the payload of each chair, and the towers' friction.
+"""Twins of a lift that follow random plants of known truth: the payload of each carrier, and the towers' friction.
 
-`python -m verification.following_line` runs plants of `chairlift` with another mesh and step, another friction of all
-towers, and people of their own on each chair, and prints a table for docs/follow.md.
+`python -m verification.following_line` runs plants of `chairlift`, or of another scenario with carriers, with another
+mesh and step, another friction of all towers, and people of their own on each carrier, and prints a table for
+docs/follow.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,17 +21,30 @@ from cable_twin.ensemble.estimate.line_follower import LineFollower
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
 
-SCENARIO, DRIVE, SPEED = "chairlift", "haul_rope", 2.5
+DRIVE = "haul_rope"
 PLANTS, DURATION, FRAME = 4, 120.0, 0.05  # -, s, s
 START = 2.0  # s
-PERSON, SEATS = 75.0, 4  # kg
-FRICTION = 0.03  # of the towers of the scenario
-MESH = {"solver.step": 0.005} | {
-    f"ropes.{rope}.elements": {"target": 9.0, "at_towers": 0.8, "growth": 3.0} for rope in ("up", "down")
-}
+PERSON = 75.0  # kg
+
+
+class Scene(NamedTuple):
+    """Scenario with what its plants have otherwise."""
+
+    mesh: Mapping[str, Any]  # by key
+    speed: float  # m/s, of the drive
+
+
+def _mesh(target: float, at_towers: float, growth: float) -> dict[str, Any]:
+    """Half the step, and elements (m) of both ropes that are finer than those of the scenario."""
+    elements = {"target": target, "at_towers": at_towers, "growth": growth}
+    return {"solver.step": 0.005} | {f"ropes.{rope}.elements": elements for rope in ("up", "down")}
+
+
+SCENES = {"chairlift": Scene(_mesh(9.0, 0.8, 3.0), 2.5), "gondola": Scene(_mesh(10.0, 1.0, 2.0), 5.0)}
 
 
 class Score(NamedTuple):
@@ -43,50 +58,66 @@ class Score(NamedTuple):
     deviation: float
 
 
+def seats_of(scenario: Scenario) -> int:
+    """Number of people for whom a carrier has room."""
+    assert scenario.carriers is not None
+    assert scenario.carriers.payload is not None
+    return round(scenario.carriers.payload.capacity / PERSON)
+
+
 def with_people(scenario: Scenario, people: list[int]) -> dict[str, Any]:
     """Content of a scenario whose carriers take so many people each when they go up, and none down."""
     content = scenario.resolved()
     carriers = content["carriers"]
     kinds = {}
-    for number in range(SEATS + 1):
+    for number in range(seats_of(scenario) + 1):
         payload = {**carriers["payload"], "leaving": {**carriers["payload"]["leaving"], "return": PERSON * number}}
         kinds[f"people_{number}"] = {"bodies": carriers["bodies"], "payload": payload}
     order = [f"people_{number}" for number in people]
     return {**content, "carriers": {**carriers, "bodies": {}, "payload": None, "kinds": kinds, "order": order}}
 
 
-def follow(seed: int, duration: float, said: list[str]) -> Iterator[Score]:
-    """Scores of a plant with a seed, once a second; lines of alarms are `said`."""
+def follow(scenario: str, seed: int, duration: float, said: list[str], took: list[float]) -> Iterator[Score]:
+    """Scores of a plant with a seed, once a second; lines of alarms are `said`.
+
+    Processor time (s) of the twin is added to what it `took`.
+    """
     draws = np.random.default_rng(seed)
-    bare = load_scenario(SCENARIO)
+    bare, scene = load_scenario(scenario), SCENES[scenario]
     plan = Simulation(bare)
     usual = standard_sensors(bare, plan.snapshot, seed)
-    follower = LineFollower(load_scenario(SCENARIO, {"sensors": usual}))
+    follower = LineFollower(load_scenario(scenario, {"sensors": usual}))
     factor = float(draws.uniform(0.7, 1.4))
-    friction = {f"towers.{name}.friction": factor * FRICTION for name in plan.layout.towers}
-    people = draws.integers(0, SEATS + 1, bare.carriers.count if bare.carriers else 0).tolist()
-    plant = Simulation(load_scenario(with_people(bare, people), {**MESH, **friction, "sensors": usual}), samples=2)
+    towers = {name: one for rope in bare.cables for name, one in bare.of_rope(rope).towers.items()}
+    usually = {name: one.friction or TOWER_FRICTION[one.kind] for name, one in towers.items()}
+    friction = {f"towers.{name}.friction": factor * one for name, one in usually.items()}
+    people = draws.integers(0, seats_of(bare) + 1, len(follower.carriers)).tolist()
+    plant = Simulation(
+        load_scenario(with_people(bare, people), {**scene.mesh, **friction, "sensors": usual}), samples=2
+    )
     sensors, waiting = Sensors(plant.scenario, plant.layout), list[Measurement]()
     passed = np.zeros(len(follower.carriers), dtype=int)
     before = plant.snapshot.columns.joint_position[:, 0].copy()
     loads = plant.snapshot.columns.payload.copy()
-    towers = sorted({float(one.position[0]) for one in bare.of_rope("up").towers.values()})
+    places = sorted({float(one.position[0]) for one in towers.values()})
     for frame in range(1, round(duration / FRAME) + 1):
         time = round(frame * FRAME, 9)
         snapshot = plant.advance_to(time)
         if abs(time - START) < 0.5 * FRAME:
-            command = Command("speed", {DRIVE: SPEED})
+            command = Command("speed", {DRIVE: scene.speed})
             plant.apply(command)
             follower.command(AppliedCommand(time, command, "plant"))
         here = snapshot.columns.joint_position[:, 0]
-        passed += [sum((a - x) * (b - x) <= 0.0 for x in towers) for a, b in zip(before, here, strict=True)]
+        passed += [sum((a - x) * (b - x) <= 0.0 for x in places) for a, b in zip(before, here, strict=True)]
         passed[snapshot.columns.payload != loads] = 0  # since it was filled or emptied
         before, loads = here.copy(), snapshot.columns.payload.copy()
         waiting += sensors.take(snapshot)
         due = [one for one in waiting if one.time <= time - 0.1]
         waiting = [one for one in waiting if one.time > time - 0.1]
         for stamp in sorted({one.time for one in due}):
+            begun = process_time()
             correction = follower.take(stamp, [one for one in due if one.time == stamp])
+            took.append(process_time() - begun)
             if correction is None:
                 continue
             said += [f"{seed}: {one.time:.0f} s: {one.reason}" for one in correction.alarms]
@@ -129,17 +160,19 @@ def main() -> int:
     parser.add_argument("--plants", type=int, default=PLANTS, help=f"default: {PLANTS}")
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
     parser.add_argument("--first", type=int, default=1, help="seed of the first plant; default: 1")
+    parser.add_argument("--scenario", choices=list(SCENES), default="chairlift", help="default: chairlift")
     options = parser.parse_args()
-    seeds, said = range(options.first, options.first + options.plants), list[str]()
+    seeds, said, took = range(options.first, options.first + options.plants), list[str](), list[float]()
     found = [
         score
         for seed in track(seeds, "plants", console=Console(stderr=True), transient=True)
-        for score in follow(seed, options.duration, said)
+        for score in follow(options.scenario, seed, options.duration, said, took)
     ]
     print("\n".join(table(found)))
     lying = [line for line in said if "sensor" in line]
     print(
         f"\n{len(seeds)} plants of {options.duration:g} s: {len(said)} alarms, {len(lying)} of sensors",
+        f"processor time of the twin: {100.0 * sum(took) / len(seeds) / options.duration:.0f} % of a core",
         *lying,
         sep="\n",
     )

@@ -1,15 +1,14 @@
 """Filter for a line with many carriers: the payload of each from the loads of towers that it passes.
 
 An ensemble with a member for each chair would be too much. The twin is one simulation with the planned payloads, and
-the effect of another payload on what sensors read is that of statics: a weight between two supports rests on both by
-the rule of the lever, as the tension of a line with a counterweight stays; what it weighs along the rope is carried by
-all that is above it, towers and drive. So each measurement has a sparse row of derivatives.
+the effect of another payload on what sensors read is that of statics (`line_statics`), so that each measurement has a
+sparse row of derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -18,13 +17,13 @@ from cable_twin.ensemble.estimate.beginning import Motion, values_at
 from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.follower import CERTAIN, Correction, Estimate
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
+from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Reading, Slow, readings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario, load_scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 
 WINDOW, ENDS = 1.0, 2  # s, of which the mean of each sensor is taken
@@ -39,7 +38,6 @@ NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves:
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
 SURE = 1e-7  # as that of `follower`
 PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
-Place = tuple[float, float]  # m, along the track and up
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
 
 
@@ -93,12 +91,7 @@ class LineFollower:
         assert scenario.carriers is not None
         kinds = scenario.carriers.kinds_by_path.values()
         self._capacity = max(kind.payload.capacity for kind in kinds if kind.payload is not None)
-        self._gravity = scenario.gravity
-        towers = {name: one for rope in scenario.cables for name, one in scenario.of_rope(rope).towers.items()}
-        self._friction = {
-            name: TOWER_FRICTION[one.kind] if one.friction is None else one.friction for name, one in towers.items()
-        }
-        self._lines, self._profiles = _lines(scenario, layout.supports)
+        self._statics = LineStatics(scenario, start)
         self._known = len(self.carriers) + 2  # payloads, friction, ice
         size = self._known + len(self.readings)
         self._ice = next(iter(scenario.cables.values())).ice
@@ -264,8 +257,9 @@ class LineFollower:
     def _hidden(self, snapshot: Snapshot) -> dict[str, Estimate]:
         """Forces of towers with the deviations that follow from those of payloads."""
         found, known = {}, self._known
-        for name in self._lines:
-            effects = self._of_tower(name, snapshot)[:known]
+        for name in self._statics.towers:
+            own = self._statics.of_tower(name, snapshot)
+            effects = np.array([*own.payloads, own.friction, own.ice])
             force = float(np.linalg.norm(snapshot.columns.support_force[snapshot.layout.support_rows[name]]))
             variance = effects @ self._belief.covariance[:known, :known] @ effects + (HIDDEN * self._rest[name]) ** 2
             value = force + float(effects @ self._belief.mean[:known])
@@ -301,87 +295,17 @@ class LineFollower:
                 self._speed = snapshot.time, speed
                 return abs(speed) > 0.2 and abs(speed - before) < STARTING * (snapshot.time - time)
             return False
-        rope, _, x, _ = self._lines[self._of[sensor]]
-        here, places = self._on(rope, snapshot)
-        return bool((np.abs(places[here, 0] - x) > NEAR).all())
-
-    def _on(self, rope: int, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
-        """Mask (carriers,) of those on a rope, and places (carriers, 3) of all."""
-        columns = snapshot.columns
-        here = (columns.vehicle_rope[self._rows] == rope) & (columns.attached[self._rows] == 1.0)
-        return here, columns.joint_position[self._rows]
+        return self._statics.clear(self._of[sensor], snapshot, NEAR)
 
     def _effects(self, sensor: str, snapshot: Snapshot) -> FloatArray:
-        """Derivatives (n,) of what a sensor reads by payloads, friction, and slow errors."""
+        """Derivatives (n,) of what a sensor reads by payloads, friction, ice, and slow errors."""
         tower = self._kinds[sensor] == "load_cell"
-        row = self._of_tower(self._of[sensor], snapshot) if tower else self._of_drive(self._of[sensor], snapshot)
+        own = (self._statics.of_tower if tower else self._statics.of_drive)(self._of[sensor], snapshot)
+        row = np.zeros(self._belief.mean.size)
+        row[: self._known] = *own.payloads, own.friction, own.ice
         row[self._known + [*self.readings].index(sensor)] = 1.0
         return row
-
-    def _of_tower(self, name: str, snapshot: Snapshot) -> FloatArray:
-        """Derivatives (n,) of the force of a tower."""
-        effects = np.zeros(self._belief.mean.size)
-        rope, neighbours, x, z = self._lines[name]
-        here, places = self._on(rope, snapshot)
-        force = snapshot.columns.support_force[snapshot.layout.support_rows[name]]
-        size = float(np.linalg.norm(force))
-        along = places[:, 0]
-        before, after = sorted(neighbours, key=lambda place: place[0])
-        share = np.interp(along, [before[0], x, after[0]], [0.0, 1.0, 0.0])
-        upright = abs(float(force[2])) / max(size, 1.0)
-        slope = _slopes(along, self._profiles[rope])
-        tension = float(snapshot.columns.highest_tension[rope, 0])
-        below = (places[:, 2] < z) * np.abs(slope) * size / max(tension, 1.0)
-        effects[: len(self.carriers)] = here * self._gravity * (share * upright + below)
-        half = 0.5 * sum(float(np.hypot(place[0] - x, place[1] - z)) for place in neighbours)
-        lowest = min(place[1] for place in self._profiles[rope])
-        effects[len(self.carriers) + 1] = self._gravity * (half * upright + (z - lowest) * size / max(tension, 1.0))
-        return effects
-
-    def _of_drive(self, name: str, snapshot: Snapshot) -> FloatArray:
-        """Derivatives (n,) of the force of a drive: weights along the rope, and friction of all towers."""
-        effects, columns = np.zeros(self._belief.mean.size), snapshot.columns
-        layout = snapshot.layout
-        for rope in range(len(layout.ropes)):
-            here, places = self._on(rope, snapshot)
-            profile = self._profiles[rope]
-            rising = 1.0 if profile[-1][1] > profile[0][1] else -1.0
-            slope = np.abs(_slopes(places[:, 0], profile))
-            effects[: len(self.carriers)] += here * rising * self._gravity * slope
-        speed = float(columns.drive_speed[layout.drive_rows[name]])
-        loads = np.linalg.norm(columns.support_force, axis=1)
-        for one, friction in self._friction.items():  # of rollers, by their loads
-            effects += np.sign(speed) * friction * self._of_tower(one, snapshot)
-            effects[len(self.carriers)] += np.sign(speed) * friction * loads[layout.support_rows[one]]
-        return effects
 
     def _scale(self, sensor: str, of_tower: float, of_drive: float) -> float:
         """Error of a sensor: a share of the load of a tower at rest, or a force of a drive, N."""
         return of_drive if self._kinds[sensor] == "drive_force" else of_tower * self._rest[self._of[sensor]]
-
-
-def _lines(
-    scenario: Scenario, supports: Sequence[str]
-) -> tuple[dict[str, tuple[int, tuple[Place, Place], float, float]], list[list[Place]]]:
-    """Of each tower its rope, the supports before and after it, x and z (m); and of each rope all supports in order."""
-    towers, profiles = {}, []
-    for row, rope in enumerate(scenario.cables):
-        alone: Any = scenario.of_rope(rope)
-        ends = scenario.end_names(rope)
-        named = [(ends[0], alone.cable.start), *alone.towers.items(), (ends[1], alone.cable.end)]
-        places = [(float(one.position[0]), float(one.position[-1])) for _, one in named]
-        for number in range(1, len(named) - 1):
-            name = named[number][0]
-            if name in supports:
-                towers[name] = row, (places[number - 1], places[number + 1]), *places[number]
-        profiles.append(places)
-    return towers, profiles
-
-
-def _slopes(along: FloatArray, profile: Sequence[Place]) -> FloatArray:
-    """Sines (n,) of the slope of the line at places along the track, m."""
-    places = sorted(profile)
-    spans = np.diff(np.array(places), axis=0)
-    number = np.clip(np.searchsorted([place[0] for place in places], along) - 1, 0, len(spans) - 1)
-    slopes: FloatArray = spans[number, 1] / np.hypot(spans[number, 0], spans[number, 1])
-    return slopes
