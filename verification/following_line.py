@@ -29,6 +29,7 @@ DRIVE = "haul_rope"
 PLANTS, DURATION, FRAME = 4, 120.0, 0.05  # -, s, s
 START = 2.0  # s
 PERSON = 75.0  # kg
+NEAR = 10.0  # m from a station, where the twin may change people a moment before or after the plant
 
 
 class Scene(NamedTuple):
@@ -100,6 +101,7 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
     before = plant.snapshot.columns.joint_position[:, 0].copy()
     loads = plant.snapshot.columns.payload.copy()
     places = sorted({float(one.position[0]) for one in towers.values()})
+    ends = [float(one.ends["start"].position[0]) for one in bare.cables.values()]
     for frame in range(1, round(duration / FRAME) + 1):
         time = round(frame * FRAME, 9)
         snapshot = plant.advance_to(time)
@@ -121,7 +123,10 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
             if correction is None:
                 continue
             said += [f"{seed}: {one.time:.0f} s: {one.reason}" for one in correction.alarms]
+            within = (here > min(ends) + NEAR) & (here < max(ends) - NEAR)
             for row, name in enumerate(follower.carriers):
+                if not within[row]:
+                    continue
                 got, true = correction.slow[f"{name}/payload"], float(snapshot.columns.payload[row])
                 yield Score(stamp, "payload", int(passed[row]), true, got.value - true, got.deviation)
             got = correction.slow["towers/friction"]

@@ -34,6 +34,7 @@ FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
 BIAS, FAST = 0.003, 0.006  # of the load of a tower at rest: slow and fast error of the model
 DRIVE_BIAS, DRIVE_FAST = 150.0, 300.0  # N, the same of a drive
 FORGOTTEN = 200.0  # s, in which a slow error changes
+REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, and times their variance that counts
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
 SURE = 1e-7  # as that of `follower`
@@ -50,6 +51,42 @@ class _Sample(NamedTuple):
     value: float
     predicted: float
     effects: FloatArray  # (n,) derivatives of what is predicted
+
+
+class FastErrors:
+    """Fast errors of the model in sensors: at least what is given, and more where waves go along the rope.
+
+    A cabin that boards with another payload than planned starts other waves. They are seen as what a sensor differs
+    from its prediction otherwise than a window before, of which slow quantities change little.
+
+    Args:
+        least: standard deviation of each sensor.
+    """
+
+    def __init__(self, least: Mapping[str, float]) -> None:
+        self._least = {name: one**2 for name, one in least.items()}
+        self._present = dict(self._least)
+        self._last: dict[str, tuple[float, float, FloatArray]] = {}
+
+    def variance(self, sensor: str) -> float:
+        """Present variance of a sensor."""
+        return max(self._present[sensor], self._least[sensor])
+
+    def take(self, time: float, sensor: str, apart: float, effects: FloatArray, mean: FloatArray) -> None:
+        """Take what a sensor differs from its prediction in a window.
+
+        Args:
+            time: s, end of the window.
+            sensor: name.
+            apart: measured less predicted value.
+            effects: (n,) derivatives of that.
+            mean: (n,) present estimate.
+        """
+        then, before, others = self._last.get(sensor, (-np.inf, 0.0, effects))
+        self._last[sensor] = time, apart, effects
+        if time - then < 1.5 * WINDOW:
+            found, present = 0.5 * (apart - before - float((effects - others) @ mean)) ** 2, self.variance(sensor)
+            self._present[sensor] = present + (min(found, SUDDEN * present) - present) / REMEMBERED
 
 
 class LineFollower:
@@ -102,6 +139,7 @@ class LineFollower:
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         self._plan = start.columns.payload[self._rows].copy()
         self._sums: dict[str, list[_Sample]] = {}
+        self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self.readings})
         self._since, self._speed = 0.0, (0.0, 0.0)
         self._told: set[str] = set()
         self._alarms: list[Alarm] = []  # of this window
@@ -175,6 +213,10 @@ class LineFollower:
     def _correct(self, time: float, snapshot: Snapshot, alarms: list[Alarm]) -> Correction:
         """Correct payloads and friction by the means of a window."""
         found = {name: samples for name, samples in self._sums.items() if len(samples) > 2}
+        for name, samples in found.items():
+            apart = float(np.mean([one.value - one.predicted for one in samples]))
+            effects = np.mean([one.effects for one in samples], axis=0)
+            self._fast.take(time, name, apart, effects, self._belief.mean)
         terms = self._consistent(time, found, alarms)
         innovation = 1.0
         if terms:
@@ -198,8 +240,8 @@ class LineFollower:
         values, predicted = ([one.value for one in measured], [one.predicted for one in found])
         jacobian = np.mean([one.effects for one in found], axis=0)[None, :]
         innovation = np.array([np.mean(values) - np.mean(predicted)]) - jacobian @ self._belief.mean
-        fast = self._scale(name, FAST, DRIVE_FAST)
-        return innovation, jacobian, np.array([self.readings[name].noise ** 2 / len(values) + fast**2])
+        variance = self.readings[name].noise ** 2 / len(values) + self._fast.variance(name)
+        return innovation, jacobian, np.array([variance])
 
     def _consistent(self, time: float, found: dict[str, list[_Sample]], alarms: list[Alarm]) -> dict[str, Terms]:
         """Terms by sensor without those that contradict the others; alarms for those that keep doing so."""
