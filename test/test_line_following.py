@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.line_follower import LineFollower
+from cable_twin.ensemble.estimate.line_follower import FastErrors, LineFollower
 from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
@@ -151,15 +151,29 @@ def test_a_lift_without_a_fault_gives_no_alarm(under_way):
     assert alarms == []
 
 
+def test_fast_errors_grow_with_waves_and_not_with_a_payload_that_passes():
+    effects, mean = np.array([10.0, 0.0]), np.array([50.0, 0.0])
+    errors = FastErrors({"drive": 300.0, "tower": 100.0})
+    for number in range(30):
+        errors.take(float(number), "drive", 2000.0 * (-1.0) ** number, effects, mean)
+        errors.take(float(number), "tower", 50.0 * number, number * effects / 10.0, mean)
+    assert 1500.0 < errors.variance("drive") ** 0.5 < 3000.0
+    assert errors.variance("tower") ** 0.5 == pytest.approx(100.0)
+
+
 @pytest.mark.long
-def test_payload_of_each_chair_is_found_once_it_has_passed_two_load_cells():
+@pytest.mark.parametrize("scenario", ["chairlift", "gondola"])
+def test_payload_of_each_carrier_is_found_once_it_has_passed_two_load_cells(scenario):
     said: list[str] = []
-    found = list(follow("chairlift", 1, DURATION, said, []))
+    found = list(follow(scenario, 1, DURATION, said, []))
     assert not [line for line in said if "sensor" in line]
     assert [line for line in said if "in the plan" in line]
     payloads = [one for one in found if one.name == "payload" and one.cells >= 2]
     assert len(payloads) > 20
     assert sum(abs(one.error) > MOST for one in payloads) < 0.05 * len(payloads)
+    friction = [one for one in found if one.name == "friction"][-1]
+    assert abs(friction.error) < 0.05
+    assert abs(friction.error) < 3.0 * friction.deviation
 
 
 @pytest.mark.long

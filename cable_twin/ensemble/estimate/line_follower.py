@@ -31,8 +31,8 @@ PAYLOAD, EMPTY = 0.4, 0.15  # of the capacity, standard deviation of a payload f
 FRICTION_TOLERANCE = 0.25  # of that of the scenario, by which it may differ without an alarm
 FRICTION = 0.4  # standard deviation of the friction of all towers, as share of that of the scenario
 FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
-BIAS, FAST = 0.003, 0.006  # of the load of a tower at rest: slow and fast error of the model
-DRIVE_BIAS, DRIVE_FAST = 150.0, 300.0  # N, the same of a drive
+BIAS, FAST = 0.002, 0.003  # of the load of a tower at rest: slow and fast error of the model
+DRIVE_BIAS, DRIVE_FAST = 8e-4, 1.6e-3  # of the load of all towers at rest: the same of a drive
 FORGOTTEN = 200.0  # s, in which a slow error changes
 REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, and times their variance that counts
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
@@ -349,5 +349,7 @@ class LineFollower:
         return row
 
     def _scale(self, sensor: str, of_tower: float, of_drive: float) -> float:
-        """Error of a sensor: a share of the load of a tower at rest, or a force of a drive, N."""
-        return of_drive if self._kinds[sensor] == "drive_force" else of_tower * self._rest[self._of[sensor]]
+        """Error (N) of a sensor, as shares of the load of its tower at rest, or of all towers for a drive."""
+        if self._kinds[sensor] == "drive_force":
+            return of_drive * sum(self._rest[name] for name in self._statics.towers)
+        return of_tower * self._rest[self._of[sensor]]
