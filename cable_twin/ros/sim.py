@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import sys
+import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from cable_twin.basics.cpu import hold_numpy_to_the_class
@@ -25,6 +28,7 @@ from cable_twin.terminal.command_line import OneLineParser, faults_reported
 if TYPE_CHECKING:
     from cable_twin.ros.node import TwinNode
 
+UNFINISHED = ("reading", "loading")  # threads that read and build a scenario
 EPILOG = """\
 Each option is a parameter of the node, so that `--ros-args -p NAME:=VALUE` and parameter files work as well.
 
@@ -135,7 +139,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         node.emergency.close()
         rclpy.try_shutdown()
         ending.close()
-    return 1 if node.failed else 0
+    return _ended(1 if node.failed else 0)
+
+
+def _ended(code: int) -> int:
+    """Exit code at the end; the process ends here while a scenario is still read or built.
+
+    Python would end that thread by force as it ends itself, in the middle of code that is not Python's, which crashes.
+    """
+    if any(one.name in UNFINISHED for one in threading.enumerate()):
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                stream.flush()
+        os._exit(code)
+    return code
 
 
 def _run(node: TwinNode, ending: Ending) -> None:

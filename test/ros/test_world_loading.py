@@ -181,4 +181,5 @@ def test_ctrl_c_ends_it_while_a_scenario_is_read(live):
     participant.until(client.service_is_ready)
     client.call_async(SetParameters.Request(parameters=[given]))
     participant.spin(0.2)
-    assert process.end() == 0
+    code = process.end()
+    assert code == 0, process.output
