@@ -402,19 +402,10 @@ def along_rope(snapshot: Snapshot, vehicles: Rows) -> FloatArray:
 def _placed(c: Columns, bodies: Rows, offsets: FloatArray) -> FloatArray:
     """Positions (n, 3) in m of points at offsets (n, 3) in m from the centres of bodies, in the axes of these."""
     turn = c.body_orientation[bodies]
-    twice = 2.0 * _cross(turn, offsets)
-    moved = offsets + turn[:, 3:] * twice + _cross(turn, twice)
+    twice = 2.0 * np.cross(turn[:, :3], offsets)
+    moved = offsets + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)
     points: FloatArray = c.body_position[bodies] + np.where(offsets.any(axis=1, keepdims=True), moved, 0.0)
     return points
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products (n, 3) of the first three columns of two arrays; `np.cross` takes six times as long for few."""
-    found = np.empty_like(b)
-    for axis in range(3):
-        second, third = (axis + 1) % 3, (axis + 2) % 3
-        found[:, axis] = a[:, second] * b[:, third] - a[:, third] * b[:, second]
-    return found
 
 
 def _load(vehicle: Carriage) -> tuple[int, FloatArray]:

@@ -121,6 +121,12 @@ def measurements_from_message(
     return [Measurement(name, time, (turn.x, turn.y, turn.z, pull.x, pull.y, pull.z))]
 
 
+def turned_about(axis: str, angle: float) -> Any:
+    """Orientation (geometry_msgs/Quaternion) of what is turned by an angle (rad) about one axis, `roll` or `pitch`."""
+    sine, cosine = float(np.sin(0.5 * angle)), float(np.cos(0.5 * angle))
+    return Quaternion(sine, 0.0, 0.0, cosine) if axis == "roll" else Quaternion(0.0, sine, 0.0, cosine)
+
+
 class SensorOutput:
     """Messages of the sensors of a run.
 
@@ -156,9 +162,7 @@ class SensorOutput:
             return topic, serialize(WrenchStamped(header(stamp_ns, self._frames.named(sensor.of)), wrench))
         head = header(stamp_ns, self._frames.named(body_of(sensor, self._layout)))
         if sensor.kind == "inclinometer":
-            sine, cosine = float(np.sin(0.5 * values[0])), float(np.cos(0.5 * values[0]))
-            about = (sine, 0.0, 0.0) if sensor.axis == "roll" else (0.0, sine, 0.0)
-            turned, still = Quaternion(*about, cosine), Vector3(0.0, 0.0, 0.0)
+            turned, still = turned_about(sensor.axis, values[0]), Vector3(0.0, 0.0, 0.0)
             return topic, serialize(Imu(head, turned, _square(sensor.noise), still, UNKNOWN, still, UNKNOWN))
         upright = Quaternion(0.0, 0.0, 0.0, 1.0)
         turn, pull = Vector3(*values[:3]), Vector3(*values[3:])

@@ -10,6 +10,7 @@ import pytest
 from cable_twin import Ensemble
 from cable_twin.ensemble.estimate.follower import Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
+from cable_twin.ensemble.estimate.quantities import readings
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Sensors, standard_sensors
 from cable_twin.messages import ESTIMATE, statuses_of_message
@@ -17,7 +18,7 @@ from cable_twin.offline import plant
 from cable_twin.offline.follow import main
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
+from cable_twin.simulation import EquilibriumError, Simulation
 
 PAYLOAD = "carriages.cabin.payload.mass"
 TRUTH = 4200.0  # kg
@@ -121,6 +122,34 @@ def test_a_plant_that_rests_in_a_strong_wind_is_known_before_it_moves():
     swing = corrections[-1].hidden
     assert abs(swing["cabin/cabin/roll"].value) > 0.02  # rad
     assert abs(swing["cabin/cabin/roll"].deviation) < 0.01
+
+
+def test_where_there_is_no_rest_the_twin_stays_as_it_was(measured, monkeypatch):
+    """Equilibrium that is not found, as by a wind that no rope stands."""
+    follower = Follower(measured[0], threads=1)
+    points, motion, time = follower._points, follower._motion, follower.time
+
+    def none(*_, **__):
+        raise EquilibriumError("no rest")
+
+    monkeypatch.setattr(follower._ensemble, "change", none)
+    assert not follower._rest(3.0, points + 1.0)
+    with pytest.raises(EquilibriumError):
+        follower.begin_at(3.0, {"cabin": (100.0, 0.0)})
+    assert follower._points is points
+    assert follower._motion is motion
+    assert follower.time == time
+    follower.close()
+
+
+def test_roll_is_read_where_members_differ_in_it():
+    """With several ropes they do not, and a wind across the plant would have its roll called a lie."""
+    for name, axes in (("windy_tramway", {"pitch", "roll"}), ("jig_back", {"pitch"})):
+        bare = load_scenario(name)
+        rest = Simulation(bare).snapshot
+        sensors = load_scenario(name, {"sensors": standard_sensors(bare, rest)}).sensors
+        found = readings(sensors, rest.layout, dict.fromkeys(rest.layout.support_rows, 1e6))
+        assert {sensors[one].axis for one in found if sensors[one].kind == "inclinometer"} == axes
 
 
 def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):

@@ -37,6 +37,7 @@ from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
+from cable_twin.simulation import EquilibriumError
 
 WINDOW, WINDOW_OF_ROPES = 2.0, 3.0  # s, between two corrections, with one rope and with several
 FIRST_WINDOW = 1.0  # s, the first one of a twin that stands, so that it is as its plant before that moves
@@ -129,7 +130,7 @@ class Follower:
         self._rows: list[_Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
-        self._stands, self._begun = True, 0.0  # no drive was commanded to move since the beginning, s
+        self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
         self._told: set[str] = set()  # quantities with an alarm
 
     @property
@@ -156,7 +157,7 @@ class Follower:
         before, self._motion = self._motion, values
         try:
             self._change(rest=True)
-        except ValueError:
+        except (EquilibriumError, ValueError):
             self._motion = before
             raise
         self._offsets = {name: offsets.get(self._scenario.sensors[name].of, 0.0) for name in self._encoders}
@@ -184,7 +185,7 @@ class Follower:
         """
         self._advance(applied.time)
         self._ensemble.apply(applied.command)
-        if applied.command.kind in ("speed", "force") and any(applied.command.values.values()):
+        if applied.command.kind not in ("speed", "force") or any(applied.command.values.values()):
             self._stands = False
 
     def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
@@ -286,7 +287,7 @@ class Follower:
         before, self._points = self._points, points
         try:
             self._change(rest=True)
-        except ValueError:
+        except (EquilibriumError, ValueError):
             self._points = before
             return False
         self._zero, self._belief = time, self._belief._replace(mean=self._belief.mean.copy())

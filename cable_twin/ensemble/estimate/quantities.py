@@ -162,7 +162,9 @@ def _rolling(scenario: Scenario) -> list[Slow]:
 
 
 def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
-    """Readings of sensors by name; inertial ones are left out.
+    """Readings of sensors by name; inertial ones are left out, with several ropes those of roll as well.
+
+    Members with several ropes do not differ in what goes across: wind there, and roll.
 
     Args:
         sensors: of the scenario.
@@ -191,7 +193,7 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
             fast, error = (FAST_TOWER, TOWER_ERROR) if tower else (FAST_LOAD, LOAD_ERROR)
             fast, error = (fast, error) if alone else (fast.scaled(OF_ROPES), OF_ROPES * error)
             found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load)
-        elif sensor.kind == "inclinometer":
+        elif sensor.kind == "inclinometer" and (alone or sensor.axis != "roll"):
             column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), ANGLES[sensor.axis]]
             place = np.atleast_1d(column).astype(np.intp)
             fast, error = (FAST_ANGLE, ANGLE_ERROR) if alone else (FAST_ANGLE_OF_ROPES, ANGLE_ERROR_OF_ROPES)

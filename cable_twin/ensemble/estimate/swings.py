@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.ensemble.blending import Turn
+from cable_twin.frame.sensors import ANGLES
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 
@@ -18,7 +19,7 @@ GROWTH = 2e-4  # rad/s after a second, standard deviation: by the error of the m
 STIRRED = 2.6e-3  # the same behind a tower
 AT_TOWER = 1.5e-2  # the same while a vehicle passes a tower, where meshes differ most
 FIRST = 1.5  # times as much for the first body of a vehicle, which rides the rope
-ROLL, PITCH = 0, 1
+ROLL, PITCH = ANGLES["roll"], ANGLES["pitch"]
 
 
 class Swing(NamedTuple):

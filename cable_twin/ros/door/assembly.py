@@ -10,7 +10,7 @@ import numpy as np
 from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.messages import SECOND, JointState, Topic, header, serialize
-from cable_twin.messages.sensor_messages import PLANT, UNKNOWN, Imu, Quaternion, Vector3, Wrench, WrenchStamped
+from cable_twin.messages.sensor_messages import PLANT, UNKNOWN, Imu, Vector3, Wrench, WrenchStamped, turned_about
 from cable_twin.messages.topics import FRAME_ID, Vector3Stamped
 from cable_twin.ros.door.plant_map import Tag
 from cable_twin.ros.door.quantities import QUANTITIES, XYZ, conversion
@@ -134,20 +134,20 @@ class Group:
         return WrenchStamped(header(stamp_ns, self._of), Wrench(force, Vector3(0.0, 0.0, 0.0)))
 
     def _imu(self, parts: Mapping[str, float], deviations: Mapping[str, float], stamp_ns: int) -> Any:
-        pitch, roll = (0.5 * parts.get(angle, 0.0) for angle in ("pitch", "roll"))  # one of them in a message
-        turned = Quaternion(math.sin(roll), math.sin(pitch), 0.0, math.cos(pitch + roll))
+        angle = "roll" if "roll" in parts else "pitch"
+        turned = turned_about(angle, parts.get(angle, 0.0))
         vectors = {
             part: Vector3(*(parts.get(f"{part}.{axis}", 0.0) for axis in XYZ))
             for part in ("angular_velocity", "acceleration")
         }
         covariances = {
             part: deviations[part] ** 2 * np.eye(3).reshape(9) if part in deviations else UNKNOWN
-            for part in ("pitch", "roll", "angular_velocity", "acceleration")
+            for part in (angle, "angular_velocity", "acceleration")
         }
         return Imu(
             header(stamp_ns, self._of),
             turned,
-            covariances["roll" if "roll" in parts else "pitch"],
+            covariances[angle],
             vectors["angular_velocity"],
             covariances["angular_velocity"],
             vectors["acceleration"],
