@@ -196,6 +196,7 @@ class Workspace(NamedTuple):
     patch: Annotated[
         FloatArray, Of("vehicle", "patch", "patch column")
     ]  # tangent of both elements beside a load, with its right side in the column after; rows as in `point.patch_row`
+    patch_force: Annotated[FloatArray, Of("vehicle", "patch")]  # right side of these by the two elements alone
     no_columns: Annotated[FloatArray, Of("vehicle", "patch", 0)]  # further right sides of patches, where none are
     along_held: Annotated[BoolArray, Of("vehicle")]  # whether the arc length of a load's node has a given increment
     along_increment: Annotated[FloatArray, Of("vehicle", unit="m")]  # that increment
@@ -208,6 +209,7 @@ class Workspace(NamedTuple):
     patch_elastic: Annotated[FloatArray, Of("element row", WIDTH)]  # elastic part of the `group` of these
     patch_by_length: Annotated[FloatArray, Of("patch length", WIDTH)]  # derivatives of their elastic energy by length
     right_side: Annotated[FloatArray, Of("node", 3, "dim")]  # minus the residual; after the solution the increment of e
+    contact_slide: Annotated[FloatArray, Of("contact", unit="N/m")]  # growth of its friction with sliding, over |r_x|
     joint_gap: Annotated[
         FloatArray, Of("body", "dim", unit="m")
     ]  #  (or m/s² at acceleration level): what each joint has to close

@@ -40,7 +40,6 @@ from cable_twin.simulation.same_model import OtherModelError
 from cable_twin.simulation.snapshot_file import FullState, SnapshotError, read_full_state
 from cable_twin.simulation.start_checks import check_pressure, warn_of_crossing, warn_of_frames
 from cable_twin.simulation.vehicle_contacts import VehicleContacts
-from cable_twin.simulation.vehicles import Vehicles
 
 if TYPE_CHECKING:
     from cable_twin import Forecaster, Outlook
@@ -457,24 +456,18 @@ def advance_in_batches(
     """
     parts, vehicles, advance = engine.parts, engine.vehicles, engine.advance
     most = max(PART // sum([len(part.state.nodes.position) for part in parts]), 1)  # steps of a call
-    if not _interrupted(vehicles, contacts):
-        total = Outcome(*advance(min(steps, most)))
-        on_part()
-        while total.converged and total.steps < steps:
-            total = _joined(total, Outcome(*advance(min(steps - total.steps, most))))
-            on_part()
-        return total
-    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
     step, clock = parts[0].system.solver.step, parts[0].state.clock
-    period = max(round(PERIOD / step), 1)
-    while total.converged and total.steps < steps and not penetration(parts, contacts):
-        rest = steps - total.steps
-        until = period - int(clock[0]) % period if _interrupted(vehicles, contacts) else rest
-        total = _joined(total, Outcome(*advance(min(rest, until, most))))
+    period, meeting = max(round(PERIOD / step), 1), any(one.possible for one in contacts)
+    total = Outcome(True, 0, 0, 0, 0.0, 0.0, 0, 0.0, 0.0)
+    while total.converged and total.steps < steps and not (meeting and penetration(parts, contacts)):
+        until = steps - total.steps
+        if meeting or vehicles.loading or vehicles.awaited:
+            until = min(until, period - int(clock[0]) % period)
+        total = _joined(total, Outcome(*advance(min(until, most))))
         on_part()
         if total.converged and int(clock[0]) % period == 0:
             vehicles.load_on(period * step)
-            if vehicles.exchanges:
+            if vehicles.awaited:
                 vehicles.exchange()
     return total
 
@@ -507,11 +500,6 @@ def _joined(before: Outcome, last: Outcome) -> Outcome:
         lost=before.lost + last.lost,
         moved=before.moved + last.moved,
     )
-
-
-def _interrupted(vehicles: Vehicles, contacts: Sequence[VehicleContacts]) -> bool:
-    """Whether steps have to be interrupted for loading, stations or vehicles that can meet."""
-    return bool(vehicles.loading) or vehicles.exchanges or any(one.possible for one in contacts)
 
 
 def penetration(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -> str:

@@ -220,6 +220,12 @@ class Vehicles:
         return np.where(self._state.attached, np.nan, self._state.joints.position)
 
     @property
+    def awaited(self) -> bool:
+        """Whether `exchange` has something to look at: a vehicle has changed its rope or station since."""
+        same = np.array_equal(self._stations_now(), self._stations, equal_nan=True)
+        return self.exchanges and not (same and np.array_equal(self._state.vehicle_rope, self._ropes))
+
+    @property
     def exchanges(self) -> bool:
         """Whether payloads of any vehicle change in stations."""
         return any(self._rooms)

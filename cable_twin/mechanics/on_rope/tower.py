@@ -48,21 +48,28 @@ CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at clos
 NEAR = 1e-4  # of an element's length: a last move below leaves its square times the share of depth to bend
 
 
-@kernel
+@inlined_kernel
 def find_contact(cable, towers, state, contact):
-    """Update the arc length of a contact to the nearest point of the rope; returns whether the rope may touch it.
+    """Update the arc length of a contact to the nearest point of the rope.
 
-    A rope that is `CLEAR` off does not, and its arc length is left where it is while it is less than that from the
-    nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side of the rope.
+    A rope that is `CLEAR` off does not touch it, and the arc length is left where it is while it is less than that from
+    the nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side of the
+    rope. Of the last move, which is short, the rope's point is that before it.
+
+    Returns:
+        Whether the rope may touch; the point on it.
     """
     like, s = cable.gravity, state.contact_arc_length[contact]
-    place = load(towers.position[contact], like)
-    apart, r_x, there, far = approach(cable, state, place, s)
+    place, point = load(towers.position[contact], like), point_at(cable, state, s)
+    apart, r_x, there, far = approach(cable, state, place, point, s)
     along = dot(apart, r_x)
     if dot(apart, load(towers.normal[contact], like)) > CLEAR and along * along < CLEAR * CLEAR * dot(r_x, r_x):
-        return False
-    state.contact_arc_length[contact] = nearest(cable, state, place, there) if far else there
-    return True
+        return False, point
+    if far:
+        there = nearest(cable, state, place, there)
+        point = point_at(cable, state, there)
+    state.contact_arc_length[contact] = there
+    return True, point
 
 
 @kernel
@@ -74,20 +81,20 @@ def nearest(cable, state, place, arc_length):
     """
     s = arc_length
     for _ in range(MAX_MOVES):
-        _, _, s, far = approach(cable, state, place, s)
+        _, _, s, far = approach(cable, state, place, point_at(cable, state, s), s)
         if not far:
             break
     return s
 
 
 @inlined_kernel
-def approach(cable, state, place, arc_length):
-    """One move of Newton's method towards the point of the rope nearest to a place.
+def approach(cable, state, place, point, arc_length):
+    """One move of Newton's method towards the point of the rope nearest to a place, from its `point` at an arc length.
 
     Returns:
         r - p (dim,) in m and r_x (dim,) before it; the arc length (m) after it; whether another one is due.
     """
-    coordinates, point = state.nodes.position, point_at(cable, state, arc_length)
+    coordinates = state.nodes.position
     length = state.mesh.length[point.element]
     r_x, r_xx = slope(coordinates, point, place), bend(coordinates, point, place)
     apart = subtract(value(coordinates, point, place), place)
@@ -123,14 +130,19 @@ def contact_energy(cable, towers, state, contact):
 
 @kernel
 def contact_frame(cable, towers, state, contact):
-    """Contact kinematics at a tower contact: point, tangent, offset, normal, depth and velocity of the rope.
+    """Contact kinematics at a tower contact as last found: point, and those of `frame_at`."""
+    point = point_at(cable, state, state.contact_arc_length[contact])
+    return (point, *frame_at(cable, towers, state, contact, point))
+
+
+@kernel
+def frame_at(cable, towers, state, contact, point):
+    """Contact kinematics at a tower contact: tangent, offset, normal, depth and velocity of the rope at its `point`.
 
     Returns:
-        The place; r_x (dim,) there; r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity (dim,) of the
-        rope in m/s.
+        r_x (dim,) there; r - p (dim,) in m; the normal n (dim,); the depth (m); the velocity (dim,) of the rope in m/s.
     """
     like = cable.gravity
-    point = point_at(cable, state, state.contact_arc_length[contact])
     r_x = slope(state.nodes.position, point, like)
     apart = subtract(value(state.nodes.position, point, like), load(towers.position[contact], like))
     moving = value(state.nodes.velocity, point, like)
@@ -140,13 +152,19 @@ def contact_frame(cable, towers, state, contact):
     side = load(towers.normal[contact], like)
     across = add_scaled(-dot(side, r_x) / dot(r_x, r_x), r_x, side)
     normal = scale(1.0 / max(sqrt(dot(across, across)), 1e-12), across)
-    return point, r_x, apart, normal, depth_in_groove(towers, state, contact, -dot(apart, normal), like), moving
+    return r_x, apart, normal, depth_in_groove(towers, state, contact, -dot(apart, normal), like), moving
 
 
 @kernel
 def contact_force(cable, towers, state, contact):
-    """Force (dim,) of a contact on the rope and its normal part, both in N."""
-    _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
+    """Force (dim,) of a contact on the rope, as last found, and its normal part, both in N."""
+    return force_at(cable, towers, state, contact, point_at(cable, state, state.contact_arc_length[contact]))
+
+
+@kernel
+def force_at(cable, towers, state, contact, point):
+    """Force (dim,) of a contact on the rope at its `point`, and its normal part, both in N."""
+    r_x, apart, normal, depth, moving = frame_at(cable, towers, state, contact, point)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
     z, _ = mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])
     friction = towers.friction[contact] * n * z
@@ -164,9 +182,11 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
     """
     like = cable.gravity
     for contact in range(towers.stiffness.size):
-        if not find_contact(cable, towers, state, contact):
+        work.contact_slide[contact] = 0.0
+        touching, point = find_contact(cable, towers, state, contact)
+        if not touching:
             continue
-        point, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
+        r_x, apart, normal, depth, moving = frame_at(cable, towers, state, contact, point)
         n, n_by_depth, n_by_rate = normal_force(towers, contact, depth, -dot(normal, moving))
         if n == 0.0:
             continue
@@ -194,6 +214,7 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
         turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
         slide = coefficient * n * z_by_way
+        work.contact_slide[contact] = slide / norm
         for j in range(4):
             on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
             on_turn = add_scaled(shape_x[j], normal, scale(bent, on_s))
@@ -213,8 +234,9 @@ def settle_towers(cable, towers, state):
     for tower in range(towers.top.shape[0]):
         total = 0.0
         for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
-            if find_contact(cable, towers, state, contact):
-                total += contact_force(cable, towers, state, contact)[1]
+            touching, point = find_contact(cable, towers, state, contact)
+            if touching:
+                total += force_at(cable, towers, state, contact, point)[1]
             state.contact_deflection[contact], _ = mobilise(
                 slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact]
             )

@@ -248,15 +248,29 @@ def forces_by_motion(system, state, length, motion, wind):
 
 
 @inlined_kernel
-def forces_on_patch(system, state, length, motion, wind, passing):
-    """Forces on all coordinates that elements beside a load share: r_A, slope A, r_B, slope B, and both arc lengths.
+def with_passing_rope(system, state, forces, motion, passing):
+    """Nodal forces (dim,) of one element beside a load, or of lanes, with the momentum of rope that passes its nodes.
 
-    Takes the arguments of `forces_by_motion`, and the speeds κ (m/s) of rope past both nodes. Forces on positions have
-    the momentum of rope that passes; those on arc lengths Q_X in N.
+    Takes both parts of `forces_by_motion`, the motion, and the speeds κ (m/s) of rope past both nodes.
     """
-    (e, _, _), (k_a, k_b), cable = motion, passing, system.cable
+    (elastic, others), (e, _, _), (k_a, k_b) = forces, motion, passing
+    mass = system.cable.mass_per_length * rest_stretch(system.cable, state)
+    return (
+        add_scaled(-mass * k_a * k_a, e[1], add_scaled(1.0, elastic[0], others[0])),
+        add_scaled(1.0, elastic[1], others[1]),
+        add_scaled(mass * k_b * k_b, e[3], add_scaled(1.0, elastic[2], others[2])),
+        add_scaled(1.0, elastic[3], others[3]),
+    )
+
+
+@inlined_kernel
+def forces_along(system, state, length, forces, motion, passing):
+    """Forces Q_X (N) on the arc lengths of both nodes of one element beside a load, or of lanes.
+
+    Takes the length (m), and the arguments of `with_passing_rope`.
+    """
+    (elastic, others), (e, _, _), (k_a, k_b), cable = forces, motion, passing, system.cable
     stretch, shape = rest_stretch(cable, state), (subtract(e[2], e[0]), scale(length, e[1]), scale(length, e[3]))
-    elastic, others = forces_by_motion(system, state, length, motion, wind)
     first = stretch * by_length(cable, stretch * length, *shape)[0]
     first = first - (dot(elastic[1], e[1]) + dot(elastic[3], e[3])) / length
     mass, (_, bend_a), (_, bend_b) = (
@@ -266,15 +280,12 @@ def forces_on_patch(system, state, length, motion, wind, passing):
     )
     along_a = dot(e[1], others[0]) + dot(bend_a, others[1]) - first - 0.5 * mass * k_a * k_a * dot(e[1], e[1])
     along_b = dot(e[3], others[2]) + dot(bend_b, others[3]) + first + 0.5 * mass * k_b * k_b * dot(e[3], e[3])
-    r_a = add_scaled(-mass * k_a * k_a, e[1], add_scaled(1.0, elastic[0], others[0]))
-    r_b = add_scaled(mass * k_b * k_b, e[3], add_scaled(1.0, elastic[2], others[2]))
-    t_a, t_b = add_scaled(1.0, elastic[1], others[1]), add_scaled(1.0, elastic[3], others[3])
-    return (r_a, t_a, r_b, t_b), (along_a, along_b)
+    return along_a, along_b
 
 
 @inlined_kernel
 def on_element(system, state, element):
-    """Length (m), motion, wind and passing speeds of an element beside a load: arguments of `forces_on_patch`."""
+    """Length (m), motion, wind and passing speeds of an element beside a load."""
     return (
         state.mesh.length[element],
         motion_of_rope(system, state, element, state.nodes.acceleration),
@@ -286,9 +297,12 @@ def on_element(system, state, element):
 @kernel
 def pull_at_node(system, state, node):
     """Force Q_X (N) along the rope of both elements beside a node that follows a load."""
-    _, before = forces_on_patch(system, state, *on_element(system, state, node - 1))
-    _, after = forces_on_patch(system, state, *on_element(system, state, node))
-    return before[1] + after[0]
+    total = 0.0
+    for end in range(2):
+        length, motion, wind, passing = on_element(system, state, node - end)
+        forces = forces_by_motion(system, state, length, motion, wind)
+        total += forces_along(system, state, length, forces, motion, passing)[end]
+    return total
 
 
 @kernel

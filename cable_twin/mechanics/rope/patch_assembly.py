@@ -35,10 +35,12 @@ from cable_twin.mechanics.rope.patch import (
     bend_rates,
     by_length,
     follows,
-    forces_on_patch,
+    forces_along,
+    forces_by_motion,
     rope_motion,
     rope_past,
     shift_vectors,
+    with_passing_rope,
 )
 from cable_twin.mechanics.rope.point import add_column, add_matrix, add_row, patch_row
 from cable_twin.mechanics.rope.rope_drag import add_drag
@@ -101,11 +103,24 @@ def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
     """Add the residual and tangent of all elements beside loads to their patches, `WIDTH` elements at a time."""
     count = work.patch_count[0]
     for first in range(0, count, WIDTH):
-        nodal_motion = gather_motion(system, state, first, work)
-        linearise_patches(system, state, nodal_motion, mass_factor, rate_factor, stiffness_factor, work)
+        nodal_motion, shifted = gather_motion(system, state, first, work), any_shifted(state, work, first)
+        linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_factor, stiffness_factor, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work)
+    if system.moving_cable.over_bullwheels:
+        keep_patch_forces(state, work)
+
+
+@inlined_kernel
+def keep_patch_forces(state, work):
+    """Keep the forces of the elements beside each load, before anything else adds to them."""
+    last = work.patch.shape[1]
+    for node in range(1, state.node_load.size - 1):
+        number = state.node_load[node]
+        if number >= 0:
+            for row in range(last):
+                work.patch_force[number, row] = work.patch[number, row, last]
 
 
 @inlined_kernel
@@ -136,15 +151,30 @@ def gather_motion(system, state, first, work):
 
 
 @inlined_kernel
-def force_patches(system, state, nodal_motion, work):
-    """Write the forces of a gathered group of elements beside loads to the vectors of `group`, Q_X to its blocks."""
+def any_shifted(state, work, first):
+    """Return whether an iteration shifts any node of `WIDTH` elements beside loads along the rope."""
+    found = False
+    for lane in range(WIDTH):
+        element = work.patch_elements[first + lane]
+        found = found or shifts(state, work, element) or shifts(state, work, element + 1)
+    return found
+
+
+@inlined_kernel
+def force_patches(system, state, nodal_motion, shifted, work):
+    """Write the forces of a gathered group of elements beside loads to the vectors of `group`.
+
+    Where any of their nodes is `shifted` by the iteration, Q_X to its blocks.
+    """
     like, rows = system.cable.gravity, work.patch_motion
     length, wind = read_vector(rows, 0, (0.0,))[0], read_vector(rows, 1, like)
     passing = read_vector(rows, len(like) + 1, (0.0, 0.0))
-    forces, along = forces_on_patch(system, state, length, nodal_motion, wind, passing)
+    parts = forces_by_motion(system, state, length, nodal_motion, wind)
+    forces = with_passing_rope(system, state, parts, nodal_motion, passing)
     for i in range(4):
         spread(forces[i], work.group, vector_row(i, like))
-    spread(along, work.group, block_row(0, 0, like))
+    if shifted:
+        spread(forces_along(system, state, length, parts, nodal_motion, passing), work.group, block_row(0, 0, like))
 
 
 @kernel
@@ -163,8 +193,8 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
     like = system.cable.gravity
     dim = len(like)
     for first in range(0, count, WIDTH):
-        nodal_motion = gather_motion(system, state, first, work)
-        force_patches(system, state, nodal_motion, work)
+        nodal_motion, shifted = gather_motion(system, state, first, work), any_shifted(state, work, first)
+        force_patches(system, state, nodal_motion, shifted, work)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             number, right = work.patch_of[element], work.patch_right[element]
@@ -179,10 +209,11 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
 
 
 @inlined_kernel
-def linearise_patches(system, state, nodal_motion, mass_factor, rate_factor, stiffness_factor, work):
+def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_factor, stiffness_factor, work):
     """Residual and tangent of `WIDTH` elements beside loads, with their elastic part, in groups as of `element`.
 
-    Takes the `nodal_motion` of `gather_motion`.
+    Takes the `nodal_motion` of `gather_motion`. Where any of their nodes is `shifted` by the iteration, derivatives by
+    length, too.
     """
     cable, like, group, elastic_group = system.cable, system.cable.gravity, work.group, work.patch_elastic
     rows, stretch = work.patch_motion, rest_stretch(cable, state)
@@ -209,11 +240,12 @@ def linearise_patches(system, state, nodal_motion, mass_factor, rate_factor, sti
         convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elastic_group, like)
     before, after = (k_a, k_a_dot), (k_b, k_b_dot)
     convect(length, mass, grows, before, after, rate_factor, stiffness_factor, group, like)
-    first, second, by_d, by_a, by_b = by_length(cable, at_rest, *shape)
-    spread((first, second), work.patch_by_length, 0)
-    spread(by_d, work.patch_by_length, 2)
-    spread(by_a, work.patch_by_length, 2 + len(like))
-    spread(by_b, work.patch_by_length, 2 + 2 * len(like))
+    if shifted:
+        first, second, by_d, by_a, by_b = by_length(cable, at_rest, *shape)
+        spread((first, second), work.patch_by_length, 0)
+        spread(by_d, work.patch_by_length, 2)
+        spread(by_a, work.patch_by_length, 2 + len(like))
+        spread(by_b, work.patch_by_length, 2 + 2 * len(like))
 
 
 @inlined_kernel

@@ -167,8 +167,21 @@ def lost_in_step(bundle, system, state, work, column, c, h):
 
 
 @kernel
+def has_changed_places(bundle, state):
+    """Return whether a vehicle has changed between rope and station, or its rope or station, in the last step."""
+    before, now = record_at(bundle.records[0, GOOD], state), record_at(bundle.records[0, STATE], state)
+    for vehicle in range(now.attached.size):
+        attached, rope = now.attached[vehicle], now.vehicle_rope[vehicle]
+        if attached != before.attached[vehicle] or rope != before.vehicle_rope[vehicle]:
+            return True
+        if not attached and now.joints.position[vehicle] != before.joints.position[vehicle]:
+            return True
+    return False
+
+
+@kernel
 def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
-    """Integrate `steps` whole steps, fewer after a rollback: one frame in one call, without interpreter lock.
+    """Integrate `steps` whole steps in one call, without interpreter lock; fewer after a rollback or in a station.
 
     A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, all goes back to the last
     good step and the outcome says so.
@@ -231,7 +244,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
             if own.cable.load_nodes:
                 update_load_nodes(own, here)
         taken = done + 1
-        if wheels_gone_back(moving.sheaves) > gone_back:
+        if wheels_gone_back(moving.sheaves) > gone_back or has_changed_places(bundle, state):
             break
     for rope in range(bundle.records.shape[0]):
         own, here, _ = rope_of(bundle, rope, system, state, work)

@@ -16,6 +16,8 @@ from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, rec
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
+BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move the middle of a cubic
+
 
 @kernel
 def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_factor):
@@ -111,11 +113,14 @@ def solve_beside(work, wheel_columns, count, like):
 
 @kernel
 def largest_increment(system, state, work):
-    """Size (m) of the last Newton increment: positions, slopes times element length, arc lengths; nan if any is."""
+    """Size (m) of the last Newton increment: places of rope and bodies, arc lengths; nan if any is no number.
+
+    A slope at either node of an element moves the rope between them by at most `BULGE` of its length.
+    """
     like, lengths, increments = system.cable.gravity, state.mesh.length, work.right_side
     worst, total = 0.0, 0.0
     for node in range(increments.shape[0]):
-        length = lengths[min(node, lengths.size - 1)]
+        length = BULGE * lengths[min(node, lengths.size - 1)]
         largest, gone = 0.0, 0.0  # of a node, as the next one need not wait for it
         for i in range(len(like)):
             r, slope = increments[node, 0, i], length * increments[node, 1, i]

@@ -28,14 +28,12 @@ from cable_twin.mechanics.language.vectors import (
     subtract,
     unit_matrix,
 )
-from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.on_rope.load_node import follow_joints
 from cable_twin.mechanics.on_rope.presence import rides
-from cable_twin.mechanics.on_rope.tower import contact_frame, normal_force, slid
 from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
 from cable_twin.mechanics.rope.patch import at_node, beside_load, follows
 from cable_twin.mechanics.rope.patch_assembly import add_patch_differences, shifts
-from cable_twin.mechanics.rope.point import element_at, patch_row, point_at, slope
+from cable_twin.mechanics.rope.point import patch_row, point_at, slope
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
     missing_rope,
@@ -114,18 +112,22 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
 def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_columns, slot):
     """Add to the columns of loads at nodes what rope over one end changes on the elements beside them.
 
-    That of their elements is a central difference, with `PART` of a metre of rope. A load that is clamped to the rope
-    goes along with it, on such an element too.
+    That of their elements is the difference to their forces as they are, with `PART` of a metre of rope. A load that is
+    clamped to the rope goes along with it, on such an element too.
     """
     cable, like, count = system.cable, system.cable.gravity, work.patch_count[0]
     dim = len(like)
     keep_joints(state, work)
-    for way in (PART, -PART):
-        kept = shift_rope(state, end, way, mass_factor, rate_factor)
-        shift_clamped(system, state, work, end, way, mass_factor, rate_factor)
-        add_patch_differences(system, state, count, -0.5 / way, patch_columns, slot, work)
-        set_rope(state, end, kept)
-        put_joints_back(state, work)
+    kept = shift_rope(state, end, PART, mass_factor, rate_factor)
+    shift_clamped(system, state, work, end, PART, mass_factor, rate_factor)
+    add_patch_differences(system, state, count, -1.0 / PART, patch_columns, slot, work)
+    set_rope(state, end, kept)
+    put_joints_back(state, work)
+    for node in range(1, state.node_load.size - 1):
+        number = state.node_load[node]
+        if number >= 0:
+            for row in range(work.patch_force.shape[1]):
+                patch_columns[number, row, slot] += work.patch_force[number, row] / PART
     for carriage in range(system.carriages.fixed.size):
         if not rides(system, state, carriage):
             continue
@@ -244,17 +246,15 @@ def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
                 force = scale(way, load(work.sliding_column[carriage, i], like))
                 accumulate(force, wheel_columns[state.joint_element[carriage] + i // 2, slot, i % 2, :: len(like)])
     for contact in range(towers.stiffness.size):
-        element = element_at(cable, state, state.contact_arc_length[contact])
-        if towers.friction[contact] != 0.0 and not beside_load(cable, state, element):
-            point, r_x, _, normal, depth, moving = contact_frame(cable, towers, state, contact)
-            n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
-            way, before = slid(cable, state, contact), state.contact_deflection[contact]
-            _, by_way = mobilise(way, before, towers.presliding[contact])
-            way = share_of_end(cable, end, state.contact_arc_length[contact])  # less rope before it than there was
-            friction = towers.friction[contact] * n * by_way * way / sqrt(dot(r_x, r_x))
-            for i in range(4):
-                force = scale(point.shape[i] * friction, r_x)
-                accumulate(force, wheel_columns[point.element + i // 2, slot, i % 2, :: len(like)])
+        place = state.contact_arc_length[contact]
+        if work.contact_slide[contact] != 0.0:
+            point = point_at(cable, state, place)
+            if not beside_load(cable, state, point.element):
+                less = share_of_end(cable, end, place)  # rope before it than there was
+                pull = scale(work.contact_slide[contact] * less, slope(state.nodes.position, point, like))
+                for i in range(4):
+                    column = wheel_columns[point.element + i // 2, slot, i % 2, :: len(like)]
+                    accumulate(scale(point.shape[i], pull), column)
 
 
 @inlined_kernel
