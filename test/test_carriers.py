@@ -124,19 +124,24 @@ def test_carriers_that_cannot_be_are_told_in_a_line(carriers, said):
 
 
 def test_a_cabin_that_leaves_the_rope_leaves_no_ringing_behind():
-    """Tension beside the drive of the shipped gondola lift, as two cabins leave it at 6 m/s: within 1 % around that."""
+    """Tension beside the drive of the shipped gondola lift, as two cabins leave it at 6 m/s: within 1 % around that.
+
+    Contact forces of cabins stay below 1.4 times their weight; on the rope up to its very end they came to three times.
+    """
     simulation = Simulation(load_scenario("gondola"))
     simulation.command("haul_rope", speed=6.0)
     simulation.advance_to(21.0)
-    tensions, riding = [], []
+    tensions, riding, forces = [], [], []
     while simulation.time < 22.0:
         simulation.advance_to(simulation.time + simulation.step)
         columns = simulation.snapshot.columns
         tensions.append(columns.highest_tension[0, 0])
         riding.append(int(columns.attached.sum()))
+        forces.append(float(np.linalg.norm(columns.contact_force, axis=-1).max()))
     (left,) = np.flatnonzero(np.diff(riding) < 0)[-1:]
     assert max(tensions[left - 10 : left + 20]) < 1.01 * max(tensions[: left - 10])
     after = np.array(tensions[left + 2 : left + 22])
-    assert np.abs(np.diff(after)).max() < 200.0  # N; 7 kN up and down without a step of its own
+    assert np.abs(np.diff(after)).max() < 400.0  # N; 7 kN up and down without a step of its own
+    assert max(forces) < 1.4 * 1600.0 * 9.81  # N
     assert riding[-1] < simulation.scenario.carriers.count  # some are in a station, where no step begins anew
     assert all(part.state.newton_curvature[0] > 0.0 for part in simulation.parts.values())

@@ -1,7 +1,9 @@
 """Stations of a moving rope: vehicles off the rope hang at rest, and are attached on their return.
 
 Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part. Its force comes and goes
-between two steps, so that the next one uses no acceleration of the last.
+between two steps, so that the next one uses no acceleration of the last. One that comes to an end of the mesh leaves
+the rope `RAIL` of the last element before it, as a rail of the station would take it: nearer to the end the rope cannot
+bend under a load as it should, which throws it up with several times its weight.
 """
 
 from __future__ import annotations
@@ -25,6 +27,9 @@ from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.following_nodes import give_back
 from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 
+RAIL = 0.1  # of the element at an end: so far before the end a vehicle leaves the rope
+SLOW = 0.1  # m/s: a rope that is slower may rock, and takes a vehicle off at the end itself
+
 
 @kernel
 def loop_coordinate(system, state, carriage):
@@ -42,20 +47,24 @@ def loop_coordinate_after(system, state, carriage, way):
 
 
 @inlined_kernel
-def way_of_step(system, state):
-    """Way (m) of the rope in the next step, at its present speed."""
-    return system.solver.step * state.rope.velocity[0]
+def leaves(system, state, carriage, place):
+    """Return whether a vehicle at a place (m) of the mesh is off it in the next step, or on the rail of a station."""
+    length, homes, speed = system.cable.unstrained_length, system.cable.node_arc_length, state.rope.velocity[0]
+    between = 0.5 * max(system.moving_cable.loop_length - length, 0.0)  # stations: a loop may have none
+    last = homes.size - 1
+    if speed > SLOW and place > length - min(RAIL * (homes[last] - homes[last - 1]), between):
+        return True
+    if speed < -SLOW and place < min(RAIL * (homes[1] - homes[0]), between):
+        return True
+    return loop_coordinate_after(system, state, carriage, system.solver.step * speed) > length
 
 
 @kernel
 def park(system, state, carriage, place):
     """Detach a carriage and hang it at rest in the station nearest to its place (m) on the loop."""
-    cable = system.cable
-    beyond = place - cable.unstrained_length
-    station = (
-        cable.unstrained_length if 2.0 * beyond < system.moving_cable.loop_length - cable.unstrained_length else 0.0
-    )
-    hang_in_station(system, state, carriage, station)
+    length, loop = system.cable.unstrained_length, system.moving_cable.loop_length
+    at_start = place < 0.5 * length or 2.0 * (place - length) >= loop - length
+    hang_in_station(system, state, carriage, 0.0 if at_start else length)
 
 
 @kernel
@@ -80,12 +89,11 @@ def hang_in_station(system, state, carriage, station):
 
 @kernel
 def detach_carriers(system, state):
-    """Park all carriers that would leave the mesh in the next step."""
-    way = way_of_step(system, state)
+    """Park all carriers that come to a station."""
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):
-            place = loop_coordinate_after(system, state, carriage, way)
-            if place > system.cable.unstrained_length:
+            place = loop_coordinate(system, state, carriage)
+            if leaves(system, state, carriage, place):
                 park(system, state, carriage, place)
 
 
@@ -96,13 +104,12 @@ def attach_carriers(system, state):
     Within one step of the end of the mesh its weight is on the held end but for some centimetres of arm, so that no
     other carriage feels more of it than the wave that a load makes that rolls onto a rope.
     """
-    length, way = system.cable.unstrained_length, way_of_step(system, state)
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage] or not system.carriages.clamped[carriage]:
             continue
         if system.number == ALONE or system.moving_cable.carries[carriage]:
             place = loop_coordinate(system, state, carriage)
-            if place <= length and loop_coordinate_after(system, state, carriage, way) <= length:
+            if place <= system.cable.unstrained_length and not leaves(system, state, carriage, place):
                 attach(system, state, carriage, place)
 
 
