@@ -189,7 +189,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
             "swing": assumed(0.35, "rad"),
             "vehicle_clearance": assumed(kind.clearance, "m, over the ground"),
         },
-        "solver": {"step": assumed(0.01, "s"), "tolerance": assumed(1e-6, "m")},
+        "solver": {"step": assumed(0.01, "s"), "tolerance": assumed(3e-6, "m")},
     }
     return tree
 
