@@ -168,6 +168,11 @@ def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):
         ("load_end", lambda values: tuple(1.03 * value for value in values), "contradicts all others"),
         ("tilt_cabin", lambda _: (0.05,), "is stuck at 0.05 rad"),
         ("force_cabin", lambda values: tuple(1e3 * value for value in values), "another unit"),
+        (
+            "force_cabin",
+            lambda values: (1.15 * values[0],),
+            "the drive of cabin takes 15 % more force than payload and",
+        ),
     ],
 )
 def test_a_sensor_that_lies_is_named_and_left_out_within_ten_seconds(measured, sensor, spoil, said):
@@ -178,8 +183,33 @@ def test_a_sensor_that_lies_is_named_and_left_out_within_ten_seconds(measured, s
     assert [*follower.left_out] == [sensor]
     assert said in follower.left_out[sensor].reason
     assert follower.left_out[sensor].time < 18.0
+    assert follower.left_out[sensor] in [alarm for one in corrections for alarm in one.alarms]
     got = corrections[-1].slow["cabin/payload"]
     assert abs(got.value - TRUTH) < 4.0 * got.deviation
+
+
+def test_a_twin_that_is_a_little_off_its_place_does_not_suspect_the_encoder(measured):
+    """A live drive is brought to the place of its plant to 0.3 m, also where both stand."""
+    scenario, found = measured
+    early = {time: group for time, group in found.items() if time < 9.0}
+
+    def changed(one):
+        return replace(one, values=(one.values[0] + 0.3, *one.values[1:])) if one.sensor == "encoder_cabin" else one
+
+    follower, _ = followed((scenario, early), changed)
+    assert not follower.left_out
+
+
+def test_a_payload_may_change_in_a_station_alone(measured):
+    follower = Follower(measured[0], threads=1)
+    payload, rolling = (one for one in follower.slow if one.name in ("cabin/payload", "cabin/rolling"))
+    numbers = follower._ensemble.numbers()[0]
+    places = follower._layout.places
+    for place, speed, boards in ((12.0, 0.0, True), (12.0, 1.0, False), (300.0, 0.0, False), (1035.0, 0.0, True)):
+        numbers[places.arc_length[0]], numbers[places.speed[0]] = place, speed
+        assert follower._boards(payload, numbers) == boards
+        assert not follower._boards(rolling, numbers)
+    follower.close()
 
 
 def test_swapped_sensors_are_named(measured):

@@ -15,6 +15,8 @@ THOUSANDFOLD = 300.0, 3000.0  # times a prediction that a sensor with a wrong un
 PLANT = "plant"  # instead of a sensor: several contradict
 SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
 STUCK_SAMPLES = 30  # equal ones of a sensor with noise
+STANDING_SAMPLES = 5  # equal ones of an encoder, which before was faster than
+SUDDEN = 1.0  # m/s, from which no drive stops within a sample
 WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
 
 
@@ -43,6 +45,7 @@ class Doubts:
         self._readings = readings
         self._suspected: dict[str, int] = {}
         self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
+        self._moved: dict[str, tuple[float, float, float]] = {}  # time, place and speed of the last move of an encoder
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
 
@@ -83,7 +86,7 @@ class Doubts:
         Args:
             time: s.
             contradicting: as `contradicting` says.
-            reason: of a fault of the plant that explains `PLANT`; empty for none.
+            reason: of a fault of the plant that explains it; empty for none.
         """
         self._suspected = {contradicting: self._suspected.get(contradicting, 0) + 1} if contradicting else {}
         if self._suspected.get(contradicting) != SUSPECT_WINDOWS:
@@ -94,24 +97,30 @@ class Doubts:
             one, other = contradicting.split("/")
             self._exchanged |= {one: other, other: one}
             return [Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other")]
-        return [self._leave_out(contradicting, time, f"sensor {contradicting} contradicts all others and is left out")]
+        text = reason or f"sensor {contradicting} contradicts all others and is left out"
+        return [self._leave_out(contradicting, time, text)]
 
     def _leave_out(self, sensor: str, time: float, reason: str) -> Alarm:
         self.left_out[sensor] = alarm = Alarm(time, reason)
         return alarm
 
     def _stuck(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
-        """Alarms for sensors with noise that repeat one value."""
+        """Alarms for sensors with noise that repeat one value, and for encoders that stand all at once."""
         alarms = []
         for one in measurements:
             reading = self._readings[one.sensor]
-            if one.sensor in self.left_out or reading.unit == "m":
+            if one.sensor in self.left_out:
                 continue
-            size = float(np.linalg.norm(one.values))
+            size, most = float(np.linalg.norm(one.values)), STUCK_SAMPLES
+            if reading.unit == "m":
+                size, most = one.values[0], STANDING_SAMPLES
             value, count = self._last.get(one.sensor, (np.nan, 0))
             same = abs(value - size) <= 1e-9 * abs(size)
             self._last[one.sensor] = size, count + 1 if same else 1
-            if same and count + 1 == STUCK_SAMPLES:
+            if reading.unit == "m" and not same:
+                before = self._moved.get(one.sensor, (time, size, 0.0))
+                self._moved[one.sensor] = time, size, (size - before[1]) / max(time - before[0], 1e-3)
+            if same and count + 1 == most and abs(self._moved.get(one.sensor, (0.0, 0.0, np.inf))[2]) > SUDDEN:
                 text = f"sensor {one.sensor} is stuck at {size:.6g} {reading.unit} and is left out"
                 alarms.append(self._leave_out(one.sensor, time, text))
         return alarms

@@ -18,13 +18,15 @@ from scipy.stats import chi2
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
-from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
+from cable_twin.ensemble.estimate.changes import best_change
+from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
     OF_SQUARE,
     Hidden,
     Reading,
+    Slow,
     hidden_quantities,
     readings,
     slow_quantities,
@@ -49,7 +51,12 @@ TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
 SURE = 1e-6  # probability at which a sensor contradicts the others
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
-ALIKE, SURELY = 0.85, 5.0  # of a change of tension at both ends: share that may differ, and standard deviations
+SURELY = 5.0  # standard deviations of a change of tension at an end
+WRONG = 5.0  # times its noise, by which a sensor may be wrong all at once, a standard deviation
+RARER = 4.0  # logarithm of how much rarer that is than a change of the plant that explains as much
+LOST = 0.1  # share of the force of a drive, from which on its sensor is not the only one that may be at fault
+BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
+SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
 RESTS = 8  # at most, that are tried for one window
 FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
@@ -108,6 +115,7 @@ class Follower:
         self._first = 2 * len(self.slow) + 1  # member with the first swing
         self._ensemble = Ensemble(scenario, self._first + len(self._fast), threads=threads, progress=False)
         start = self._ensemble.snapshot(0)
+        self._layout = start.layout
         supports = start.layout.support_rows
         scale = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
         self.readings: dict[str, Reading] = readings(scenario.sensors, start.layout, scale)
@@ -131,7 +139,8 @@ class Follower:
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
         self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
-        self._told: set[str] = set()  # quantities with an alarm
+        self._told: dict[str, float] = {}  # values of quantities with an alarm
+        self._alarms: list[Alarm] = []  # of samples, to be told with the next correction
 
     @property
     def left_out(self) -> dict[str, Alarm]:
@@ -195,7 +204,7 @@ class Follower:
         """
         self._advance(time)
         numbers = self._ensemble.numbers()
-        alarms = self.doubts.of_samples(time, measurements, numbers[0])
+        self._alarms += self.doubts.of_samples(time, measurements, numbers[0])
         rates = (
             0.0 if self._before is None else np.abs(numbers[0] - self._before[1]) / max(time - self._before[0], 1e-3)
         )
@@ -221,6 +230,7 @@ class Follower:
         window = FIRST_WINDOW if self._stands and self._since == self._begun else self.window
         if lasted < window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
+        alarms, self._alarms = self._alarms, []
         return self._correct(time, numbers, alarms)
 
     def place_of(self, sensor: str) -> float:
@@ -331,7 +341,7 @@ class Follower:
         kept = np.exp(-lasted / FORGOTTEN)
         self._stirred = 1.0 if self._at_tower else self._stirred * float(np.exp(-lasted / CALMED))
         decay = np.concatenate([np.ones(count + swinging), np.full(self._errors.size, kept)])
-        walks = np.array([one.walk for one in self.slow])
+        walks = np.array([BOARDING * one.high if self._boards(one, numbers[0]) else one.walk for one in self.slow])
         gained = growth(self._fast, lasted, self._stirred, self._at_tower)
         added = np.concatenate([walks**2 * lasted, gained, (1.0 - kept**2) * self._errors**2])
         self._rows = []
@@ -374,17 +384,20 @@ class Follower:
         alarms = []
         for one in self.slow:
             got = slow[one.name]
-            apart = abs(got.value - one.plan)
-            if one.name not in self._told and apart > one.tolerance + CERTAIN * got.deviation:
-                self._told.add(one.name)
+            sure = one.tolerance + CERTAIN * got.deviation
+            if abs(got.value - one.plan) < one.tolerance:
+                self._told.pop(one.name, None)
+            elif min(abs(got.value - known) for known in (one.plan, self._told.get(one.name, np.inf))) > sure:
+                self._told[one.name] = got.value
                 found = f"{got.value:.4g} {one.unit}, standard deviation {got.deviation:.2g}"
                 alarms.append(Alarm(time, f"{one.name} is {found}; {one.plan:.4g} in the scenario"))
         return alarms
 
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
         """Rows of a window without the sensor that contradicts all others; alarms for one that keeps doing so."""
+        self._doubt_what_changed()
         of, contradicting = self._contradicting()
-        reason = self._fault_of_plant(of) if contradicting == PLANT else ""
+        reason = self._fault_of_plant(of) if contradicting == PLANT else self._fault_of_drive(of.get(contradicting, []))
         alarms += self.doubts.judge(time, contradicting, reason)
         if contradicting == PLANT:
             return []
@@ -393,6 +406,36 @@ class Follower:
             return [row for row in self._rows if row.sensor != one]
         to = {one: other, other: one}
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
+
+    def _doubt_what_changed(self) -> None:
+        """Add doubt about a quantity whose sudden change explains a window better than that of any sensor does."""
+        if not self._rows:
+            return
+        count, numbers = len(self.slow), self._rows[-1].numbers[0]
+        innovation, jacobian, variance = self._linear(self._rows)
+        total = jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance)
+        of_sensors = slice(count + len(self._fast), None)
+        sizes = [0.0 if one.payload_of and not self._boards(one, numbers) else one.change for one in self.slow]
+        wrong = [WRONG * reading.noise for reading in self.readings.values()]
+        effects = np.hstack([jacobian[:, :count], jacobian[:, of_sensors]])
+        rarer = np.repeat([0.0, RARER], [count, len(wrong)])
+        found = best_change(innovation, total, effects, np.array(sizes + wrong), rarer)
+        if found is not None and found.number < count:
+            covariance = self._belief.covariance.copy()
+            covariance[found.number, found.number] += found.size**2
+            self._belief = self._belief._replace(covariance=covariance)
+
+    def _boards(self, one: Slow, numbers: FloatArray) -> bool:
+        """Whether a quantity is the payload of a carriage that stands in a station, by the numbers (n,) of a frame."""
+        if not one.payload_of:
+            return False
+        row, places = self._layout.vehicle_rows[one.payload_of], self._layout.places
+        carriage = self._scenario.carriages[one.payload_of]
+        assert carriage.payload is not None
+        length = self._scenario.cables[self._scenario.rope_of(carriage)].unstrained_length
+        place, speed = float(numbers[places.arc_length[row]]), float(numbers[places.speed[row]])
+        near = min(place, length - place) <= (carriage.payload.station_distance or NEAR)
+        return near and abs(speed) <= max(carriage.payload.station_speed, SLOW)
 
     def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
         """Rows of a window by sensor, and which contradict, as `Doubts.contradicting` says."""
@@ -409,21 +452,38 @@ class Follower:
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
 
     def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> str:
-        """Stuck counterweight, by load cells that find the same change of tension at both ends; empty for none."""
+        """Stuck counterweight, whose own load cell is farthest from the model; empty for none.
+
+        The other end of the rope has a smaller change of tension, by the friction of towers, but of no other sign.
+        """
         cables, sensors = self._scenario.cables, self._scenario.sensors
         cells = {sensors[name].of: rows for name, rows in of.items() if rows and sensors[name].kind == "load_cell"}
+        apart = {name: float(np.mean([row.value - row.predicted[0] for row in rows])) for name, rows in cells.items()}
+        sure = {name: apart[name] / np.sqrt(rows[0].variance / len(rows)) for name, rows in cells.items()}
         for rope, cable in cables.items():
             names = self._scenario.end_names(rope)
             if not all(name in cells for name in names):
                 continue
-            apart = [float(np.mean([row.value - row.predicted[0] for row in cells[name]])) for name in names]
-            doubt = [np.sqrt(cells[name][0].variance / len(cells[name])) for name in names]
-            alike = abs(apart[0] - apart[1]) < ALIKE * max(map(abs, apart))
-            for end, name, own, noise in zip(cable.ends.values(), names, apart, doubt, strict=True):
-                if end.support == "counterweight" and alike and abs(own) > SURELY * noise:
-                    first, last = (f"{one / 1e3:+.1f}" for one in apart)
+            for end, name, other in zip(cable.ends.values(), names, reversed(names), strict=True):
+                farthest = abs(sure[name]) >= max(map(abs, sure.values()))
+                against = sure[name] * sure[other] < 0.0 and abs(sure[other]) > SURELY
+                if end.support == "counterweight" and farthest and abs(sure[name]) > SURELY and not against:
+                    first, last = (f"{apart[one] / 1e3:+.1f}" for one in names)
                     return f"the counterweight at {name} is stuck: tension changes by {first} and {last} kN at the ends"
         return ""
+
+    def _fault_of_drive(self, rows: Sequence[_Row]) -> str:
+        """Drive whose force is another share of what it should be, by the rows of its sensor; empty for none."""
+        if not rows or (sensor := self._scenario.sensors[rows[0].sensor]).kind != "drive_force":
+            return ""
+        got, wanted = (float(np.mean(of)) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
+        if abs(wanted) < WELL_ABOVE * self.readings[rows[0].sensor].noise or abs(got / wanted - 1.0) < LOST:
+            return ""
+        share = f"{100.0 * abs(got / wanted - 1.0):.0f} % {'more' if abs(got) > abs(wanted) else 'less'} force"
+        return (
+            f"the drive of {sensor.of} takes {share} than payload and friction need, {got / 1e3:.1f} instead of "
+            f"{wanted / 1e3:.1f} kN, or its sensor {rows[0].sensor} is wrong, which is left out"
+        )
 
     def _variance(self, reading: Reading) -> float:
         """Variance of a sample: noise of the sensor and fast error of the model."""

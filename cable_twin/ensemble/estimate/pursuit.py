@@ -72,6 +72,11 @@ class Pursuit:
         self._places.clear()
         self._pursued.clear()
 
+    def leave(self, name: str) -> None:
+        """Forget what was measured of a carriage or drive, whose encoder is left out."""
+        self._places.pop(name, None)
+        self._pursued.discard(name)
+
     def wanted(self, time: float, name: str, place: float) -> float | None:
         """Speed (m/s) to command to the drive of a twin at a place (m); None for no command.
 

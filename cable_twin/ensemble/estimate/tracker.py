@@ -95,15 +95,19 @@ class Tracker:
 
     def _take(self, time: float, items: Sequence[Item]) -> Iterator[News]:
         """Commands and measurements of one time (s)."""
-        measured = [item for item in items if isinstance(item, Measurement)]
+        measured, lines = [item for item in items if isinstance(item, Measurement)], list[str]()
         for item in items:
             if isinstance(item, AppliedCommand):
                 self._pursuit.command(time, item.command.values)
-                if self.state == ALONE:
-                    for name in item.command.values:
-                        self._drive(time, name, 0.0)
+                for name in item.command.values if self.state != WAITING else ():
+                    sensor = next((one for one, of in self._encoders.items() if of == name), "")
+                    place = self.follower.place_of(sensor) if sensor and self.state == FOLLOWING else 0.0
+                    if sensor in self.follower.left_out:
+                        self._pursuit.leave(name)
+                    if fault := self._drive(max(time, self.follower.time), name, place):
+                        lines.append(fault)
         for one in measured:
-            if one.sensor in self._encoders:
+            if one.sensor in self._encoders and one.sensor not in self.follower.left_out:
                 self._pursuit.measure(time, self._encoders[one.sensor], one.values[0])
         if self.state == WAITING:
             if measured:
@@ -111,7 +115,6 @@ class Tracker:
             return
         if time < self.follower.time - 1e-6 and measured:
             return  # the twin has gone on alone beyond it
-        lines = []
         if self.state == ALONE and measured:
             self.state = FOLLOWING
             lines.append(f"the plant is back at {time:.1f} s: the twin follows again")

@@ -1,0 +1,48 @@
+"""Sudden changes of a plant: which one, of a quantity or of a sensor, explains what a window of measurements says."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.mechanics.parameters import FloatArray
+
+SURELY_CHANGED = 10.0  # logarithm of how much likelier measurements are with a change than without any: 4.5 deviations
+
+
+class Change(NamedTuple):
+    """Change that explains measurements best."""
+
+    number: int  # among those that were tried
+    size: float
+    likelier: float  # logarithm of how much likelier measurements are with it
+
+
+def best_change(
+    innovation: FloatArray, total: FloatArray, effects: FloatArray, deviations: FloatArray, rarer: FloatArray
+) -> Change | None:
+    """Change that explains measurements best; None where none of them surely does.
+
+    Each is tried by itself with a normal distribution of its size, so that one which would have to be huge counts less
+    (generalised likelihood ratio, Willsky and Jones 1976, with a prior).
+
+    Args:
+        innovation: (m,) measured less predicted values.
+        total: (m, m) covariance of these without a change.
+        effects: (m, n) what changes of size 1 add to measurements.
+        deviations: (n,) standard deviations of the sizes; 0 for a change that cannot be.
+        rarer: (n,) logarithms of how much less frequent each is than others.
+    """
+    possible = np.flatnonzero(deviations > 0.0)
+    if not possible.size or not innovation.size:
+        return None
+    seen = np.linalg.solve(total, np.column_stack([innovation, effects[:, possible]]))
+    towards = effects[:, possible].T @ seen[:, 0]
+    known = np.einsum("ij,ij->j", effects[:, possible], seen[:, 1:]) * deviations[possible] ** 2
+    likelier = 0.5 * (deviations[possible] * towards) ** 2 / (1.0 + known) - 0.5 * np.log1p(known) - rarer[possible]
+    best = int(np.argmax(likelier))
+    if likelier[best] < SURELY_CHANGED:
+        return None
+    size = deviations[possible[best]] ** 2 * towards[best] / (1.0 + known[best])
+    return Change(int(possible[best]), float(size), float(likelier[best]))
