@@ -9,47 +9,26 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping
-from time import process_time
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
 from rich.progress import track
 
 from cable_twin.ensemble.estimate.follower import Correction, Follower
-from cable_twin.frame.records import AppliedCommand, Command
-from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
+from cable_twin.frame.records import Command
+from cable_twin.frame.sensors import standard_sensors
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
+from verification.followed import SCENES, Plant, Step, corrections
 
-PLANTS, DURATION, FRAME = 20, 120.0, 0.02  # -, s, s
+PLANTS, DURATION = 20, 120.0  # -, s
 START, FIRST = 2.0, 30.0  # s: of the motion, and from which on estimates count
-TRAMWAY = {"cable.elements.target": 7.0, "cable.elements.at_towers": 1.0}
-ROPES = {
-    f"ropes.{kind}_{number}.elements": {"target": target, "at_towers": at_towers, "growth": 2.0}
-    for kind, target, at_towers in (("track", 9.0, 0.5), ("haul", 5.0, 1.5))
-    for number in (1, 2)
-}
 NORMAL_95 = 1.959964
 HEAVIER, SOFTER, ROUGHER = 1.05, 0.9, 2.0  # times rope mass, stiffness and rolling friction, of plants modelled wrong
 MARGIN = 0.05  # of a bound, within which truth is not drawn
-
-
-class Scene(NamedTuple):
-    """Scenario with what its plants have otherwise."""
-
-    mesh: Mapping[str, Any]  # by key
-    drive: str  # as commands call it
-    speeds: tuple[float, float]  # m/s, from which the speed of a trip is drawn
-
-
-SCENES = {
-    "aerial_tramway": Scene(TRAMWAY, "cabin", (6.0, 9.0)),
-    "windy_tramway": Scene(TRAMWAY, "cabin", (5.0, 8.0)),
-    "jig_back": Scene(ROPES, "haul_rope", (6.0, 9.0)),
-}
 
 
 class Score(NamedTuple):
@@ -103,32 +82,15 @@ def follow(
     values = truth_of(follower, seed)
     others = wrong(scenario, values) if modelled_wrong else {}
     everywhere = {key: values[one.key] for one in follower.slow for key in (one.key, *one.also)}
-    plant = Simulation(load_scenario(scenario, {**scene.mesh, **others, **everywhere, "sensors": usual}), samples=2)
-    sensors = Sensors(plant.scenario, plant.layout)
-    speed, started = float(np.random.default_rng(seed + 1000).uniform(*scene.speeds)), False
-    waiting: list[Measurement] = []
-    plant_at: dict[float, np.ndarray] = {}
-    for frame in range(round(duration / FRAME) + 1):
-        time = round(frame * FRAME, 9)
-        snapshot = plant.advance_to(time)
-        if time >= START and not started:
-            started, command = True, Command("speed", {scene.drive: speed})
-            plant.apply(command)
-            follower.command(AppliedCommand(time, command, "plant"))
-        waiting += sensors.take(snapshot)  # in the order of arrival: all of a time have come 0.1 s later
-        due = [one for one in waiting if one.time <= time - 0.1]
-        for stamp in sorted({one.time for one in due}):
-            begun = process_time()
-            correction = follower.take(stamp, [one for one in due if one.time == stamp])
-            took.append(process_time() - begun)
-            if correction is not None:
-                said += [f"{one.time:.0f} s: {one.reason}" for one in correction.alarms if "sensor" in one.reason]
-            if correction is not None and stamp >= FIRST:
-                yield from scores(seed, correction, follower, values, plant_at[stamp])
-        waiting = [one for one in waiting if one.time > time - 0.1]
-        plant_at = {key: row for key, row in plant_at.items() if key > time - 0.5}
-        plant_at[snapshot.time] = snapshot.numbers.copy()
-    follower.close()
+    speed = float(np.random.default_rng(seed + 1000).uniform(*scene.speeds))
+    plant = Plant(
+        load_scenario(scenario, {**scene.mesh, **others, **everywhere, "sensors": usual}),
+        [Step(START, Command("speed", {scene.drive: speed}))],
+    )
+    for correction, numbers in corrections(plant, follower, duration, took):
+        said += [f"{one.time:.0f} s: {one.reason}" for one in correction.alarms if "sensor" in one.reason]
+        if correction.time >= FIRST:
+            yield from scores(seed, correction, follower, values, numbers)
 
 
 def scores(

@@ -1,0 +1,78 @@
+"""Faults of plants that are followed: which change explains measurements, and how `verification.alarms` counts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
+from cable_twin.frame.sensors import Measurement
+from cable_twin.scenario import load_scenario
+from verification import alarms
+
+NONE_RARER = np.zeros(3)
+
+
+def test_the_change_that_explains_measurements_is_found():
+    """Of three changes the second one; its size is that of the data, and a little less by its prior."""
+    effects = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 2.0, -1.0], [1.0, 0.0, 0.0]])
+    total, size = np.diag([1.0, 0.5, 2.0, 1.0]), 6.0
+    found = best_change(size * effects[:, 1], total, effects, np.full(3, 10.0), NONE_RARER)
+    assert found is not None
+    assert found.number == 1
+    known = effects[:, 1] @ np.linalg.inv(total) @ effects[:, 1]
+    assert found.size == pytest.approx(size * known / (known + 0.01))
+    # the evidence of a normal distribution with a change of unknown size, less that without it
+    wide = total + 100.0 * np.outer(effects[:, 1], effects[:, 1])
+    said = size * effects[:, 1]
+    odds = 0.5 * (said @ np.linalg.solve(total, said) - said @ np.linalg.solve(wide, said))
+    odds -= 0.5 * (np.linalg.slogdet(wide)[1] - np.linalg.slogdet(total)[1])
+    assert found.likelier == pytest.approx(odds)
+
+
+def test_a_change_is_not_found_where_it_cannot_be_or_is_not_sure():
+    effects, total = np.eye(3), np.eye(3)
+    innovation = np.array([8.0, 0.0, 7.9])
+    widths = np.array([10.0, 10.0, 10.0])
+    found = [
+        best_change(innovation, total, effects, width, rarer)
+        for width, rarer in (
+            (widths, NONE_RARER),
+            (widths, np.array([4.0, 0.0, 0.0])),
+            (np.array([0.0, 10.0, 10.0]), NONE_RARER),
+        )
+    ]
+    assert [one.number for one in found if one is not None] == [0, 2, 2]
+    assert best_change(np.array([4.0, 0.0, 0.0]), total, effects, widths, NONE_RARER) is None
+    assert SURELY_CHANGED > 0.5 * 4.0**2
+
+
+def test_sensors_are_spoiled_from_a_time_on():
+    one, later = (Measurement("load", time, (3.0, 0.0, 4.0)) for time in (1.0, 2.0))
+    assert alarms.biased("load", 2.0, 1.0)(one) == one
+    assert np.linalg.norm(alarms.biased("load", 2.0, 1.0)(later).values) == pytest.approx(6.0)
+    stuck = alarms.stuck("load", 2.0)
+    assert stuck(one) == one
+    assert stuck(Measurement("load", 2.0, (9.0, 0.0, 0.0))).values == one.values
+    assert alarms.swapped("load", "other", 2.0)(later).sensor == "other"
+    assert alarms.lossy_drive("load", 2.0)(Measurement("load", 2.0, (-10.0,))).values == (-11.5,)
+
+
+def test_a_fault_is_observable_when_samples_weigh_five_deviations():
+    sensors = {"force": {"kind": "drive_force", "of": "cabin", "noise": 100.0}}
+    scenario = load_scenario("aerial_tramway", {"sensors": sensors})
+    times = (0.0, 0.1, 0.2, 0.3, 0.4)
+    plain = {("force", time): Measurement("force", time, (1e3,)) for time in times}
+    found = [Measurement("force", time, (1e3 + (250.0 if time > 0.05 else 0.0),)) for time in times]
+    assert alarms.observable_at(plain, found, scenario) == 0.4  # four samples of 2.5 deviations
+    assert alarms.observable_at(plain, found[:3], scenario) == float("inf")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["payload", "rolling", "counterweight", "drive"])
+def test_a_fault_under_way_is_told(name):
+    twin = alarms.twin_of("aerial_tramway", 1)
+    (fault,) = [one for one in alarms.faults(twin, alarms.CASES["aerial_tramway"], alarms.FAULT) if name in one.name]
+    outcome = alarms.trial("aerial_tramway", fault, 1, {}, [])
+    assert outcome.alarm is not None
+    assert not outcome.others
