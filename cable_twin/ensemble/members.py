@@ -127,7 +127,7 @@ class MemberStates:
         """Rows (members, n) of numbers of the present snapshots, in the order of the layout."""
         base = self.base
         numbers = np.empty((self.size, base.layout.size))
-        if len(base.engine.parts) > 1 or base.engine.bundle.coupled:
+        if len(base.engine.parts) > 1:
             for member in range(self.size):
                 numbers[member] = self.read(member).snapshot.numbers
             return numbers

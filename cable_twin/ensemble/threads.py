@@ -34,7 +34,7 @@ class Lane:
         systems = [part.system for part in engine.parts]
         states = allocate_states(systems)
         ropes = [Rope(system, state, allocate_workspace(system)) for system, state in zip(systems, states, strict=True)]
-        self._assembly = Assembly(ropes, engine.couplings if len(ropes) > 1 else None)
+        self._assembly = Assembly(ropes, engine.couplings)
         self.arguments = tuple(map(pack, self._assembly.arguments))
         self._tables: dict[int, Addresses] = {}
         self._bundles: dict[int, int] = {}

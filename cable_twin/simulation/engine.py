@@ -151,7 +151,7 @@ class Engine:
         self._sections = pack(self.parts[0].sections)
         self._coupled = couplings.any
         shared = None if like is None else like._ropes
-        self._ropes: Assembly = Assembly(ropes, couplings if len(ropes) > 1 else None, shared)
+        self._ropes: Assembly = Assembly(ropes, couplings, shared)
         self.bundle, self.moving = self._ropes.bundle, self._ropes.moving
         self._start: BundleState = self.moving
         self._states = [part.state for part in self.parts]
@@ -246,7 +246,7 @@ class Engine:
                 lay_taut(part.system, part.state)
             else:
                 with self._naming(name):
-                    part.lay(work, self._layout.ends(name, self.moving.sheaves), coupled=self._coupled)
+                    part.lay(work, self._layout.ends(name, self.moving.sheaves))
         if self._coupled:
             self._rest_together()
         self.vehicles.take_first_loads()
@@ -532,7 +532,9 @@ def _ropeways(scenario: Scenario, systems: list[System], like: Engine | None) ->
     """Ropeway of each rope with all vehicles, from systems of ropes with their own vehicles."""
     alone = [scenario.of_rope(name) for name in scenario.cables]
     whole = with_all_vehicles(scenario, alone, [with_buffers(*pair) for pair in zip(systems, alone, strict=True)])
-    whole = leave_out_absent([system._replace(number=number) for number, system in enumerate(whole)])
+    if len(whole) > 1:
+        whole = [system._replace(number=number) for number, system in enumerate(whole)]
+    whole = leave_out_absent(whole)
     rows = {name: row for row, name in enumerate(scenario.vehicles)}
     states = allocate_states(whole)
     if like is not None:
@@ -549,7 +551,8 @@ def leave_out_absent(systems: list[System]) -> list[System]:
 
     There are few such types, as what is compiled for one of them is of no use to another one: beside the continuum's
     elastic model nodes that follow loads are left in, whether there is one or not, and beside the paper's they are
-    left out; of a rope by itself its number, and its motion and contacts of vehicles if there are none.
+    left out; of a rope by itself its number and all that several ropes need, unless it moves or vehicles on it can
+    meet, where it has the type of several.
     """
     known: dict[str, Any] = {}
     if all(system.cable.elastic_model == CONTINUUM for system in systems):
@@ -557,14 +560,12 @@ def leave_out_absent(systems: list[System]) -> list[System]:
     elif not any(system.cable.load_nodes for system in systems):
         known = {"load_nodes": Known(False)}
     systems = [system._replace(cable=system.cable._replace(**known)) for system in systems]
-    if len(systems) > 1:
+    first = systems[0]
+    if len(systems) > 1 or first.moving_cable.moving or first.buffers.present:
         return systems
-    systems = [systems[0]._replace(number=Known(ALONE))]
-    if not systems[0].moving_cable.moving and not systems[0].buffers.present:
-        system, absent = systems[0], cast(bool, Known(False))
-        still, apart = system.moving_cable._replace(moving=absent), system.buffers._replace(present=absent)
-        systems = [system._replace(moving_cable=still, buffers=apart)]
-    return systems
+    absent = cast(bool, Known(False))
+    still, apart = first.moving_cable._replace(moving=absent), first.buffers._replace(present=absent)
+    return [first._replace(number=Known(ALONE), moving_cable=still, buffers=apart)]
 
 
 __all__ = ["Engine", "RelaxationMoment", "leave_out_absent", "watching_relaxation"]

@@ -98,13 +98,12 @@ class Ropeway:
             check_rest(self.system, tuple(self.scenario.towers), loaded=loaded or self._is_loaded)
             lay_cable(self.system, self.state)
 
-    def lay(self, work: Workspace, ends: FloatArray | None, *, coupled: bool) -> None:
+    def lay(self, work: Workspace, ends: FloatArray | None) -> None:
         """Bring the cable to its initial shape, with its ends at `ends` (2, dim) in m where given.
 
         Args:
             work: scratch space.
             ends: places (2, dim) in m of its ends, None where they are those of the scenario.
-            coupled: whether ropes of the scenario are coupled.
 
         Raises:
             EquilibriumError: when it finds no rest with its carriages on it.
@@ -115,7 +114,7 @@ class Ropeway:
             lay_straight(self.system, self.state, ends[0], ends[1])
         else:
             moved = self.system.cable if ends is None else self.system.cable._replace(end_position=ends)
-            settle(self.system._replace(cable=moved), self.state, work, coupled=coupled)
+            settle(self.system._replace(cable=moved), self.state, work)
 
     def take_over_rest(self) -> None:
         """Initialise drives and haul ropes with the holding forces of the equilibrium.

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from cable_twin.mechanics.language.declared import arrays_of, with_arrays
+from cable_twin.mechanics.language.declared import arrays_of, with_arrays, write
 from cable_twin.mechanics.parameters import (
+    ALONE,
     CONTINUUM,
     END,
     NO_BUFFERS,
@@ -179,7 +180,7 @@ def make_system(
 
 def with_moving_cable(system, moving):
     """Copy of a system with an axially moving cable, of the type that simulations have."""
-    return system._replace(moving_cable=moving, buffers=NO_BUFFERS)
+    return system._replace(number=ALONE, moving_cable=moving, buffers=NO_BUFFERS)
 
 
 def disturbed_state(system, seed=1):
@@ -263,13 +264,25 @@ def from_nodal_vectors(vectors, dim):
     return np.take(np.reshape(vectors, (-1, 2, dim)), [0, 1, 1], axis=1)
 
 
-def changed(state, **fields):
-    """Copy of a state with other arrays; arrays of inner records are named as in nodes_position."""
+def changed(state, into=None, **fields):
+    """Copy of a state with other arrays, `into` another copy if given; those of inner records are named nodes_position.
+
+    To write into the same copy again saves a kernel from packing it anew, which takes longer than the kernel.
+    """
     names = {name.replace(".", "_"): name for name in arrays_of(state)}
     arrays = {name: value for name, value in fields.items() if not isinstance(value, tuple)}
+    records = {name: value for name, value in fields.items() if isinstance(value, tuple)}
     assert arrays.keys() <= {*names, *names.values()}, f"no arrays of a state: {[*arrays]}"
-    whole = with_arrays(State, arrays_of(state) | {names.get(name, name): array for name, array in arrays.items()})
-    return whole._replace(**{name: value for name, value in fields.items() if isinstance(value, tuple)})
+    arrays = {names.get(name, name): array for name, array in arrays.items()}
+    if into is None:
+        return with_arrays(State, arrays_of(state) | arrays)._replace(**records)
+    write(state, into)
+    own = arrays_of(into)
+    for name, array in arrays.items():
+        own[name][...] = array
+    for name, record in records.items():
+        put(getattr(into, name), *record)
+    return into
 
 
 def put(record, *values):

@@ -12,7 +12,7 @@ from cable_twin.mechanics.on_rope.load_node import AT_END, LEAST
 from cable_twin.mechanics.on_rope.presence import bodies_of, vehicles_of
 from cable_twin.mechanics.parameters import CONTINUUM, ELEMENT_FRAME, FloatArray, IntArray, System
 from cable_twin.mechanics.rope.ale import rest_stretch
-from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
+from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.catenary import EquilibriumError, rest_over_supports
 from cable_twin.mechanics.solution.relaxation import LAST, MAX_RELAXATIONS, hang_carriages, relax, relax_in_parts
 from cable_twin.mechanics.state import State, WindField, Workspace
@@ -50,7 +50,7 @@ def catenary(system: System, arc_lengths: FloatArray) -> tuple[FloatArray, Float
 
 
 def settled(
-    system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool = False, near: bool = False
+    system: System, state: State, work: Workspace, tolerance: float, *, near: bool = False
 ) -> tuple[int, float]:
     """Relax one rope alone with all its joints held, up to `MAX_RELAXATIONS` iterations.
 
@@ -59,14 +59,13 @@ def settled(
         state: is left at rest.
         work: scratch space.
         tolerance: last increment (m) that is allowed.
-        coupled: as in `settle`.
         near: whether it is near its rest already.
 
     Returns:
         Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
     """
     cable = system.cable
-    alone = Assembly([Rope(system, state, work)], no_couplings(1, len(cable.gravity)) if coupled else None)
+    alone = Assembly([Rope(system, state, work)])
     shortest = cable.cell_length
     wave_time = shortest * (cable.mass_per_length / cable.axial_stiffness) ** 0.5
     how = tolerance, 1.0 / (wave_time * wave_time), LONGEST_WAY * shortest
@@ -258,7 +257,7 @@ def lay_cable(system: System, state: State) -> None:
     state.nodes.position[:, 0], state.nodes.position[:, 1:] = positions, slopes[:, None]
 
 
-def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, coupled: bool) -> tuple[int, float]:
+def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> tuple[int, float]:
     """Relax a series of cables of increasing axial stiffness, each from the shape of the softer one before.
 
     Args:
@@ -266,7 +265,6 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, 
         state: is laid anew, and left at rest.
         work: scratch space.
         tolerance: last increment (m) that is allowed.
-        coupled: as in `settle`.
 
     Returns:
         Number of iterations of the last relaxation (MAX_RELAXATIONS when it failed) and its last increment (m).
@@ -276,8 +274,8 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float, *, 
     rough = 1e-6 * cable.unstrained_length
     for share in SOFTER:
         softer = system._replace(cable=cable._replace(axial_stiffness=share * cable.axial_stiffness))
-        settled(softer, state, work, rough, coupled=coupled)
-    return settled(system, state, work, tolerance, coupled=coupled)
+        settled(softer, state, work, rough)
+    return settled(system, state, work, tolerance)
 
 
 def _advice(system: System, state: State) -> str:
@@ -310,7 +308,7 @@ def without_stops(system: System) -> System:
     return system._replace(counterweights=weights._replace(travel=np.tile([-np.inf, np.inf], (2, 1))))
 
 
-def settle(system: System, state: State, work: Workspace, *, coupled: bool = False) -> None:
+def settle(system: System, state: State, work: Workspace) -> None:
     """Bring `state` to static equilibrium in its wind, with every joint held at its `sliding_coordinate`.
 
     `drive_force` is left with what holds each joint that is driven or hauled.
@@ -325,7 +323,6 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
         system: parameters of the rope and what is on it.
         state: takes the result.
         work: scratch space.
-        coupled: whether it is of a scenario whose ropes are coupled, and kernels are compiled for that.
 
     Raises:
         EquilibriumError: when the relaxation does not end; the last increment is in the message.
@@ -345,12 +342,12 @@ def settle(system: System, state: State, work: Workspace, *, coupled: bool = Fal
     smooth = without_friction(system)
     if cable.elastic_model == ELEMENT_FRAME:  # on a coarse mesh it converges only from nearby
         continuum = smooth._replace(cable=cable._replace(elastic_model=CONTINUUM))
-        settled(continuum, state, work, 1e-6 * cable.unstrained_length, coupled=coupled)
+        settled(continuum, state, work, 1e-6 * cable.unstrained_length)
     tolerance = 1e-11 * cable.unstrained_length
-    used, increment = settled(smooth, state, work, tolerance, coupled=coupled)
+    used, increment = settled(smooth, state, work, tolerance)
     if used >= MAX_RELAXATIONS:
         tolerance = COARSE * cable.unstrained_length
-        used, increment = stiffen(smooth, state, work, tolerance, coupled=coupled)
+        used, increment = stiffen(smooth, state, work, tolerance)
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "

@@ -94,7 +94,9 @@ class Assembly:
     """
 
     def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None, like: Assembly | None = None) -> None:
-        """Assemble ropes, whose states are in one block; without couplings (None), kernels have nothing for them.
+        """Assemble ropes, whose states are in one block, and their couplings, none where not given.
+
+        Kernels of a rope whose number they know have nothing for couplings: it is by itself.
 
         With another assembly, whose states and workspaces the ropes have, its memory serves for the rest as well.
         """
@@ -118,7 +120,7 @@ class Assembly:
         self.bundle = Bundle(
             records=self._addresses.table,
             offset=np.cumsum([0, *(rope.state.nodes.position.shape[0] for rope in ropes)]),
-            coupled=UNCOUPLED if couplings is None else True,
+            coupled=UNCOUPLED if isinstance(first.system.number, Known) else True,
             up=np.eye(dim)[-1].copy(),
             connectors=given.connectors,
             pantographs=given.pantographs,
