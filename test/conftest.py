@@ -1,7 +1,10 @@
 import gc
 import os
 import signal
+import sys
 from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 from kernels_in_turn import take_turns
@@ -9,12 +12,18 @@ from twin_process import TwinProcess, allocate_domain, release_domain, write_qui
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.language.compilation import Kernel
+from cable_twin.mechanics.language.linking import BriefCompiler
+from cable_twin.mechanics.solution.equations_of_motion import assemble, assemble_open, solve_accelerations
+from cable_twin.mechanics.solution.newton import solve_increments
 from cable_twin.mechanics.solution.relaxation import relax
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-# whose kernels most tests need: several ropes and one, in a plane and in space
-SHARED = "jig_back", "windy_tramway", "aerial_tramway"
+# whose kernels most tests need: several ropes and one, in space and in a plane
+SHARED = "jig_back", "chairlift", "windy_tramway", "aerial_tramway"
+for large in (assemble, assemble_open, solve_accelerations, solve_increments):
+    if isinstance(large, Kernel):  # only tests call it from Python: the same numbers, in half the time of compilation
+        large._options["pipeline_class"] = BriefCompiler
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under `nohup` all commands that tests start would ignore it
@@ -27,6 +36,20 @@ def pytest_xdist_make_scheduler(config, log):
 
     config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session):
+    """Import all tests, each process of `-n` beginning at another file: it finds compiled what the others had first."""
+    config = session.config
+    if "PYTEST_XDIST_WORKER" not in os.environ or config.args_source is not config.ArgsSource.TESTPATHS:
+        return
+    files = sorted(Path(__file__).parent.rglob("test_*.py"))
+    first = len(files) * int(config.workerinput["workerid"].removeprefix("gw")) // config.workerinput["workercount"]
+    sys.path[:0] = sorted({str(file.parent) for file in files} - {*sys.path})
+    for file in files[first:] + files[:first]:
+        with suppress(Exception, pytest.skip.Exception):  # told when it is collected
+            import_module(file.stem)
 
 
 @pytest.hookimpl(trylast=True)
@@ -45,7 +68,7 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish():
     """Exempt the collected tests from garbage collection, which compilation triggers often."""
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
+    gc.set_threshold(100_000, 20, 20)
     if isinstance(relax, Kernel) and relax._from_python.signatures:
         raise pytest.UsageError("a file of tests simulates while it is imported: each process of -n compiles for that")
 

@@ -1,9 +1,13 @@
 """Commands for developers: help without a run, and a short part of each."""
 
+import runpy
+import sys
 from pathlib import Path
 
 import pytest
 from twin_process import run_python
+
+from fuzzing import FUZZERS
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = {
@@ -14,23 +18,42 @@ PARTS = {
 }
 
 
+@pytest.fixture
+def ended(monkeypatch, capsys):
+    """Run a command as `python -m` does, in this process, to its end; exit code, output and errors."""
+
+    def run(name, *arguments):
+        monkeypatch.setattr(sys, "argv", [name, *arguments])
+        with pytest.raises(SystemExit) as end:
+            runpy.run_module(name, run_name="__main__")
+        return end.value.code or 0, *capsys.readouterr()
+
+    return run
+
+
 @pytest.mark.parametrize("name", PARTS)
-def test_help_is_printed_and_nothing_is_run(name):
+def test_help_is_printed_and_nothing_is_run(name, ended):
     pages = {page: page.stat().st_mtime_ns for page in (ROOT / "docs").rglob("*") if page.is_file()}
-    result = run_python("-m", name, "--help")
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.startswith("usage: ")
-    assert PARTS[name] in result.stdout
+    code, said, _ = ended(name, "--help")
+    assert code == 0
+    assert said.startswith("usage: ")
+    assert PARTS[name] in said
     assert pages == {page: page.stat().st_mtime_ns for page in pages}
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_a_part_that_is_none_is_refused_with_those_that_are(name):
-    result = run_python("-m", name, "statiks")
-    assert result.returncode == 2
-    error = result.stderr.splitlines()[-1]
+def test_a_part_that_is_none_is_refused_with_those_that_are(name, ended):
+    code, _, errors = ended(name, "statiks")
+    assert code == 2
+    error = errors.splitlines()[-1]
     assert "statiks" in error
     assert PARTS[name] in error
+
+
+def test_the_fuzzer_refuses_what_it_does_not_know(ended):
+    code, _, errors = ended("fuzzing", "nothing")
+    assert code == 2
+    assert f"given 'nothing'; allowed: {', '.join(FUZZERS)}" in errors
 
 
 @pytest.mark.long

@@ -143,10 +143,10 @@ def constraints(system, state, work=None):
 
 
 def rows(system, state, work):
-    """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinates, joints."""
+    """Rows 2, 1, 3 and 4 of eq. 16 as residuals: cable, bodies, sliding coordinates, joints; without drag."""
     cable, carriages = system.cable, system.carriages
     e = nodal_vectors(state.nodes.position)
-    bare = system._replace(air=system.air._replace(present=False))
+    bare = system._replace(air=system.air._replace(present=False)) if system.air.present else system
     add_cable(bare, state, 0.0, 0.0, 0.0, work)
     on_cable = -nodal_vectors(work.right_side)
     for arc_length, force in zip(cable.load_arc_length, cable.load_force, strict=True):
@@ -213,8 +213,8 @@ def held(system):
     return matrix
 
 
-def moved_by(system, state, unknown):
-    """State after Newton increments of all unknowns, applied as by the integrator."""
+def moved_by(system, state, unknown, into=None):
+    """State after Newton increments of all unknowns, applied as by the integrator; `into` a copy if given."""
     count = system.carriages.fixed.size
     size = unknown.size - 2 * count
     e, q, s, multipliers = split(system, unknown[:size])
@@ -224,6 +224,7 @@ def moved_by(system, state, unknown):
     hauled = np.array(state.hauled) + np.outer(factors, unknown[size + count :])
     return changed(
         state,
+        into,
         nodes_position=state.nodes.position + e,
         nodes_velocity=state.nodes.velocity + RATE_FACTOR * e,
         nodes_acceleration=state.nodes.acceleration + MASS_FACTOR * e,
@@ -247,7 +248,8 @@ def check_newton_step(system, state, work, tolerance=1e-8, residual=None):
     total = size + 5 * system.carriages.mass.size + 3 * count
     residual = residual or (lambda moved: np.concatenate([rows(system, moved, work), np.zeros(2 * count)]))
     still = held(system)
-    matrix = difference(lambda unknown: residual(moved_by(system, state, unknown)), np.zeros(total), 1e-4)
+    room = clone(state)
+    matrix = difference(lambda unknown: residual(moved_by(system, state, unknown, room)), np.zeros(total), 1e-4)
     right = -residual(state)
     # what is held does not move: P K P + (1 - P)
     matrix[:, :size] = matrix[:, :size] @ (np.eye(size) - still)

@@ -19,6 +19,7 @@ from systems import (
     with_moving_cable,
 )
 
+from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.buffer import stop_force
 from cable_twin.mechanics.on_rope.chain import close_joints, condense_chain, recover_chain
 from cable_twin.mechanics.on_rope.counterweight import add_counterweights
@@ -310,7 +311,7 @@ def dense_newton_step(system, state, work):
     bodies, driven = system.carriages.mass.size, state.drives.mode[0] == SPEED
     start, turned = stored_holding(chain(system, state), state), work.turned.copy()
     size = nodal_vectors(state.nodes.position).size
-    parts = np.cumsum([size, 6 * bodies, 1, 3 * bodies])
+    parts, room = np.cumsum([size, 6 * bodies, 1, 3 * bodies]), clone(state)
 
     def residual(unknown):
         e, q, s, multipliers, holding = np.split(unknown, parts)
@@ -322,6 +323,7 @@ def dense_newton_step(system, state, work):
             grown[body, 3:] = (turn * Rotation.from_rotvec(turned[body])).as_rotvec() - turned[body]
         moved = changed(
             state,
+            room,
             nodes_position=state.nodes.position + e,
             nodes_velocity=state.nodes.velocity + RATE_FACTOR * e,
             nodes_acceleration=state.nodes.acceleration + MASS_FACTOR * e,
