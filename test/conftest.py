@@ -1,5 +1,6 @@
 import gc
 import os
+import runpy
 import signal
 import sys
 from contextlib import suppress
@@ -105,6 +106,20 @@ def processes(tmp_path):
     yield start
     for process in started:
         process.kill()
+
+
+@pytest.fixture
+def ended(monkeypatch, capsys):
+    """Run a module or script as `python -m` or `python` does, in this process; exit code, output and errors."""
+
+    def run(program, *arguments):
+        monkeypatch.setattr(sys, "argv", [*map(str, (program, *arguments))])
+        monkeypatch.setattr(sys, "path", [str(Path(program).parent), *sys.path])
+        with pytest.raises(SystemExit) as end:
+            (runpy.run_path if isinstance(program, Path) else runpy.run_module)(str(program), run_name="__main__")
+        return end.value.code or 0, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture

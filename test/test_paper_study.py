@@ -80,9 +80,9 @@ def test_refuses_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, fault
     assert not (tmp_path / "study").exists()
 
 
-def test_says_where_it_cannot_write(tmp_path):
+def test_says_where_it_cannot_write(tmp_path, ended):
     (tmp_path / "file").touch()
-    result = run_python(STUDY, "--output", tmp_path / "file", "--duration", 0.1, "--elements", 12, "--no-rerun")
-    assert result.returncode == 1
-    assert result.stderr.startswith("paper_study.py: ")
-    assert "Traceback" not in result.stderr
+    code, _, errors = ended(STUDY, "--output", tmp_path / "file", "--duration", 0.1, "--elements", 12, "--no-rerun")
+    assert code == 1
+    assert errors.startswith("paper_study.py: ")
+    assert "Traceback" not in errors

@@ -1,7 +1,5 @@
 """Commands for developers: help without a run, and a short part of each."""
 
-import runpy
-import sys
 from pathlib import Path
 
 import pytest
@@ -16,19 +14,6 @@ PARTS = {
     "benchmarks": "startup",
     "examples.pictures": "softer_brake",
 }
-
-
-@pytest.fixture
-def ended(monkeypatch, capsys):
-    """Run a command as `python -m` does, in this process, to its end; exit code, output and errors."""
-
-    def run(name, *arguments):
-        monkeypatch.setattr(sys, "argv", [name, *arguments])
-        with pytest.raises(SystemExit) as end:
-            runpy.run_module(name, run_name="__main__")
-        return end.value.code or 0, *capsys.readouterr()
-
-    return run
 
 
 @pytest.mark.parametrize("name", PARTS)

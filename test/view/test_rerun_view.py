@@ -1,7 +1,5 @@
 """Picture of a run: drawn numbers equal simulated ones, and rerun's own tools open the file."""
 
-import subprocess
-import sys
 import warnings
 from itertools import pairwise
 from pathlib import Path
@@ -220,18 +218,17 @@ def test_commands_in_one_line():
     assert describe_command(AppliedCommand(1.0, command, "file")) == "force cabin 1500 N, other -2.5 N (file)"
 
 
-def test_renderer_explains_itself(tmp_path):
-    run = subprocess.run([sys.executable, RENDERER, "--help"], capture_output=True, text=True, timeout=300, check=True)
-    assert "without a screen" in run.stdout
-    missing = [sys.executable, RENDERER, tmp_path / "none.rrd"]
-    run = subprocess.run(missing, capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 1
-    assert "no such recording" in run.stderr
+def test_renderer_explains_itself(tmp_path, ended):
+    code, said, _ = ended(RENDERER, "--help")
+    assert code == 0
+    assert "without a screen" in said
+    code, _, errors = ended(RENDERER, tmp_path / "none.rrd")
+    assert code == 1
+    assert "no such recording" in errors
     (tmp_path / "notes.rrd").write_text("no recording")
-    other = [sys.executable, RENDERER, tmp_path / "notes.rrd"]
-    run = subprocess.run(other, capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 1
-    assert "notes.rrd: not a rerun recording (.rrd)" in run.stderr
+    code, _, errors = ended(RENDERER, tmp_path / "notes.rrd")
+    assert code == 1
+    assert "notes.rrd: not a rerun recording (.rrd)" in errors
 
 
 def test_an_outlook_is_a_band_around_the_tensions(tmp_path):
