@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import signal
-import subprocess
 import sys
 from argparse import Namespace
 from importlib.util import module_from_spec, spec_from_file_location
@@ -14,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from small_tramway import IN_SPACE
-from twin_process import COMPILING, PATIENCE, TwinProcess, environment
+from twin_process import PATIENCE, TwinProcess
 
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
@@ -304,24 +303,13 @@ def test_pass_is_predicted_driven_and_compared_and_interrupts_stop_the_twin(twin
 
 
 @pytest.mark.parametrize("script", [*SCRIPTS, WIND_SPEED])
-def test_help_has_an_example_and_bad_options_are_one_line(tmp_path, script):
-    def run(*arguments):
-        return subprocess.run(
-            [sys.executable, str(EXAMPLES / script), *arguments],
-            cwd=tmp_path,
-            env=environment(tmp_path),
-            capture_output=True,
-            text=True,
-            timeout=COMPILING,
-            check=False,
-        )
-
-    shown = run("--help")
-    assert shown.returncode == 0
-    assert f"python examples/{script} cabin" in shown.stdout
-    refused = run("cabin", "--speed", "nan")
-    assert refused.returncode == 1
-    assert refused.stderr == (
+def test_help_has_an_example_and_bad_options_are_one_line(ended, script):
+    code, said, _ = ended(EXAMPLES / script, "--help")
+    assert code == 0
+    assert f"python examples/{script} cabin" in said
+    code, _, errors = ended(EXAMPLES / script, "cabin", "--speed", "nan")
+    assert code == 1
+    assert errors == (
         f"{script}: argument --speed: 'nan' given, more than 0 m/s is needed; all options: {script} --help\n"
     )
 
