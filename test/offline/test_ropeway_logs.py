@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recorded_run import record
 from small_tramway import TRAMWAY
 from test_moving_cable_twin import SHORT
 
 from cable_twin.frame.records import Command
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import topics
 from cable_twin.offline import replay, review
 from cable_twin.offline.script import ScriptedCommand, check_script
-from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
 
-EPOCH = 1_700_000_000_123_456_789  # ns
 TRIP = [
     (0.1, Command("payload", {"cabin": 120.0})),
     (0.2, Command("speed", {"cabin": 6.0})),
@@ -39,40 +34,22 @@ RIDE = [
 ]
 
 
-def record(directory, scenario, commands, duration):
-    """Snapshots of a run, and its log with all topics of every frame."""
-    simulation = Simulation(load_scenario(scenario))
+def logged(directory, given, commands, duration):
+    """Log of a run with all topics of every frame, and its snapshots."""
+    scenario = load_scenario(given)
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
-    assert check_script(simulation.scenario, script) == []
-    table = topics(simulation.layout)
-    run = start_run(simulation, table, record_directory=directory, frame_period=0.02, rerun="none")
-    run.begin(EPOCH)
-    frames = []
-    outcome = simulate(
-        simulation,
-        script,
-        duration=duration,
-        frame_steps=round(0.02 / simulation.step),
-        epoch_ns=EPOCH,
-        run=run,
-        figures=KeyFigures(simulation.scenario),
-        on_frame=lambda _: frames.append(simulation.snapshot),
-        rates={},
-    )
-    run.recorder.close()
-    assert (outcome.applied, outcome.refused, outcome.fault) == (len(commands), [], "")
-    assert not run.recorder.faults
-    return run.directory, frames
+    assert check_script(scenario, script) == []
+    return record(directory, scenario, script, duration, 0.02, rates={})
 
 
 @pytest.fixture(scope="module")
 def tramway(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("tramway"), TRAMWAY, TRIP, 20.0)
+    return logged(tmp_path_factory.mktemp("tramway"), TRAMWAY, TRIP, 20.0)
 
 
 @pytest.fixture(scope="module")
 def lift(tmp_path_factory):
-    return record(tmp_path_factory.mktemp("lift"), {**SHORT, "name": "short_lift"}, RIDE, 20.0)
+    return logged(tmp_path_factory.mktemp("lift"), {**SHORT, "name": "short_lift"}, RIDE, 20.0)
 
 
 def read_back(directory):
@@ -142,7 +119,7 @@ def test_review_prints_and_draws_it(which, request, tmp_path, capsys):
 
 
 def test_two_lifts_are_compared_by_the_chair_that_differs_most(lift, tmp_path, capsys):
-    slower, _ = record(tmp_path, {**SHORT, "name": "short_lift"}, [(0.5, Command("speed", {"haul_rope": 2.0}))], 3.0)
+    slower, _ = logged(tmp_path, {**SHORT, "name": "short_lift"}, [(0.5, Command("speed", {"haul_rope": 2.0}))], 3.0)
     assert review.main([str(lift[0]), str(slower), "--no-viewer"]) == 0
     output = capsys.readouterr().out
     (row,) = [line for line in output.splitlines() if line.strip().startswith("swing/chair_")]

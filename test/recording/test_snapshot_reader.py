@@ -8,54 +8,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import alter, bag, unchanged
+from recorded_run import record
 from test_moving_cable_twin import SHORT
 from twin_process import write_quick_scenario
 
 from cable_twin.frame.rates import EVERY_FRAME, LOGGED, frames_between
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import topics
 from cable_twin.messages.columns import COLUMNS_OF, GROUPS
 from cable_twin.offline.script import ScriptedCommand
-from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.run import start_run
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario, scenario_names
-from cable_twin.simulation import Simulation
 
-EPOCH = 1_700_000_000_123_456_789  # ns
 SCRIPT = [
     ScriptedCommand(0.0, Command("speed", {"cabin": 4.0}), "script", ""),
     ScriptedCommand(0.115, Command("emergency_stop", {}), "script", ""),
     ScriptedCommand(0.2, Command("release", {}), "script", ""),
 ]
-
-
-def record(directory, scenario, script, duration, **options):
-    """Record a run at 100 Hz; returns its frames as recorded."""
-    simulation = Simulation(scenario)
-    table = topics(simulation.layout)
-    run = start_run(simulation, table, record_directory=directory, frame_period=0.01, rerun="none")
-    run.begin(EPOCH)
-    figures = KeyFigures(scenario)
-    frames = []
-    outcome = simulate(
-        simulation,
-        script,
-        duration=duration,
-        frame_steps=round(0.01 / simulation.step),
-        epoch_ns=EPOCH,
-        run=run,
-        figures=figures,
-        on_frame=lambda _: frames.append(simulation.snapshot),
-        **options,
-    )
-    run.recorder.close()
-    assert (outcome.applied, outcome.refused, outcome.fault, run.recorder.faults) == (len(script), [], "", [])
-    return run.directory, frames
 
 
 @pytest.fixture(scope="module")
