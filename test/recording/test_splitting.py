@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from errno import ENOSPC
 
 import pytest
@@ -247,6 +248,7 @@ def test_size_asks_for_one_file_at_a_time(tmp_path):
             asked += 1
         while recorder.backlog > 50:
             assert recorder.recording
+            time.sleep(0.001)  # the core is for what writes
         recorder.record(encoder.frame(snapshot), encoder.stamp_ns(snapshot), snapshot)
     recorder.close()
     assert recorder.faults == []
