@@ -1,7 +1,8 @@
 """Linear solver of one rope: block elimination along the cable, O(nodes), without fill.
 
-It goes from both ends to the middle, with the nodes of either side beside each other in one register: no node waits for
-those of the other side, as it does for the one before it.
+It goes from both ends to the middle, or to the first and last node that is coupled to other ropes, with the nodes of
+either side beside each other in one register: no node waits for those of the other side, as it does for the one before
+it.
 
 A node has two unknown vectors, r and r_x, so its block is a tuple of four matrices of the working space.
 """
@@ -151,8 +152,28 @@ def solve_columns(diagonal, upper, lower, right_side, columns, count, like):
     Returns:
         -1, or the number of a node whose block has no inverse.
     """
+    middle, square = diagonal.shape[0] // 2, outer(0.0, like, like)
+    stopped = eliminate_ends(diagonal, upper, lower, right_side, columns, count, middle, middle, like)
+    if stopped >= 0:
+        return stopped
+    factors, missing = factor_node(load_node(diagonal[middle], square))
+    if missing != 0.0:
+        return middle
+    store_pair(solve_pair(factors, load_pair(right_side[middle], like)), right_side[middle])
+    for b in range(count):
+        store_pair(solve_pair(factors, load_pair(columns[middle, b], square)), columns[middle, b])
+    substitute_ends(upper, lower, right_side, columns, count, middle, middle, like)
+    return -1
+
+
+@inlined_kernel
+def eliminate_ends(diagonal, upper, lower, right_side, columns, count, first, kept_to, like):
+    """Eliminate all nodes before node `first` and after node `kept_to`, which may be the same one.
+
+    Takes the other arguments of `solve_columns`, and returns what that does; couplings become factors.
+    """
     last, square = diagonal.shape[0] - 1, outer(0.0, like, like)
-    pairs = last // 2
+    pairs = min(first, last - kept_to)
     factor = beside(no_node(like), no_node(like))
     known = beside((like, like), (like, like))
     coupling = factor
@@ -181,30 +202,61 @@ def solve_columns(diagonal, upper, lower, right_side, columns, count, like):
         factor = solve_node(factors, factor)
         store_node(first_of(factor), upper[k])
         store_node(second_of(factor), lower[back - 1])
-    for k in range(pairs, last - pairs + 1):  # one node is left in the middle, or two
-        block, right = load_node(diagonal[k], square), load_pair(right_side[k], like)
-        if k > 0:
-            on, factor_on = load_node(lower[k - 1], square), load_node(upper[k - 1], square)
-            block, right = without(block, right, on, factor_on, load_pair(right_side[k - 1], like))
-            for b in range(count):
-                less_neighbour(on, columns[k - 1, b], columns[k, b], square)
-        if pairs > 0 and k == last - pairs:
-            on, factor_on = load_node(upper[k], square), load_node(lower[k], square)
-            block, right = without(block, right, on, factor_on, load_pair(right_side[k + 1], like))
-            for b in range(count):
-                less_neighbour(on, columns[k + 1, b], columns[k, b], square)
-        factors, missing = factor_node(block)
-        if missing != 0.0:
-            return k
-        store_pair(solve_pair(factors, right), right_side[k])
-        for b in range(count):
-            store_pair(solve_pair(factors, load_pair(columns[k, b], square)), columns[k, b])
-        if k < last - pairs:
-            store_node(solve_node(factors, load_node(upper[k], square)), upper[k])
-    if last > 2 * pairs:
-        less_neighbour(load_node(upper[pairs], square), right_side[pairs + 1], right_side[pairs], like)
-        for b in range(count):
-            less_neighbour(load_node(upper[pairs], square), columns[pairs + 1, b], columns[pairs, b], square)
+    if pairs > 0:
+        into, back = pairs, last - pairs
+        take_in(diagonal, right_side, columns, count, into - 1, into, lower[into - 1], upper[into - 1], like)
+        take_in(diagonal, right_side, columns, count, back + 1, back, upper[back], lower[back], like)
+    for node in range(pairs, first):
+        if not eliminate_one(diagonal, right_side, columns, count, node, node + 1, upper[node], lower[node], like):
+            return node
+    for node in range(last - pairs, kept_to, -1):
+        out, back_to = lower[node - 1], upper[node - 1]
+        if not eliminate_one(diagonal, right_side, columns, count, node, node - 1, out, back_to, like):
+            return node
+    return -1
+
+
+@inlined_kernel
+def eliminate_one(diagonal, right_side, columns, count, node, inner, out, back, like):
+    """Eliminate a node, coupled by `out` and `back` to its neighbour `inner`; False when its block has no inverse."""
+    square = outer(0.0, like, like)
+    factors, missing = factor_node(load_node(diagonal[node], square))
+    if missing != 0.0:
+        return False
+    store_pair(solve_pair(factors, load_pair(right_side[node], like)), right_side[node])
+    for b in range(count):
+        store_pair(solve_pair(factors, load_pair(columns[node, b], square)), columns[node, b])
+    store_node(solve_node(factors, load_node(out, square)), out)
+    take_in(diagonal, right_side, columns, count, node, inner, back, out, like)
+    return True
+
+
+@inlined_kernel
+def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor, like):
+    """Subtract an eliminated node, which is known less `factor` times its neighbour, from the equations of that."""
+    square = outer(0.0, like, like)
+    on, block, right = (
+        load_node(coupling, square),
+        load_node(diagonal[inner], square),
+        load_pair(right_side[inner], like),
+    )
+    known = load_pair(right_side[node], like)
+    block, right = without(block, right, on, load_node(factor, square), known)
+    store_node(block, diagonal[inner])
+    store_pair(right, right_side[inner])
+    for b in range(count):
+        less_neighbour(on, columns[node, b], columns[inner, b], square)
+
+
+@inlined_kernel
+def substitute_ends(upper, lower, right_side, columns, count, first, kept_to, like):
+    """Back substitution of what `eliminate_ends` eliminated; takes its arguments."""
+    last, square = right_side.shape[0] - 1, outer(0.0, like, like)
+    pairs = min(first, last - kept_to)
+    for node in range(first - 1, pairs - 1, -1):
+        substitute_one(right_side, columns, count, node, node + 1, upper[node], like)
+    for node in range(kept_to + 1, last - pairs + 1):
+        substitute_one(right_side, columns, count, node, node - 1, lower[node - 1], like)
     for k in range(pairs - 1, -1, -1):
         back = last - k
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
@@ -219,7 +271,16 @@ def solve_columns(diagonal, upper, lower, right_side, columns, count, like):
             column = subtract_pair(column, apply_node(factor, after))
             store_pair(first_of(column), columns[k, b])
             store_pair(second_of(column), columns[back, b])
-    return -1
+
+
+@inlined_kernel
+def substitute_one(right_side, columns, count, node, inner, factor, like):
+    """Back substitution of a node from its neighbour `inner`."""
+    square = outer(0.0, like, like)
+    by = load_node(factor, square)
+    less_neighbour(by, right_side[inner], right_side[node], like)
+    for b in range(count):
+        less_neighbour(by, columns[inner, b], columns[node, b], square)
 
 
 @formula

@@ -3,7 +3,8 @@
 The front is one node of each rope, the next to be eliminated, and the clamps of which a node has been reached, each a
 block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
 added when both its nodes are at the front, a clamp with each of its nodes when that is, and the remainder of an
-elimination couples the nodes that follow. What is outside the couplings of a rope is eliminated before (`free_ends`).
+elimination couples the nodes that follow. What is outside the couplings of a rope is eliminated before
+(`block_tridiagonal.eliminate_ends`).
 The order of elimination is found once, from the places of the couplings.
 """
 
@@ -17,6 +18,7 @@ from cable_twin.mechanics.language.vectors import accumulate, load, outer
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
+    eliminate_ends,
     invert_node,
     less_neighbour,
     load_node,
@@ -26,9 +28,9 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     no_node,
     store_node,
     store_pair,
+    substitute_ends,
     subtract_pair,
 )
-from cable_twin.mechanics.solution.bundle.free_ends import eliminate_ends, substitute_ends
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
 
 CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
@@ -143,8 +145,10 @@ def solve_bundle(bundle, scratch, work, like):
     order, ropes = bundle.order, bundle.records.shape[0]
     note_touches(bundle, scratch)
     for rope in range(ropes):
-        if order.joined[rope] and not eliminate_ends(*ends_of(bundle, rope, scratch, work), like):
-            return False
+        if order.joined[rope]:
+            own = record_at(bundle.records[rope, WORK], work)
+            if eliminate_ends(own.diagonal, *ends_of(bundle, rope, own, scratch), like) >= 0:
+                return False
     connector, event, nodes = 0, 0, order.node.size
     for number in range(nodes):
         rope, node = order.rope[number], order.node[number]
@@ -182,16 +186,16 @@ def solve_bundle(bundle, scratch, work, like):
             substitute_clamp(bundle, event, -1 - number, scratch, work, like)
     for rope in range(ropes):
         if order.joined[rope]:
-            substitute_ends(*ends_of(bundle, rope, scratch, work), like)
+            substitute_ends(*ends_of(bundle, rope, record_at(bundle.records[rope, WORK], work), scratch), like)
     return True
 
 
 @inlined_kernel
-def ends_of(bundle, rope, scratch, work):
-    """Arguments of `eliminate_ends` of a rope, but the last one."""
+def ends_of(bundle, rope, own, scratch):
+    """Arguments of `substitute_ends` of a rope with its workspace `own`, but the last one."""
     columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
     kept = scratch.coupled_from[rope], scratch.coupled_to[rope]
-    return record_at(bundle.records[rope, WORK], work), columns, scratch.slots[rope], *kept
+    return own.upper, own.lower, own.right_side, columns, scratch.slots[rope], *kept
 
 
 @kernel
