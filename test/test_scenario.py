@@ -67,7 +67,7 @@ def test_a_resolved_scenario_reads_back_the_same(name, tmp_path):
     assert read == scenario
     for carriage, same in zip(read.carriages.values(), scenario.carriages.values(), strict=True):
         assert list(carriage.bodies) == list(same.bodies)
-    assert re.search(r"tolerance: 1\.0e-0[689]", text), "YAML 1.1 reads 1e-09 as a text"
+    assert re.search(r"tolerance: [1-9]\.0e-0[6-9]", text), "YAML 1.1 reads 1e-09 as a text"
 
 
 def test_name_is_that_of_the_file_or_custom(tmp_path):
