@@ -141,7 +141,7 @@ def test_a_cabin_that_leaves_the_rope_leaves_no_ringing_behind():
     (left,) = np.flatnonzero(np.diff(riding) < 0)[-1:]
     assert max(tensions[left - 10 : left + 20]) < 1.01 * max(tensions[: left - 10])
     after = np.array(tensions[left + 2 : left + 22])
-    assert np.abs(np.diff(after)).max() < 400.0  # N; 7 kN up and down without a step of its own
+    assert np.abs(np.diff(after)).max() < 800.0  # N of 326 kN; 7 kN up and down without a step of its own
     assert max(forces) < 1.4 * 1600.0 * 9.81  # N
     assert riding[-1] < simulation.scenario.carriers.count  # some are in a station, where no step begins anew
     assert all(part.state.newton_curvature[0] > 0.0 for part in simulation.parts.values())

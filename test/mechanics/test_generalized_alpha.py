@@ -101,4 +101,4 @@ def test_an_increment_that_is_no_number_is_seen_wherever_it_is(bad):
         for other in increments:
             other[:] = 0.0
         array[(-1,) * array.ndim] = bad
-        assert not np.isfinite(largest_increment(simulation.system, simulation.capture().state, work))
+        assert not np.isfinite(largest_increment(simulation.system, simulation.capture().state, work, 1.0))

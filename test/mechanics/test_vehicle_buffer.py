@@ -176,7 +176,7 @@ def test_newton_hardly_feels_what_its_tangent_leaves_out():
         measure_gaps(system, state, work, True)
         assemble(system, state, mass_factor, rate_factor, 1.0, work)
         assert solve(system, state, work)
-        sizes.append(largest_increment(system, state, work))
+        sizes.append(largest_increment(system, state, work, 1.0))
         correct_rope(c, step, system, state, work)
     alone = work.pressed_stiffness[0] / (work.pressed_stiffness[0] + work.foreseen[0, 0])
     assert alone > 0.1

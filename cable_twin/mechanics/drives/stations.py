@@ -27,7 +27,7 @@ from cable_twin.mechanics.rope.ale import rest_stretch, transport_velocity
 from cable_twin.mechanics.rope.following_nodes import give_back
 from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 
-RAIL = 0.1  # of the element at an end: so far before the end a vehicle leaves the rope
+RAIL = 0.07  # of the element at an end: so far before the end a vehicle leaves the rope
 SLOW = 0.1  # m/s: a rope that is slower may rock, and takes a vehicle off at the end itself
 
 

@@ -16,7 +16,7 @@ from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, rec
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
-BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move the middle of a cubic
+BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move the middle of a cubic: counts in motion
 
 
 @kernel
@@ -27,10 +27,10 @@ def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_fact
 
 
 @kernel
-def recover_rope(system, state, work):
-    """Recover the eliminated unknowns of one rope; returns its largest increment (m)."""
+def recover_rope(system, state, work, of_slopes):
+    """Recover the eliminated unknowns of one rope; returns its largest increment (m), as `largest_increment`."""
     recover(system, state, work)
-    return largest_increment(system, state, work)
+    return largest_increment(system, state, work, of_slopes)
 
 
 @kernel
@@ -77,7 +77,7 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
         largest = max(turned, lifted) if isfinite(turned) else turned
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
-        increment = recover_rope(own, here, room)
+        increment = recover_rope(own, here, room, BULGE if rate_factor > 0.0 else 1.0)
         largest = largest if increment <= largest else increment  # what is no number stays
     return True, largest, changed
 
@@ -112,15 +112,16 @@ def solve_beside(work, wheel_columns, count, like):
 
 
 @kernel
-def largest_increment(system, state, work):
+def largest_increment(system, state, work, of_slopes):
     """Size (m) of the last Newton increment: places of rope and bodies, arc lengths; nan if any is no number.
 
-    A slope at either node of an element moves the rope between them by at most `BULGE` of its length.
+    A slope counts as the element's length times `of_slopes`. It moves the rope by at most `BULGE` of that; on the way
+    to an equilibrium, where it limits how far slopes go at once, it counts whole.
     """
     like, lengths, increments = system.cable.gravity, state.mesh.length, work.right_side
     worst, total = 0.0, 0.0
     for node in range(increments.shape[0]):
-        length = BULGE * lengths[min(node, lengths.size - 1)]
+        length = of_slopes * lengths[min(node, lengths.size - 1)]
         largest, gone = 0.0, 0.0  # of a node, as the next one need not wait for it
         for i in range(len(like)):
             r, slope = increments[node, 0, i], length * increments[node, 1, i]
