@@ -45,7 +45,7 @@ from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
-NEAR = 1e-4  # of an element's length: a last move below leaves its square times the share of depth to bend
+NEAR = 1e-6  # of an element's length: a last move below it is not looked at again, with a tolerance of 1e-9 m in mind
 
 
 @inlined_kernel
