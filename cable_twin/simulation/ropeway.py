@@ -213,7 +213,9 @@ class Ropeway:
         counts_beside_loads = ("number", "count", "first", "node", "slot")
         sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys((*counts, *counts_beside_loads), 0)
-        numbers |= dict.fromkeys((*sizes, "rope_drag", "share", "increment", "previous", "s", "s_dot", "travel"), 1.0)
+        numbers |= dict.fromkeys(
+            (*sizes, "rope_drag", "share", "of_slopes", "increment", "previous", "s", "s_dot", "travel"), 1.0
+        )
         like, still = system.cable.gravity, no_turn(system.cable.gravity)
         vectors: dict[str, Any] = dict.fromkeys(("gravity", "like", "pivot", "moved", "force", "residual"), like)
         vectors |= {"direction": (0.0, 0.0, 0.0), "turned": still, "impedance": (like,) * len(like)}
