@@ -4,7 +4,6 @@ import runpy
 import signal
 import sys
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -37,20 +36,6 @@ def pytest_xdist_make_scheduler(config, log):
 
     config.option.loadscopereorder = False
     return LoadFileScheduling(config, log)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection(session):
-    """Import all tests, each process of `-n` beginning at another file: it finds compiled what the others had first."""
-    config = session.config
-    if "PYTEST_XDIST_WORKER" not in os.environ or config.args_source is not config.ArgsSource.TESTPATHS:
-        return
-    files = sorted(Path(__file__).parent.rglob("test_*.py"))
-    first = len(files) * int(config.workerinput["workerid"].removeprefix("gw")) // config.workerinput["workercount"]
-    sys.path[:0] = sorted({str(file.parent) for file in files} - {*sys.path})
-    for file in files[first:] + files[:first]:
-        with suppress(Exception, pytest.skip.Exception):  # told when it is collected
-            import_module(file.stem)
 
 
 @pytest.hookimpl(trylast=True)

@@ -22,6 +22,7 @@ NEXT, STOP = 0, 1  # entries of a queue: place in the order of members, and whet
 STEPS, ITERATIONS, HALVINGS, ELEMENT, STATUS, ASKING = range(6)  # columns of `Members.counts`
 GAP, INCREMENT, LOST, MOVED = range(4)  # columns of `Members.sums`
 NONE_LEFT, ANOTHER = -2, -1  # in place of a member: the queue is empty, or is to be asked again
+NOBODY, LEFT, CAME = range(3)  # which changes vehicles have made between ropes and stations
 GOING, FAILED, PRESSED = range(3)  # STATUS: of a member whose step failed, or whose vehicles are within each other
 
 
@@ -96,25 +97,26 @@ def advance_member(code, queue, member, budget, members, looks, bundles, argumen
     copy_array(members.motions[member], moving.memory)
     for rope in range(bundle.records.shape[0]):
         bundle.records[rope, SYSTEM] = members.systems[member, rope]
-    watched = looks.exchanges or looks.before.size > 0 or members.loading[member]
+    watched = looks.before.size > 0 or members.loading[member]
     attention, going = False, True
     while going and members.left[member] > 0 and budget > 0 and queue[STOP] == 0:
         if are_pressed(looks, state):
             members.counts[member, STATUS] = PRESSED
             break
         steps = min(members.left[member], looks.most)
-        if watched:
+        if watched or (looks.exchanges and changed_places(members, member, state) != NOBODY):
             steps = min(steps, looks.period - state.clock[0] % looks.period)
         budget -= steps
         outcome = call_integrator(code, (bundle, moving, good, before, scratch, system, state, work, steps))
         take_outcome(members, member, outcome)
         going = outcome[0]
         attention = wheels_gone_back(moving.sheaves) > 0 and not members.stopped[member]
-        if going and watched and state.clock[0] % looks.period == 0:
+        if going and state.clock[0] % looks.period == 0:
             attention = attention or members.loading[member]
             if looks.exchanges and not attention:
-                attention = has_come(members, member, state)
-                if not attention:
+                changed = changed_places(members, member, state)
+                attention = changed == CAME
+                if changed == LEFT:
                     note_stations(members, member, state)
         going = going and not attention
     copy_array(state.memory, members.states[member])
@@ -151,15 +153,21 @@ def are_pressed(looks, state):
 
 
 @kernel
-def has_come(members, member, state):
-    """Return whether any vehicle has changed between rope and station, or its rope, since the last interruption."""
+def changed_places(members, member, state):
+    """Which changes there are since the last look: `CAME` of a vehicle to a station or rope, else `LEFT`, or `NOBODY`.
+
+    The integrator ends a call with the step of each of them.
+    """
+    found = NOBODY
     for vehicle in range(state.attached.size):
-        if state.vehicle_rope[vehicle] != members.ropes[member, vehicle]:
-            return True
         before = members.stations[member, vehicle]
-        if not state.attached[vehicle] and state.joints.position[vehicle] != before:
-            return True
-    return False
+        if state.vehicle_rope[vehicle] != members.ropes[member, vehicle]:
+            return CAME
+        if state.attached[vehicle]:
+            found = max(found, NOBODY if np.isnan(before) else LEFT)
+        elif state.joints.position[vehicle] != before:
+            return CAME
+    return found
 
 
 @kernel

@@ -413,12 +413,8 @@ class Ensemble:
         states, looks = self._states, self._looks
         simulation = states.enter(member)
         simulation.engine.stop_rolled_back()
-        vehicles, arrays = simulation.engine.vehicles, states.arrays
-        watched = bool(looks.exchanges) or looks.before.size > 0 or bool(arrays.loading[member])
-        if watched and states.clocks[member] % looks.period == 0 and arrays.counts[member, STATUS] == GOING:
-            vehicles.load_on(looks.period * simulation.step)
-            if vehicles.exchanges:
-                vehicles.exchange()
+        if states.clocks[member] % looks.period == 0 and states.arrays.counts[member, STATUS] == GOING:
+            simulation.engine.vehicles.serve(looks.period * simulation.step)
         states.leave(member, simulation)
 
     def _apply_each(self, rows: Sequence[int], commands: Sequence[Command]) -> None:

@@ -466,9 +466,7 @@ def advance_in_batches(
         total = _joined(total, Outcome(*advance(min(until, most))))
         on_part()
         if total.converged and int(clock[0]) % period == 0:
-            vehicles.load_on(period * step)
-            if vehicles.awaited:
-                vehicles.exchange()
+            vehicles.serve(period * step)
     return total
 
 

@@ -222,8 +222,10 @@ class Vehicles:
     @property
     def awaited(self) -> bool:
         """Whether `exchange` has something to look at: a vehicle has changed its rope or station since."""
+        if not self.exchanges:
+            return False
         same = np.array_equal(self._stations_now(), self._stations, equal_nan=True)
-        return self.exchanges and not (same and np.array_equal(self._state.vehicle_rope, self._ropes))
+        return not (same and np.array_equal(self._state.vehicle_rope, self._ropes))
 
     @property
     def exchanges(self) -> bool:
@@ -244,6 +246,12 @@ class Vehicles:
             loads[name] = min(max(wanted, carried - most), carried + most)
         if loads:
             self.put_in(loads)
+
+    def serve(self, time: float) -> None:
+        """Continue all loading by `time` (s), and exchange payloads of what has come to or passed a station."""
+        self.load_on(time)
+        if self.awaited:
+            self.exchange()
 
     def exchange(self) -> None:
         """Set the payload of each carrier that has come to or passed a station to the payload on departure."""

@@ -45,7 +45,8 @@ from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
-NEAR = 1e-6  # of an element's length: a last move below it is not looked at again, with a tolerance of 1e-9 m in mind
+NEAR = 1e-4  # of an element's length: a last move below leaves its square times the share of depth to bend
+STILL = 1e-6  # the same: after a shorter move the rope is taken as it is before it
 
 
 @inlined_kernel
@@ -54,19 +55,20 @@ def find_contact(cable, towers, state, contact):
 
     A rope that is `CLEAR` off does not touch it, and the arc length is left where it is while it is less than that from
     the nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side of the
-    rope. Of the last move, which is short, the rope's point is that before it.
+    rope. Most contacts hardly move in an iteration: of such a move the point is that before it.
 
     Returns:
         Whether the rope may touch; the point on it.
     """
     like, s = cable.gravity, state.contact_arc_length[contact]
     place, point = load(towers.position[contact], like), point_at(cable, state, s)
-    apart, r_x, there, far = approach(cable, state, place, point, s)
+    apart, r_x, there, move = approach(cable, state, place, point, s)
     along = dot(apart, r_x)
     if dot(apart, load(towers.normal[contact], like)) > CLEAR and along * along < CLEAR * CLEAR * dot(r_x, r_x):
         return False, point
-    if far:
+    if move > NEAR:
         there = nearest(cable, state, place, there)
+    if move > STILL:
         point = point_at(cable, state, there)
     state.contact_arc_length[contact] = there
     return True, point
@@ -81,8 +83,8 @@ def nearest(cable, state, place, arc_length):
     """
     s = arc_length
     for _ in range(MAX_MOVES):
-        _, _, s, far = approach(cable, state, place, point_at(cable, state, s), s)
-        if not far:
+        _, _, s, move = approach(cable, state, place, point_at(cable, state, s), s)
+        if move <= NEAR:
             break
     return s
 
@@ -92,7 +94,8 @@ def approach(cable, state, place, point, arc_length):
     """One move of Newton's method towards the point of the rope nearest to a place, from its `point` at an arc length.
 
     Returns:
-        r - p (dim,) in m and r_x (dim,) before it; the arc length (m) after it; whether another one is due.
+        r - p (dim,) in m and r_x (dim,) before it; the arc length (m) after it; size of the move, in lengths of the
+        element.
     """
     coordinates = state.nodes.position
     length = state.mesh.length[point.element]
@@ -102,7 +105,7 @@ def approach(cable, state, place, point, arc_length):
     move = -dot(apart, r_x) / max(squared + dot(apart, r_xx), 0.25 * squared)
     move = min(max(move, -length), length)
     after = min(max(arc_length + move, 0.0), cable.unstrained_length)
-    return apart, r_x, after, abs(after - arc_length) > NEAR * length
+    return apart, r_x, after, abs(after - arc_length) / length
 
 
 @kernel

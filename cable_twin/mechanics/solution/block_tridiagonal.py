@@ -86,6 +86,19 @@ def store_pair(pair, array):
 
 
 @formula
+def load_both(one, other, like):
+    """Load the vectors or matrices of two nodes, as `load_pair`, beside each other."""
+    return beside(load_pair(one, like), load_pair(other, like))
+
+
+@formula
+def store_both(both, one, other):
+    """Write what `load_both` gives to the arrays of the two nodes."""
+    store_pair(first_of(both), one)
+    store_pair(second_of(both), other)
+
+
+@formula
 def subtract_pair(a, b):
     """Difference a - b of two pairs of vectors, position and slope of a node."""
     return subtract(a[0], b[0]), subtract(a[1], b[1])
@@ -180,7 +193,7 @@ def eliminate_ends(diagonal, upper, lower, right_side, columns, count, first, ke
     for k in range(pairs):
         back = last - k
         block = beside(load_node(diagonal[k], square), load_node(diagonal[back], square))
-        right = beside(load_pair(right_side[k], like), load_pair(right_side[back], like))
+        right = load_both(right_side[k], right_side[back], like)
         if k > 0:
             coupling = beside(load_node(lower[k - 1], square), load_node(upper[back], square))
             block, right = without(block, right, coupling, factor, known)
@@ -188,16 +201,14 @@ def eliminate_ends(diagonal, upper, lower, right_side, columns, count, first, ke
         if first_of(missing) + second_of(missing) != 0.0:
             return k if first_of(missing) != 0.0 else back
         known = solve_pair(factors, right)
-        store_pair(first_of(known), right_side[k])
-        store_pair(second_of(known), right_side[back])
+        store_both(known, right_side[k], right_side[back])
         for b in range(count):
-            column = beside(load_pair(columns[k, b], square), load_pair(columns[back, b], square))
+            column = load_both(columns[k, b], columns[back, b], square)
             if k > 0:
-                before = beside(load_pair(columns[k - 1, b], square), load_pair(columns[back + 1, b], square))
+                before = load_both(columns[k - 1, b], columns[back + 1, b], square)
                 column = subtract_pair(column, apply_node(coupling, before))
             column = solve_pair(factors, column)
-            store_pair(first_of(column), columns[k, b])
-            store_pair(second_of(column), columns[back, b])
+            store_both(column, columns[k, b], columns[back, b])
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
         factor = solve_node(factors, factor)
         store_node(first_of(factor), upper[k])
@@ -260,17 +271,15 @@ def substitute_ends(upper, lower, right_side, columns, count, first, kept_to, li
     for k in range(pairs - 1, -1, -1):
         back = last - k
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
-        known = beside(load_pair(right_side[k + 1], like), load_pair(right_side[back - 1], like))
-        right = beside(load_pair(right_side[k], like), load_pair(right_side[back], like))
+        known = load_both(right_side[k + 1], right_side[back - 1], like)
+        right = load_both(right_side[k], right_side[back], like)
         right = subtract_pair(right, apply_node(factor, known))
-        store_pair(first_of(right), right_side[k])
-        store_pair(second_of(right), right_side[back])
+        store_both(right, right_side[k], right_side[back])
         for b in range(count):
-            after = beside(load_pair(columns[k + 1, b], square), load_pair(columns[back - 1, b], square))
-            column = beside(load_pair(columns[k, b], square), load_pair(columns[back, b], square))
+            after = load_both(columns[k + 1, b], columns[back - 1, b], square)
+            column = load_both(columns[k, b], columns[back, b], square)
             column = subtract_pair(column, apply_node(factor, after))
-            store_pair(first_of(column), columns[k, b])
-            store_pair(second_of(column), columns[back, b])
+            store_both(column, columns[k, b], columns[back, b])
 
 
 @inlined_kernel
