@@ -77,6 +77,14 @@ def combine_arrays(start, weight, rate, target):
 
 
 @inlined_kernel
+def add_array(source, target):
+    """Add the first array to the second one of its shape, both contiguous."""
+    here, there = flat(source), flat(target)
+    for i in range(there.size):
+        there[i] += here[i]
+
+
+@inlined_kernel
 def clear_array(target):
     """Set all entries of an array to zero."""
     there = flat(target)

@@ -10,7 +10,6 @@ from math import inf, isfinite
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, report_forces
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.on_rope.buffer import contact_error
 from cable_twin.mechanics.on_rope.load_node import update_load_nodes
 from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
@@ -21,7 +20,15 @@ from cable_twin.mechanics.solution.bundle.couplings import (
     place_couplings,
     worst_coupling_gap,
 )
-from cable_twin.mechanics.solution.bundle.records import BEFORE, GOOD, STATE, copy_ropes, rope_of
+from cable_twin.mechanics.solution.bundle.records import (
+    BEFORE,
+    GOOD,
+    STATE,
+    copy_motion,
+    copy_ropes,
+    rope_of,
+    take_motion,
+)
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
 from cable_twin.mechanics.solution.newmark import coefficients_of_step, correct_rope, factors, predict_rope
 from cable_twin.mechanics.solution.newton import solve_increments, worst_element
@@ -44,7 +51,7 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
 
     An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
     measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
-    iteration, there is one more.
+    iteration, there is one more; a response to bullwheels that was kept leaves an error of its own.
     """
     solver, ropes = system.solver, bundle.records.shape[0]
     if bundle.coupled:
@@ -75,6 +82,8 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
         left = max(
             curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
         )
+        if bundle.coupled:
+            left = max(left, scratch.lagging[0])
         before = increment
         if (left < solver.tolerance and changed == 0) or increment == 0.0:
             remember_curvature(bundle, state, curvature)
@@ -144,7 +153,7 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, c,
             _, here, room = rope_of(bundle, rope, system, state, work)
             hold_at_limits(here, room)
         if bundle.coupled:
-            copy_array(moving_before.memory, moving.memory)
+            take_motion(moving_before, moving)
     return converged, iterations, increment, gap
 
 
@@ -189,7 +198,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     Args:
         bundle: ropes and what couples them.
         moving: motion of that.
-        moving_good: scratch of the shape of `moving`.
+        moving_good: scratch for a copy of `moving`.
         moving_before: the same.
         scratch: of the solver for couplings.
         system: parameters of any of the ropes, for their type.
@@ -207,7 +216,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     for done in range(steps):
         copy_ropes(bundle, STATE, GOOD, state)
         if bundle.coupled:
-            copy_array(moving.memory, moving_good.memory)
+            copy_motion(moving, moving_good)
         converged = False
         for level in range(solver.max_halvings + 1):
             parts = 1 << level
@@ -216,7 +225,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                 if converged:
                     column = GOOD
                     if bundle.coupled:
-                        copy_array(moving.memory, moving_before.memory)
+                        copy_motion(moving, moving_before)
                     if part > 0:
                         column = BEFORE
                         copy_ropes(bundle, STATE, BEFORE, state)
@@ -233,7 +242,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                 break
             copy_ropes(bundle, GOOD, STATE, state)
             if bundle.coupled:
-                copy_array(moving_good.memory, moving.memory)
+                take_motion(moving_good, moving)
             halvings += 1
         if not converged:
             element = worst_element(rope_of(bundle, 0, system, state, work)[2])

@@ -12,7 +12,7 @@ from cable_twin.mechanics.solution.bundle.couplings import add_couplings
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
-from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, recover_wheels
+from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, is_found_now, recover_wheels
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
@@ -52,7 +52,8 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         if own.cable.load_nodes:
-            condense_patches(here, room, scratch.patch_columns, own.cable.gravity)
+            columns = scratch.patch_columns if is_found_now(moving.response) else room.no_columns
+            condense_patches(here, room, columns, own.cable.gravity)
     if bundle.coupled:
         changed = add_couplings(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor

@@ -9,7 +9,7 @@ from math import inf, isfinite, log
 from typing import NamedTuple
 
 from cable_twin.mechanics.language.compilation import brief_kernel, kernel
-from cable_twin.mechanics.language.memory import combine_arrays, copy_array
+from cable_twin.mechanics.language.memory import combine_arrays
 from cable_twin.mechanics.language.rotations import move_body
 from cable_twin.mechanics.language.vectors import scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain
@@ -21,7 +21,15 @@ from cable_twin.mechanics.on_rope.wind import update_wind
 from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.point import slope, value
 from cable_twin.mechanics.solution.bundle.clamp import find_clamps, worst_clamp_gap
-from cable_twin.mechanics.solution.bundle.records import GOOD, LONGEST_GAP, STATE, copy_ropes, rope_of
+from cable_twin.mechanics.solution.bundle.records import (
+    GOOD,
+    LONGEST_GAP,
+    STATE,
+    copy_motion,
+    copy_ropes,
+    rope_of,
+    take_motion,
+)
 from cable_twin.mechanics.solution.newton import solve_increments
 
 MAX_RELAXATIONS = 5000
@@ -99,7 +107,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
     Args:
         bundle: ropes and what couples them.
         moving: motion of that.
-        good: scratch of the shape of `moving`.
+        good: scratch for a copy of `moving`.
         scratch: of the solver for couplings.
         system: parameters of any of the ropes, for their type.
         state: motion of any, likewise.
@@ -125,7 +133,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
     for iteration in range(iterations):
         if bundle.coupled:
             find_clamps(bundle, moving, system, state, 0.0)  # what rails carry depends on where a rider stands
-            copy_array(moving.memory, good.memory)
+            copy_motion(moving, good)
         copy_ropes(bundle, STATE, GOOD, state)
         for rope in range(ropes):
             own, here, _ = rope_of(bundle, rope, system, state, work)
@@ -147,7 +155,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
             copy_ropes(bundle, GOOD, STATE, state)
             mass_factor *= 8.0
             if bundle.coupled:
-                copy_array(good.memory, moving.memory)
+                take_motion(good, moving)
                 scratch.closing[0] *= 0.5
             continue
         closed = True

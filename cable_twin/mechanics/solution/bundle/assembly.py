@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_twin.mechanics.language.addresses import Addresses
 from cable_twin.mechanics.language.by_reference import Known, pack
-from cable_twin.mechanics.language.declared import Kept, clone, write
+from cable_twin.mechanics.language.declared import Kept, write
 from cable_twin.mechanics.parameters import DriveLimits, FloatArray, IntArray, System
 from cable_twin.mechanics.readout.sections import Sections
 from cable_twin.mechanics.solution.bundle.elimination import lines_of, order_of
@@ -89,7 +89,7 @@ class Assembly:
     Attributes:
         bundle: parameters of couplings, and where the records of each rope are.
         moving: motion of couplings.
-        spare: two more of that.
+        spare: two more of that, without the response to bullwheels.
         scratch: of the solver, for couplings.
     """
 
@@ -135,12 +135,13 @@ class Assembly:
             ),
             sheaves=given.sheaves,
         )
-        first_motion = allocate_bundle_state(self.bundle)
+        vehicles, patch = first.work.patch.shape[0], max(rope.work.patch.shape[1] for rope in ropes)
+        first_motion = allocate_bundle_state(self.bundle, vehicles, patch)
         if like:
             write(first_motion, like.moving)
         self.moving: BundleState = like.moving if like else first_motion
-        self.spare: tuple[BundleState, BundleState] = like.spare if like else (clone(first_motion), clone(first_motion))
-        vehicles, patch = first.work.patch.shape[0], max(rope.work.patch.shape[1] for rope in ropes)
+        none_kept = [allocate_bundle_state(self.bundle, vehicles, patch, kept=0) for _ in range(2)]
+        self.spare: tuple[BundleState, ...] = like.spare if like else tuple(none_kept)
         self.scratch: BundleWork = like.scratch if like else allocate_bundle_work(self.bundle, vehicles, patch)
         # packed once: of several assemblies that take turns, each would otherwise be packed anew in its turn
         self._couplings = tuple(map(pack, (self.bundle, self.moving, *self.spare, self.scratch)))

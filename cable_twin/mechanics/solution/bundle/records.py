@@ -7,7 +7,8 @@ from typing import Annotated, NamedTuple
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.declared import Memory, Of, Range, allocate, ranges_of
+from cable_twin.mechanics.language.declared import LATEST, Memory, Of, Range, allocate, ranges_of
+from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.parameters import DriveLimits, FloatArray, IntArray
 from cable_twin.mechanics.state import PLACE, Course, Drives, Motion, copy_state
 
@@ -16,7 +17,8 @@ from cable_twin.mechanics.state import PLACE, Course, Drives, Motion, copy_state
 SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
-FLAG, SIGN = Range(0, 1), Range(-1, 1)
+FLAG, SIGN, KEY = Range(0, 1), Range(-1, 1), Range(-1, LATEST)
+SERVES = 10  # iterations for which the response of the ropes to their bullwheels serves, once found
 LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
 
 
@@ -153,6 +155,24 @@ class BullwheelMotion(NamedTuple):
 
 
 @by_reference
+class WheelResponse(NamedTuple):
+    """Response of the ropes to their bullwheels, kept from step to step, with what it was found for."""
+
+    left: Annotated[IntArray, Of("kept", 1), Range(0, SERVES)]  # iterations for which it may still serve
+    mass_factor: Annotated[FloatArray, Of("kept", 1, unit="1/s²")]  # of the integrator
+    inertia: Annotated[FloatArray, Of("kept", 1, unit="kg")]  # of all bodies
+    active: Annotated[IntArray, Of("kept", "coordinate"), FLAG]  # 1 of a coordinate that is an unknown
+    joints: Annotated[IntArray, Of("kept", "vehicle"), KEY]  # element of each vehicle, and how it is held there
+    clamps: Annotated[IntArray, Of("kept", "clamp"), KEY]  # which element of a rope each holds
+    wheels: Annotated[FloatArray, Of("kept", "coordinate", "coordinate")]  # of the equations of the wheels
+    of_nodes: Annotated[
+        FloatArray, Of("kept", "node", "wheel", 2, "dim²")
+    ]  # minus the increments of nodes by rope over a wheel, column 0, and by its carriage, column 1
+    of_clamps: Annotated[FloatArray, Of("kept", "clamp", "wheel", 2, "dim²")]  # the same of the clamps
+    of_loads: Annotated[FloatArray, Of("kept", "vehicle", "patch", "wheel")]  # of loads at nodes, by rope over a wheel
+
+
+@by_reference
 class BundleState(NamedTuple):
     """Motion of bullwheels, clamps and pantographs, beside the states of the ropes."""
 
@@ -169,6 +189,7 @@ class BundleState(NamedTuple):
     tight: Annotated[IntArray, Of("contact"), FLAG]  # of connectors, then pantographs: 1 where it pulled or touched at
     # the last look
     sheaves: BullwheelMotion  # so called in files of snapshots, as the section of a scenario is
+    response: WheelResponse  # last: a copy for the time of a step is without it
     memory: Memory  # all of these
 
 
@@ -219,6 +240,7 @@ class BundleWork(NamedTuple):
     ]  # of both strands: forces on rope over it and on its carriage, by slope of the end and both vectors beside that
     wheel_matrix: Annotated[FloatArray, Of("coordinate", "coordinate")]  # of the wheels by themselves: rope, carriage
     wheel_increment: Annotated[FloatArray, Of("coordinate", unit="m")]  # their right side, then their increments
+    lagging: Annotated[FloatArray, Of(1, unit="m")]  # what a kept response may leave of the last increment
     memory: Memory  # all of these
 
 
@@ -233,6 +255,18 @@ def rope_of(bundle, rope, system, state, work):
 def copy_ropes(bundle, source, target, state):
     """Copy the states of all ropes, which are in one block of memory, from one column of records to another."""
     copy_state(record_at(bundle.records[0, source], state), record_at(bundle.records[0, target], state))
+
+
+@inlined_kernel
+def copy_motion(moving, kept):
+    """Write the motion of couplings into `kept`, which has no response to bullwheels."""
+    copy_array(moving.memory[: kept.memory.size], kept.memory)
+
+
+@inlined_kernel
+def take_motion(kept, moving):
+    """Write the motion of couplings back from what `copy_motion` has kept."""
+    copy_array(kept.memory, moving.memory[: kept.memory.size])
 
 
 BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `arrays_of` names them
@@ -261,9 +295,12 @@ def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
     }
 
 
-def allocate_bundle_state(bundle: Bundle) -> BundleState:
-    """Allocate the state of bullwheels, clamps and pantographs at rest."""
-    return allocate(BundleState, sizes_of_bundle(bundle))
+def allocate_bundle_state(bundle: Bundle, vehicles: int = 0, patch: int = 0, kept: int = 1) -> BundleState:
+    """Allocate the state of bullwheels, clamps and pantographs at rest; with `kept` 0 without response to bullwheels.
+
+    Of `vehicles` on the ropes those at a node have `patch` rows.
+    """
+    return allocate(BundleState, sizes_of_bundle(bundle) | {"vehicle": vehicles, "patch": patch, "kept": kept})
 
 
 def bullwheels_at_rest(count: int) -> BullwheelMotion:

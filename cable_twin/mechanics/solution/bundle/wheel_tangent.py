@@ -4,7 +4,8 @@ A wheel has two coordinates w, the rope u that goes over it where forces move th
 where a counterweight pulls that. All of both strands feels them: K Δe + G Δw = R, with G the column of each node. The
 forces of a strand on its end, which the equations of the wheel have, are those of the end node before its support,
 R - K Δe - G Δw there. So the ropes are solved for R and for the columns G at once, x - Z Δw, and what is left are as
-many equations as wheels have coordinates.
+many equations as wheels have coordinates. Z hardly changes from step to step and is kept for some: that is Newton's
+method with an older tangent for the increments of the wheels alone.
 
 The stretch, by which rope over the wheel counts, and the tangent of the rope at its end are varied, too. Drives,
 hydraulic cylinders and whether the rope slips are found before the iteration, and no part of it.
@@ -16,6 +17,7 @@ from math import sqrt
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.memory import add_array, copy_array
 from cable_twin.mechanics.language.vectors import (
     accumulate,
     add_scaled,
@@ -33,16 +35,17 @@ from cable_twin.mechanics.on_rope.presence import rides
 from cable_twin.mechanics.rope.flow_tangent import add_flow_tangent, place_by_flow, share_of_end
 from cable_twin.mechanics.rope.patch import at_node, beside_load, follows
 from cable_twin.mechanics.rope.patch_assembly import add_patch_differences, shifts
-from cable_twin.mechanics.rope.point import patch_row, point_at, slope
+from cable_twin.mechanics.rope.point import element_at, patch_row, point_at, slope
 from cable_twin.mechanics.solution.bundle.bullwheels import (
     NOTHING,
     missing_rope,
     missing_travel,
     tension_shares,
 )
-from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, SYSTEM, WORK, rope_of
+from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, SERVES, STATE, SYSTEM, WORK, rope_of
 
 ROPE, CARRIAGE = range(2)  # coordinates of a wheel, and columns of its block
+LAGGING = 0.4  # of a wheel's increment, most that a kept response leaves wrong at any node
 PART = 1e-5  # m, of rope over a wheel, for the difference that stands for a derivative beside loads
 
 
@@ -58,18 +61,29 @@ def is_active(sheaves, motion, sheave, kind):
 def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
     """Find the columns of all wheels whose coordinates are unknown, and those of loads at nodes, not condensed yet.
 
-    Bullwheels take part where ropes move in time, with a rate factor.
+    Bullwheels take part where ropes move in time, with a rate factor. There are no columns to solve for where the
+    response of an earlier iteration still serves.
     """
     sheaves, motion = bundle.sheaves, moving.sheaves
     scratch.slots[:] = 0
-    scratch.patch_columns[:] = 0.0
+    scratch.lagging[0] = 0.0
     if sheaves.inertia.size == 0 or rate_factor == 0.0:
+        moving.response.left[:] = 0
         return
     scratch.wheel_matrix[:] = 0.0
     scratch.slot[:] = -1
     for sheave in range(sheaves.inertia.size):
         if is_active(sheaves, motion, sheave, ROPE) or is_active(sheaves, motion, sheave, CARRIAGE):
             take_slots(bundle, scratch, sheave)
+    if still_serves(bundle, moving, scratch, system, state, mass_factor):
+        scratch.slots[:] = 0
+        return
+    active = False
+    for rope in range(scratch.slots.size):
+        active = active or scratch.slots[rope] > 0
+    moving.response.left[0, 0] = SERVES if active else 0
+    moving.response.wheels[:] = 0.0
+    scratch.patch_columns[:] = 0.0
     clear_columns(bundle, scratch)
     for sheave in range(sheaves.inertia.size):
         if is_active(sheaves, motion, sheave, ROPE):
@@ -79,6 +93,56 @@ def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate
                 if own.cable.load_nodes:
                     columns, slot = scratch.patch_columns, scratch.slot[sheave, rope]
                     add_patch_columns(own, here, room, 1 - side, mass_factor, rate_factor, columns, slot)
+
+
+@kernel
+def still_serves(bundle, moving, scratch, system, state, mass_factor):
+    """Return whether the kept response of the ropes still serves; if not, note what the next one is found for.
+
+    It hardly changes from step to step, and a wheel's increment is small. Where a vehicle or a clamp comes to another
+    element, bodies get another mass, or other coordinates of wheels are unknown, it is found anew.
+    """
+    response = moving.response
+    serves = response.left[0, 0] > 0
+    response.left[0, 0] = max(response.left[0, 0] - 1, 0)
+    serves = is_as_noted(response.mass_factor[0], 0, mass_factor) and serves
+    for sheave in range(bundle.sheaves.inertia.size):
+        for kind in range(2):
+            active = 1 if is_active(bundle.sheaves, moving.sheaves, sheave, kind) else 0
+            serves = is_as_noted(response.active[0], 2 * sheave + kind, active) and serves
+    first, here = record_at(bundle.records[0, SYSTEM], system), record_at(bundle.records[0, STATE], state)
+    inertia = 0.0
+    for body in range(first.carriages.mass.size):
+        inertia += first.carriages.mass[body]
+    serves = is_as_noted(response.inertia[0], 0, inertia) and serves
+    for vehicle in range(here.vehicle_rope.size):
+        place = -1
+        if here.attached[vehicle]:
+            place = 4 * (bundle.offset[here.vehicle_rope[vehicle]] + here.joint_element[vehicle])
+            place += (1 if here.node_follows[vehicle] else 0) + (2 if here.clamp_holds[vehicle] else 0)
+        serves = is_as_noted(response.joints[0], vehicle, place) and serves
+    for clamp in range(bundle.clamps.rope.size):
+        other, place = moving.clamp_rope[clamp], -1
+        if other >= 0:
+            cable = record_at(bundle.records[other, SYSTEM], system).cable
+            there = record_at(bundle.records[other, STATE], state)
+            place = bundle.offset[other] + element_at(cable, there, moving.clamp_place[clamp])
+        serves = is_as_noted(response.clamps[0], clamp, place) and serves
+    return serves
+
+
+@inlined_kernel
+def is_found_now(response):
+    """Return whether the response of the ropes to their bullwheels is found in this iteration."""
+    return response.left[0, 0] == SERVES
+
+
+@inlined_kernel
+def is_as_noted(noted, row, value):
+    """Return whether a value is the one that is noted in a row; it is noted there."""
+    same = noted[row] == value
+    noted[row] = value
+    return same
 
 
 @kernel
@@ -94,7 +158,7 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
             wheel_columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
             carry_columns(here, scratch.patch_columns, scratch.slots[rope], wheel_columns, own.cable.gravity)
     for sheave in range(sheaves.inertia.size):
-        if is_active(sheaves, motion, sheave, ROPE):
+        if is_active(sheaves, motion, sheave, ROPE) and is_found_now(moving.response):
             for side in range(2):
                 rope = sheaves.rope[sheave, side]
                 own, here, room = rope_of(bundle, rope, system, state, work)
@@ -105,7 +169,7 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
     for sheave in range(sheaves.inertia.size):
         read_ends(bundle, motion, sheave, system, state, work)
     for sheave in range(sheaves.inertia.size):
-        write_equations(bundle, motion, scratch, sheave, system, state, work, mass_factor, rate_factor)
+        write_equations(bundle, moving, scratch, sheave, system, state, work, mass_factor, rate_factor)
 
 
 @kernel
@@ -290,9 +354,9 @@ def read_ends(bundle, motion, sheave, system, state, work):
 
 
 @kernel
-def write_equations(bundle, motion, scratch, sheave, system, state, work, mass_factor, rate_factor):
+def write_equations(bundle, moving, scratch, sheave, system, state, work, mass_factor, rate_factor):
     """Write the equations of a wheel: right side, own coordinates, and the rows of both ends of strands."""
-    sheaves, like, first = bundle.sheaves, system.cable.gravity, 2 * sheave
+    sheaves, motion, like, first = bundle.sheaves, moving.sheaves, system.cable.gravity, 2 * sheave
     right, matrix = scratch.wheel_increment, scratch.wheel_matrix
     right[first : first + 2] = 0.0
     matrix[first, first], matrix[first + 1, first + 1] = 1.0, 1.0
@@ -327,10 +391,11 @@ def write_equations(bundle, motion, scratch, sheave, system, state, work, mass_f
             if is_active(sheaves, motion, sheave, CARRIAGE):
                 by_travel = product(load(room.diagonal[node, 0, 0], square), direction)
                 matrix[first + kind, first + 1] += dot(weight, by_travel)
-            for other in range(sheaves.inertia.size):
+            for other in range(sheaves.inertia.size if is_found_now(moving.response) else 0):
                 if is_active(sheaves, motion, other, ROPE) and scratch.slot[other, rope] >= 0:
                     column = scratch.wheel_columns[bundle.offset[rope] + node, scratch.slot[other, rope], 0]
-                    matrix[first + kind, 2 * other] += dot(weight, load(column[:: len(like)], like))
+                    by_rope = dot(weight, load(column[:: len(like)], like))
+                    moving.response.wheels[0, first + kind, 2 * other] += by_rope
 
 
 @kernel
@@ -339,6 +404,8 @@ def add_travel(bundle, moving, scratch, system, state, work):
 
     Needs all that couples ropes assembled, before supports hold them.
     """
+    if not is_found_now(moving.response):
+        return
     sheaves, like = bundle.sheaves, system.cable.gravity
     square = outer(0.0, like, like)
     add_clamped(bundle, moving, scratch, system, state, work)
@@ -399,12 +466,19 @@ def add_clamped(bundle, moving, scratch, system, state, work):
 def recover_wheels(bundle, moving, scratch, system, state, work):
     """Increments of all bullwheels from the solutions of the ropes, in `wheel_increment`, and the ropes' response.
 
+    The response is kept; of an increment with one that was kept, a part is wrong, `LAGGING` of it at most.
+
     Returns:
         Whether the equations of the wheels have a solution, and its largest increment (m).
     """
-    sheaves, motion, largest = bundle.sheaves, moving.sheaves, 0.0
+    sheaves, motion, response, largest = bundle.sheaves, moving.sheaves, moving.response, 0.0
+    if is_found_now(response):
+        copy_array(scratch.wheel_columns, response.of_nodes[0])
+        copy_array(scratch.clamp_columns, response.of_clamps[0])
+        copy_array(scratch.patch_columns, response.of_loads[0])
     for sheave in range(sheaves.inertia.size):
-        subtract_ropes(bundle, scratch, sheave, system, state, work)
+        subtract_ropes(bundle, response, scratch, sheave, system, state, work)
+    add_array(response.wheels[0], scratch.wheel_matrix)
     if not solve_dense(scratch.wheel_matrix, scratch.wheel_increment):
         return False, largest
     for sheave in range(sheaves.inertia.size):
@@ -415,11 +489,12 @@ def recover_wheels(bundle, moving, scratch, system, state, work):
             for side in range(2):
                 own, here, room = rope_of(bundle, sheaves.rope[sheave, side], system, state, work)
                 carry_vehicles(own, here, room, 1 - side, moved)
+    scratch.lagging[0] = 0.0 if is_found_now(response) else LAGGING * largest
     return True, largest
 
 
 @kernel
-def subtract_ropes(bundle, scratch, sheave, system, state, work):
+def subtract_ropes(bundle, response, scratch, sheave, system, state, work):
     """Subtract the solutions of both strands from the equations of a wheel."""
     like = system.cable.gravity
     for side in range(2):
@@ -430,20 +505,20 @@ def subtract_ropes(bundle, scratch, sheave, system, state, work):
                 where, i = (node, 1) if k == 0 else (beside, k - 1)
                 by = load(rows[k], like)
                 scratch.wheel_increment[row] -= dot(by, load(room.right_side[where, i], like))
-                for other in range(bundle.sheaves.inertia.size):
+                for other in range(bundle.sheaves.inertia.size if is_found_now(response) else 0):
                     slot = scratch.slot[other, rope]
                     if slot >= 0:
-                        columns = scratch.wheel_columns[bundle.offset[rope] + where, slot, i]
+                        columns = response.of_nodes[0, bundle.offset[rope] + where, slot, i]
                         for j in range(2):
                             column = load(columns[j :: len(like)], like)
-                            scratch.wheel_matrix[row, 2 * other + j] -= dot(by, column)
+                            response.wheels[0, row, 2 * other + j] -= dot(by, column)
 
 
 @kernel
 def answer_wheel(bundle, moving, scratch, sheave, system, state, work):
     """Subtract the response to the increments of a bullwheel from the solutions of all coupled ropes and clamps."""
     like = system.cable.gravity
-    axes, square = unit_matrix(like), outer(0.0, like, like)
+    axes, square, response = unit_matrix(like), outer(0.0, like, like), moving.response
     moved, travelled = scratch.wheel_increment[2 * sheave], scratch.wheel_increment[2 * sheave + 1]
     increments = add_scaled(-moved, axes[0], scale(-travelled, axes[1]))
     for rope in range(scratch.slots.size):
@@ -452,20 +527,20 @@ def answer_wheel(bundle, moving, scratch, sheave, system, state, work):
             right_side = record_at(bundle.records[rope, WORK], work).right_side
             for node in range(right_side.shape[0]):
                 for i in range(2):
-                    answer = product(load(scratch.wheel_columns[at + node, slot, i], square), increments)
+                    answer = product(load(response.of_nodes[0, at + node, slot, i], square), increments)
                     accumulate(answer, right_side[node, i])
             own, here, room = rope_of(bundle, rope, system, state, work)
             for node in range(here.node_load.size if own.cable.load_nodes else 0):
                 number = here.node_load[node]
                 if number >= 0:
                     for row in range(2 * len(like), 5 * len(like) + 1):
-                        by_rope = scratch.patch_columns[number, row, slot]
+                        by_rope = response.of_loads[0, number, row, slot]
                         room.patch[number, row, room.patch.shape[1]] -= moved * by_rope
     for clamp in range(bundle.clamps.rope.size):
         slot = scratch.slot[sheave, bundle.clamps.rope[clamp]]
         if slot >= 0 and moving.clamp_rope[clamp] >= 0:
             for i in range(2):
-                answer = product(load(scratch.clamp_columns[clamp, slot, i], square), increments)
+                answer = product(load(response.of_clamps[0, clamp, slot, i], square), increments)
                 accumulate(answer, scratch.clamp_right[clamp, i])
 
 
