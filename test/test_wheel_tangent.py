@@ -5,12 +5,16 @@ linear equations, and nothing else with it: so all derivatives by its coordinate
 and clamps, and of the wheel's own equations.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from cable_twin.mechanics.parameters import FREE
 from cable_twin.mechanics.solution.bundle.bullwheels import NOTHING, ROPE, WHEEL, correct_bullwheels, propagate_wheels
 from cable_twin.mechanics.solution.bundle.clamp import follow_clamps
+from cable_twin.mechanics.solution.bundle.records import SERVES
+from cable_twin.mechanics.solution.bundle.wheel_tangent import LAGGING
 from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors
 from cable_twin.mechanics.solution.newton import solve_increments
 from cable_twin.scenario import load_scenario
@@ -38,6 +42,7 @@ class Solver:
     def solve(self):
         """Solve once; returns the increments (nodes,) in m of all ropes."""
         engine, first = self.engine, self.first
+        engine.moving.response.left[:] = 0  # found anew, not kept from another solution
         solved, _, _ = solve_increments(
             engine.bundle,
             engine.moving,
@@ -117,3 +122,43 @@ def test_wheels_of_a_chairlift_go_back_alone(changes, coordinates, joint):
 @pytest.mark.parametrize("joint", ["paper", "node"])
 def test_wheels_of_a_jig_back_in_space_go_back_alone(joint):
     assert check(under_way("jig_back", joint=joint, **{"drives.haul_rope.speed": 2.0})) == 2
+
+
+@pytest.fixture
+def chairlift_pair():
+    """Two simulations of a chairlift under way, at equal states."""
+    pair = [Simulation(load_scenario("chairlift", {"drives.haul_rope.speed": 2.5})) for _ in range(2)]
+    for one in pair:
+        one.advance_to(1.3)
+    return pair
+
+
+def test_a_kept_response_leaves_less_than_it_is_said_to(chairlift_pair):
+    """One step from equal states: with the response that was kept, and with one that is found in it."""
+    kept, anew = chairlift_pair
+    lagged = 0
+    for step in range(60):
+        if step == 20:
+            for one in (kept, anew):
+                one.emergency_stop()
+        anew.restore(dataclasses.replace(kept.capture(), scenario=anew.scenario))
+        anew._engine.moving.response.left[:] = 0  # so that the next iteration finds it
+        iterations = [one.advance_to(one.time + STEP).solver.iterations for one in (kept, anew)]
+        if kept._engine.moving.response.left[0, 0] == SERVES or iterations != [1, 1]:
+            continue
+        lagged += 1
+        moved = np.abs(kept._engine._ropes.scratch.wheel_increment).max()
+        for name, part in kept.parts.items():
+            apart = part.state.nodes.position[:, 0] - anew.parts[name].state.nodes.position[:, 0]
+            assert np.abs(apart).max() <= LAGGING * moved
+    assert lagged > 40
+
+
+def test_a_restored_simulation_goes_on_with_the_response_that_it_had(chairlift_pair):
+    one, other = chairlift_pair
+    one.advance_to(one.time + 13 * STEP)  # between two times that the response is found
+    assert 0 < one._engine.moving.response.left[0, 0] < SERVES
+    other.restore(dataclasses.replace(one.capture(), scenario=other.scenario))
+    for simulation in (one, other):
+        simulation.advance_to(simulation.time + 1.0)
+    assert np.array_equal(one.snapshot.numbers, other.snapshot.numbers, equal_nan=True)

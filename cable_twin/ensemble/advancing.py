@@ -106,9 +106,9 @@ def advance_member(code, queue, member, budget, members, looks, bundles, argumen
         steps = min(members.left[member], looks.most)
         if watched or (looks.exchanges and changed_places(members, member, state) != NOBODY):
             steps = min(steps, looks.period - state.clock[0] % looks.period)
-        budget -= steps
         outcome = call_integrator(code, (bundle, moving, good, before, scratch, system, state, work, steps))
         take_outcome(members, member, outcome)
+        budget -= outcome[1]  # which may be fewer
         going = outcome[0]
         attention = wheels_gone_back(moving.sheaves) > 0 and not members.stopped[member]
         if going and state.clock[0] % looks.period == 0:

@@ -311,7 +311,8 @@ class Engine:
         """Arguments of kernels below the integrator by parameter name; only their types count."""
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
-        inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves, "moving_before": moving}
+        inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves}
+        inner |= {"moving_before": moving, "response": moving.response}
         inner["wheel_columns"] = self._ropes.scratch.wheel_columns
         inner["patch_columns"] = self._ropes.scratch.patch_columns
         counts = (
