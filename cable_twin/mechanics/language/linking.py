@@ -112,6 +112,14 @@ class _Library(JITCodeLibrary):
                 passes, builder = self._codegen._function_pass_manager()
                 passes.run(function, builder)
 
+    def _optimize_final_module(self) -> None:
+        """Optimise in one round, with neighbouring numbers of vectors and matrices as lanes of SIMD registers.
+
+        numba has a round before, for the counts of references that kernels do not have, and no such lanes.
+        """
+        passes, builder = self._codegen._module_pass_manager(slp_vectorize=True)
+        passes.run(self._final_module, builder)
+
     def finalize(self) -> None:
         """Link all parts, each once, and generate machine code."""
         libraries = dict.fromkeys(self._linking_libraries)
