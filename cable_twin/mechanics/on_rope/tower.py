@@ -233,13 +233,16 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
 
 @kernel
 def settle_towers(cable, towers, state):
-    """End a step: update all contacts, and store mobilised friction and normal load of each tower."""
+    """End a step: store mobilised friction and normal load of each tower.
+
+    Contacts are where the last iteration had them: of how deep the rope is in one, its move since then is a second
+    order, and the friction of the step is that of the way which the iteration had.
+    """
     for tower in range(towers.top.shape[0]):
         total = 0.0
         for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
-            touching, point = find_contact(cable, towers, state, contact)
-            if touching:
-                total += force_at(cable, towers, state, contact, point)[1]
+            _, _, _, normal, depth, moving = contact_frame(cable, towers, state, contact)
+            total += normal_force(towers, contact, depth, -dot(normal, moving))[0]
             state.contact_deflection[contact], _ = mobilise(
                 slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact]
             )
