@@ -77,7 +77,7 @@ def test_direction_at_a_joint_turns_with_the_cable_and_along_it():
 
     def pitch(e, s):
         moved = changed(state, nodes_position=state.nodes.position + e, joints_position=state.joints.position + s)
-        return np.array(cable_direction(system.cable, moved, 0).orientation)
+        return np.array([tangent_pitch(cable_direction(system.cable, moved, 0).orientation)])
 
     rate = cable_direction(system.cable, state, 0).spin[0]
     along = turn_along(system, state)
@@ -93,7 +93,9 @@ def test_springs_are_in_the_energy():
     system, state, _ = hinged_system()
     bare = system._replace(carriages=system.carriages._replace(hinge_stiffness=np.zeros(2)))
     pitches = state.bodies.position[:, 2]
-    angles = np.array([pitches[0] - cable_direction(system.cable, state, 0).orientation[0], pitches[1] - pitches[0]])
+    angles = np.array(
+        [pitches[0] - tangent_pitch(cable_direction(system.cable, state, 0).orientation), pitches[1] - pitches[0]]
+    )
     more = energies(system, state)[1] - energies(bare, state)[1]
     assert more == pytest.approx(0.5 * float(np.sum(system.carriages.hinge_stiffness * angles**2)), rel=1e-9)
 
@@ -106,7 +108,7 @@ def test_rest_with_springs_balances_moments():
     joint = simulation.snapshot.carriages["one"].position
     weights = carriages.mass * 9.81
     about = [[joint[0], joint[2]], q[0, :2] + turned(q[0, 2], carriages.lower_pivot[0])]
-    direction = cable_direction(system.cable, for_kernels(simulation)[0], 0).orientation[0]
+    direction = tangent_pitch(cable_direction(system.cable, for_kernels(simulation)[0], 0).orientation)
     angles = q[0, 2] - direction, q[1, 2] - q[0, 2]
     for body in range(2):
         # the moment about y of a force (0, -w) at an arm of x is w x

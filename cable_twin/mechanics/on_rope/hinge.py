@@ -32,12 +32,13 @@ from cable_twin.mechanics.language.vectors import (
     transpose,
     unit_matrix,
 )
+from cable_twin.mechanics.on_rope.tangent_hinge import tangent_pitch
 
 
 class Above(NamedTuple):
     """Orientation and angular velocity of the cable at a joint."""
 
-    orientation: Any  # (1,) its pitch in rad; in space its unit tangent (3,)
+    orientation: Any  # in a plane r_x (2,); in space its unit tangent (3,)
     spin: Any  # (turns,) rad/s, of its tangent
 
 
@@ -81,10 +82,10 @@ def hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, l
 
 @inlined_kernel
 def _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate_factor):
-    pitch, rate = above.orientation[0], above.spin[0]
-    if not first:
-        pitch, rate = state.bodies.position[body - 1, 2], state.bodies.velocity[body - 1, 2]
-    angle, turning = state.bodies.position[body, 2] - pitch, state.bodies.velocity[body, 2] - rate
+    rate = above.spin[0] if first else state.bodies.velocity[body - 1, 2]
+    angle, turning = 0.0, state.bodies.velocity[body, 2] - rate
+    if carriages.hinge_stiffness[body] > 0.0:
+        angle = hinge_angle(state, body, first, above)
     moment, by_angle, by_rate = hinge_moment(carriages, body, angle, turning)
     stiff = stiffness_factor * by_angle + rate_factor * by_rate
     return Joint((moment,), ((stiff,),), ((stiff,),), (by_angle, by_rate), 0.0, 0)
@@ -104,7 +105,8 @@ def joint_axes(state, body, first, tangent):
 def hinge_angle(state, body, first, above):
     """Pitch angle (rad) of a body relative to the body or cable above, for its spring."""
     if len(above.spin) == 1:
-        return state.bodies.position[body, 2] - (above.orientation[0] if first else state.bodies.position[body - 1, 2])
+        over = tangent_pitch(above.orientation) if first else state.bodies.position[body - 1, 2]
+        return state.bodies.position[body, 2] - over
     return joint_axes(state, body, first, above.orientation)[3]
 
 

@@ -39,9 +39,9 @@ def tangent_pitch(r_x):
 
 @kernel
 def tangent_orientation(r_x: Vector) -> Vector:
-    """Pitch (1,) in rad of a cable with slope r_x, or in space its unit tangent (3,)."""
+    """Unit tangent (3,) of a cable with slope r_x; in a plane r_x (2,), whose pitch only springs ask for."""
     if len(r_x) == 2:
-        return (tangent_pitch(r_x),)
+        return r_x
     return scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
 
 
