@@ -292,6 +292,150 @@ def substitute_one(right_side, columns, count, node, inner, factor, like):
         less_neighbour(by, columns[inner, b], columns[node, b], square)
 
 
+@inlined_kernel
+def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, done, like):
+    """Eliminate the nodes of a run between two nodes that are kept, `before` and `after`, but the first `done` ones.
+
+    The couplings of both come to `upper[before]` and `lower[after - 1]`. Takes the other arguments of `solve_columns`.
+
+    Returns:
+        -1, or the number of a node whose block has no inverse.
+    """
+    square = outer(0.0, like, like)
+    for node in range(before + 1 + done, after):
+        factors, missing = factor_node(load_node(diagonal[node], square))
+        if missing != 0.0:
+            return node
+        known = solve_pair(factors, load_pair(right_side[node], like))
+        left = solve_node(factors, load_node(lower[node - 1], square))
+        factor = solve_node(factors, load_node(upper[node], square))
+        for b in range(count):
+            store_pair(solve_pair(factors, load_pair(columns[node, b], square)), columns[node, b])
+        store_pair(known, right_side[node])
+        store_node(left, lower[node - 1])
+        store_node(factor, upper[node])
+        on, out = load_node(lower[node], square), load_node(upper[before], square)
+        take_run(diagonal, right_side, columns, count, node, before, out, left, known, like)
+        take_run(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
+        store_node(minus_nodes(no_node(like), multiply_nodes(on, left)), lower[node])
+        store_node(minus_nodes(no_node(like), multiply_nodes(out, factor)), upper[before])
+    return -1
+
+
+@inlined_kernel
+def take_run(diagonal, right_side, columns, count, node, kept, coupling, factor, known, like):
+    """Subtract an eliminated node of a run from the equations of another one, as `take_in`."""
+    square = outer(0.0, like, like)
+    block, right = load_node(diagonal[kept], square), load_pair(right_side[kept], like)
+    block, right = without(block, right, coupling, factor, known)
+    store_node(block, diagonal[kept])
+    store_pair(right, right_side[kept])
+    for b in range(count):
+        less_neighbour(coupling, columns[node, b], columns[kept, b], square)
+
+
+@inlined_kernel
+def eliminate_two_runs(diagonal, upper, lower, right_side, columns, count, runs, like):
+    """Eliminate two runs of nodes, `runs` as (before, after) each, beside each other in one register.
+
+    What is longer of one is eliminated after that; arguments and result as of `eliminate_run`.
+    """
+    square = outer(0.0, like, like)
+    (one, one_after), (other, other_after) = runs
+    shorter = min(one_after - one, other_after - other) - 1
+    nothing, none = no_node(like), (scale(0.0, like), scale(0.0, like))
+    factor, left, on_kept = beside(nothing, nothing), beside(nothing, nothing), beside(nothing, nothing)
+    known, right_of_kept = beside(none, none), beside(none, none)
+    coupling, out = factor, factor
+    for k in range(1, shorter + 1):
+        a, b = one + k, other + k
+        block = beside(load_node(diagonal[a], square), load_node(diagonal[b], square))
+        right = load_both(right_side[a], right_side[b], like)
+        if k == 1:
+            left = beside(load_node(lower[one], square), load_node(lower[other], square))
+            out = beside(load_node(upper[one], square), load_node(upper[other], square))
+        else:
+            coupling = beside(load_node(lower[a - 1], square), load_node(lower[b - 1], square))
+            block, right = without(block, right, coupling, factor, known)
+            left = minus_nodes(beside(nothing, nothing), multiply_nodes(coupling, left))
+            out = minus_nodes(beside(nothing, nothing), multiply_nodes(out, factor))
+        factors, missing = factor_node(block)
+        if first_of(missing) + second_of(missing) != 0.0:
+            return a if first_of(missing) != 0.0 else b
+        known, left = solve_pair(factors, right), solve_node(factors, left)
+        on_kept, right_of_kept = without(on_kept, right_of_kept, out, left, known)
+        for column in range(count):
+            own = load_both(columns[a, column], columns[b, column], square)
+            if k > 1:
+                last = load_both(columns[a - 1, column], columns[b - 1, column], square)
+                own = subtract_pair(own, apply_node(coupling, last))
+            own = solve_pair(factors, own)
+            store_both(own, columns[a, column], columns[b, column])
+            less_neighbour(first_of(out), columns[a, column], columns[one, column], square)
+            less_neighbour(second_of(out), columns[b, column], columns[other, column], square)
+        factor = solve_node(factors, beside(load_node(upper[a], square), load_node(upper[b], square)))
+        store_both(known, right_side[a], right_side[b])
+        store_node(first_of(left), lower[a - 1])
+        store_node(second_of(left), lower[b - 1])
+        store_node(first_of(factor), upper[a])
+        store_node(second_of(factor), upper[b])
+    if shorter > 0:
+        matrices = diagonal, upper, lower, right_side, columns, count
+        carried = out, left, factor, known, on_kept, right_of_kept
+        hand_run_on(*matrices, one, one + shorter, first_of(carried), like)
+        hand_run_on(*matrices, other, other + shorter, second_of(carried), like)
+    for before, after in runs:
+        stopped = eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, shorter, like)
+        if stopped >= 0:
+            return stopped
+    return -1
+
+
+@inlined_kernel
+def hand_run_on(diagonal, upper, lower, right_side, columns, count, before, node, carried, like):
+    """Take the eliminated nodes of a run, up to `node`, into the equations of the next one and of `before`."""
+    out, left, factor, known, on_kept, right_of_kept = carried
+    square, on = outer(0.0, like, like), load_node(lower[node], outer(0.0, like, like))
+    take_run(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
+    store_node(minus_nodes(load_node(diagonal[before], square), minus_nodes(no_node(like), on_kept)), diagonal[before])
+    rest = subtract_pair((scale(0.0, like), scale(0.0, like)), right_of_kept)
+    store_pair(subtract_pair(load_pair(right_side[before], like), rest), right_side[before])
+    store_node(minus_nodes(no_node(like), multiply_nodes(on, left)), lower[node])
+    store_node(minus_nodes(no_node(like), multiply_nodes(out, factor)), upper[before])
+
+
+@inlined_kernel
+def substitute_two_runs(upper, lower, right_side, columns, count, runs, like):
+    """Back substitution of two runs of nodes beside each other, of what `eliminate_two_runs` eliminated."""
+    square = outer(0.0, like, like)
+    (one, one_after), (other, other_after) = runs
+    shorter = min(one_after - one, other_after - other) - 1
+    substitute_run(upper, lower, right_side, columns, count, one, one_after, shorter, like)
+    substitute_run(upper, lower, right_side, columns, count, other, other_after, shorter, like)
+    kept = load_both(right_side[one], right_side[other], like)
+    known = load_both(right_side[one + shorter + 1], right_side[other + shorter + 1], like)
+    for k in range(shorter, 0, -1):
+        a, b = one + k, other + k
+        factor = beside(load_node(upper[a], square), load_node(upper[b], square))
+        left = beside(load_node(lower[a - 1], square), load_node(lower[b - 1], square))
+        known = subtract_pair(load_both(right_side[a], right_side[b], like), apply_node(factor, known))
+        known = subtract_pair(known, apply_node(left, kept))
+        store_both(known, right_side[a], right_side[b])
+        for column in range(count):
+            after = load_both(columns[a + 1, column], columns[b + 1, column], square)
+            before = load_both(columns[one, column], columns[other, column], square)
+            own = subtract_pair(load_both(columns[a, column], columns[b, column], square), apply_node(factor, after))
+            store_both(subtract_pair(own, apply_node(left, before)), columns[a, column], columns[b, column])
+
+
+@inlined_kernel
+def substitute_run(upper, lower, right_side, columns, count, before, after, done, like):
+    """Back substitution of a run of nodes between two that are known, `before` and `after`, but the first `done`."""
+    for node in range(after - 1, before + done, -1):
+        substitute_one(right_side, columns, count, node, node + 1, upper[node], like)
+        substitute_one(right_side, columns, count, node, before, lower[node - 1], like)
+
+
 @formula
 def less_neighbour(coupling, neighbour, array, like):
     """Subtract the product of a node block and a neighbour's pair from a pair (2, ...), in place; pairs of `like`."""

@@ -19,6 +19,8 @@ from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
     eliminate_ends,
+    eliminate_run,
+    eliminate_two_runs,
     invert_node,
     less_neighbour,
     load_node,
@@ -29,6 +31,8 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     store_node,
     store_pair,
     substitute_ends,
+    substitute_run,
+    substitute_two_runs,
     subtract_pair,
 )
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
@@ -149,12 +153,14 @@ def solve_bundle(bundle, scratch, work, like):
             own = record_at(bundle.records[rope, WORK], work)
             if eliminate_ends(own.diagonal, *ends_of(bundle, rope, own, scratch), like) >= 0:
                 return False
+            if not eliminate_runs(bundle, rope, own, scratch, like):
+                return False
     connector, event, nodes = 0, 0, order.node.size
     for number in range(nodes):
         rope, node = order.rope[number], order.node[number]
-        if not scratch.coupled_from[rope] <= node <= scratch.coupled_to[rope]:
+        if scratch.next_kept[order.first[rope] + node] < 0:
             continue
-        while connector < order.connector_at.size and order.connector_at[connector] == number:
+        while connector < order.connector_at.size and order.connector_at[connector] <= number:
             link(bundle.connectors, connector, scratch, like)
             connector += 1
         touch = scratch.touch[number]
@@ -164,7 +170,7 @@ def solve_bundle(bundle, scratch, work, like):
         if not eliminate(bundle, event, rope, node, scratch, work, like):
             return False
         scratch.sequence[event] = number
-        scratch.front[rope] = node + 1
+        scratch.front[rope] = scratch.next_kept[order.first[rope] + node]
         event += 1
         touch = scratch.touch[number]
         while touch >= 0:
@@ -186,8 +192,51 @@ def solve_bundle(bundle, scratch, work, like):
             substitute_clamp(bundle, event, -1 - number, scratch, work, like)
     for rope in range(ropes):
         if order.joined[rope]:
-            substitute_ends(*ends_of(bundle, rope, record_at(bundle.records[rope, WORK], work), scratch), like)
+            own = record_at(bundle.records[rope, WORK], work)
+            substitute_runs(bundle, rope, own, scratch, like)
+            substitute_ends(*ends_of(bundle, rope, own, scratch), like)
     return True
+
+
+@kernel
+def eliminate_runs(bundle, rope, own, scratch, like):
+    """Eliminate all nodes of a rope between those that something holds to another one, two runs of them at a time."""
+    columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
+    first, node, waiting = bundle.order.first[rope], scratch.coupled_from[rope], -1
+    matrices = own.diagonal, own.upper, own.lower, own.right_side, columns, count
+    while node < scratch.coupled_to[rope]:
+        after = scratch.next_kept[first + node]
+        if after > node + 1:
+            if waiting >= 0:
+                runs = (waiting, scratch.next_kept[first + waiting]), (node, after)
+                if eliminate_two_runs(*matrices, runs, like) >= 0:
+                    return False
+                waiting = -1
+            else:
+                waiting = node
+        node = after
+    if waiting >= 0:
+        return eliminate_run(*matrices, waiting, scratch.next_kept[first + waiting], 0, like) < 0
+    return True
+
+
+@kernel
+def substitute_runs(bundle, rope, own, scratch, like):
+    """Back substitution of what `eliminate_runs` eliminated."""
+    columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
+    first, node, waiting = bundle.order.first[rope], scratch.coupled_from[rope], -1
+    arrays = own.upper, own.lower, own.right_side, columns, count
+    while node < scratch.coupled_to[rope]:
+        after = scratch.next_kept[first + node]
+        if after > node + 1:
+            if waiting >= 0:
+                substitute_two_runs(*arrays, ((waiting, scratch.next_kept[first + waiting]), (node, after)), like)
+                waiting = -1
+            else:
+                waiting = node
+        node = after
+    if waiting >= 0:
+        substitute_run(*arrays, waiting, scratch.next_kept[first + waiting], 0, like)
 
 
 @inlined_kernel
@@ -202,11 +251,12 @@ def ends_of(bundle, rope, own, scratch):
 def note_touches(bundle, scratch):
     """List the clamps coupled to each node, find the coupled nodes of each rope, and clear the front."""
     nodes, ropes, connectors = bundle.order.node.size, bundle.records.shape[0], bundle.connectors
+    scratch.next_kept[:] = -1
     for rope in range(ropes):
         scratch.coupled_from[rope], scratch.coupled_to[rope] = bundle.offset[rope + 1] - bundle.offset[rope], -1
     for connector in range(connectors.length.size):
         for end in range(2):
-            note_coupled(scratch, connectors.rope[connector, end], connectors.node[connector, end])
+            note_coupled(bundle.order, scratch, connectors.rope[connector, end], connectors.node[connector, end])
     scratch.linked[:] = 0
     scratch.front[ropes:] = -1
     scratch.width[0] = ropes
@@ -219,17 +269,26 @@ def note_touches(bundle, scratch):
             touch, number = CLAMP_NODES * clamp + k, bundle.order.number[scratch.clamp_node[clamp, k]]
             scratch.touch[nodes + touch] = scratch.touch[number]
             scratch.touch[number] = touch
-            note_coupled(scratch, bundle.order.rope[number], bundle.order.node[number])
+            note_coupled(bundle.order, scratch, bundle.order.rope[number], bundle.order.node[number])
     for rope in range(ropes):
         if scratch.coupled_to[rope] < 0:
             middle = (bundle.offset[rope + 1] - bundle.offset[rope]) // 2
             scratch.coupled_from[rope], scratch.coupled_to[rope] = middle, middle
+            if bundle.order.joined[rope]:
+                scratch.next_kept[bundle.order.first[rope] + middle] = middle
         scratch.front[rope] = scratch.coupled_from[rope]
+        if bundle.order.joined[rope]:
+            after = scratch.coupled_to[rope]
+            for node in range(scratch.coupled_to[rope], scratch.coupled_from[rope] - 1, -1):
+                at = bundle.order.first[rope] + node
+                if scratch.next_kept[at] >= 0:
+                    scratch.next_kept[at], after = after, node
 
 
 @inlined_kernel
-def note_coupled(scratch, rope, node):
-    """Take a node into the range of coupled nodes of its rope."""
+def note_coupled(order, scratch, rope, node):
+    """Take a node among the coupled ones of its rope."""
+    scratch.next_kept[order.first[rope] + node] = node
     scratch.coupled_from[rope] = min(scratch.coupled_from[rope], node)
     scratch.coupled_to[rope] = max(scratch.coupled_to[rope], node)
 
@@ -299,15 +358,15 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
     lower = no_node(like)
     upper = lower
     if follows:
-        lower = load_node(own.lower[node], square)
+        after = scratch.next_kept[bundle.order.first[rope] + node]
+        lower = load_node(own.lower[after - 1], square)
         upper = multiply_nodes(inverse, load_node(own.upper[node], square))
         store_node(upper, own.upper[node])
-        after = minus_nodes(load_node(own.diagonal[node + 1], square), multiply_nodes(lower, upper))
-        store_node(after, own.diagonal[node + 1])
-        rest = load_pair(own.right_side[node + 1], like)
-        store_pair(subtract_pair(rest, apply_node(lower, right)), own.right_side[node + 1])
+        less = minus_nodes(load_node(own.diagonal[after], square), multiply_nodes(lower, upper))
+        store_node(less, own.diagonal[after])
+        less_neighbour(lower, own.right_side[node], own.right_side[after], like)
         for b in range(count):
-            less_neighbour(lower, columns[b], scratch.wheel_columns[bundle.offset[rope] + node + 1, b], square)
+            less_neighbour(lower, columns[b], scratch.wheel_columns[bundle.offset[rope] + after, b], square)
     eliminate_beside(bundle, event, rope, inverse, right, columns, count, scratch, work, like)
     for other in range(scratch.width[0]):
         if scratch.used[event, other]:
@@ -394,10 +453,10 @@ def substitute(bundle, event, rope, node, scratch, work, like):
     own, square = record_at(bundle.records[rope, WORK], work), outer(0.0, like, like)
     columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
     if node < scratch.coupled_to[rope]:
-        upper, after = load_node(own.upper[node], square), scratch.wheel_columns[bundle.offset[rope] + node + 1]
-        less_neighbour(upper, own.right_side[node + 1], own.right_side[node], like)
+        upper, after = load_node(own.upper[node], square), scratch.next_kept[bundle.order.first[rope] + node]
+        less_neighbour(upper, own.right_side[after], own.right_side[node], like)
         for b in range(count):
-            less_neighbour(upper, after[b], columns[b], square)
+            less_neighbour(upper, scratch.wheel_columns[bundle.offset[rope] + after, b], columns[b], square)
     substitute_beside(bundle, event, own.right_side[node], columns, count, scratch, work, like)
 
 

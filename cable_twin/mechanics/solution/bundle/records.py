@@ -211,6 +211,9 @@ class BundleWork(NamedTuple):
     sequence: Annotated[IntArray, Of("eliminated")]  # what was: the number of a node, or -1 - clamp
     coupled_from: Annotated[IntArray, Of("rope")]  # first node of each rope that something holds to another one now
     coupled_to: Annotated[IntArray, Of("rope")]  # last of them; where there is none, both are a node in the middle
+    next_kept: Annotated[
+        IntArray, Of("ordered")
+    ]  # of each node that something holds to another rope now, the next one of its rope, or itself; else -1
     touch: Annotated[IntArray, Of("touch")]  # first of the clamps' nodes at each node, then the one after each
     member: Annotated[IntArray, Of("clamp")]  # place of each at the front
     nodes_left: Annotated[IntArray, Of("clamp")]  # of its four, that are still to be eliminated
@@ -286,6 +289,7 @@ def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
         "contact": connectors + pantographs,
         "member": (bundle.records.shape[0] if coupled else 0) + clamps,  # of the front: ropes, then clamps
         "eliminated": nodes + clamps,
+        "ordered": nodes,
         "touch": nodes + 4 * clamps,  # nodes, then those of the clamps
         "coordinate": 2 * bundle.sheaves.inertia.size,
         "rope": bundle.records.shape[0],
