@@ -463,27 +463,45 @@ def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
 @formula
 def beside(one: Any, other: Any) -> Any:
     """Pair up the numbers of two tuples of one structure, for formulas on both at once."""
-    if isinstance(one, tuple):
-        return tuple(beside(*both) for both in zip(one, other, strict=True))
-    return as_lanes([one, other])
+    return together([one, other])
+
+
+def together(parts: Sequence[Any]) -> Any:
+    """Join the numbers of tuples of one structure as lanes, for formulas on all at once."""
+    if isinstance(parts[0], tuple):
+        return tuple(together(each) for each in zip(*parts, strict=True))
+    return as_lanes(parts)
+
+
+def apart(lanes: Any, number: int) -> Any:
+    """One of the tuples that `together` has joined, for formulas."""
+    if isinstance(lanes, tuple):
+        return tuple(apart(one, number) for one in lanes)
+    return lane_of(lanes, number)
 
 
 @formula
 def first_of(pairs: Any) -> Any:
     """First number of each pair in a tuple of pairs."""
-    return _lanes_of(pairs, 0)
+    return apart(pairs, 0)
 
 
 @formula
 def second_of(pairs: Any) -> Any:
     """Second number of each pair in a tuple of pairs."""
-    return _lanes_of(pairs, 1)
+    return apart(pairs, 1)
 
 
-def _lanes_of(pairs: Any, number: int) -> Any:
-    if isinstance(pairs, tuple):
-        return tuple(_lanes_of(pair, number) for pair in pairs)
-    return lane_of(pairs, number)
+@formula
+def third_of(groups: Any) -> Any:
+    """Third number of each group in a tuple of groups."""
+    return apart(groups, 2)
+
+
+@formula
+def fourth_of(groups: Any) -> Any:
+    """Fourth number of each group in a tuple of groups."""
+    return apart(groups, 3)
 
 
 def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:

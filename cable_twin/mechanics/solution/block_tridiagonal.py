@@ -9,8 +9,23 @@ A node has two unknown vectors, r and r_x, so its block is a tuple of four matri
 
 from __future__ import annotations
 
+from math import prod
+
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.traced import beside, first_of, formula, second_of
+from cable_twin.mechanics.language.simd import WIDTH
+from cable_twin.mechanics.language.traced import (
+    as_lanes,
+    beside,
+    first_of,
+    formula,
+    fourth_of,
+    lane_of,
+    read_lanes,
+    second_of,
+    third_of,
+    together,
+    write_lanes,
+)
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     adjugate,
@@ -335,60 +350,140 @@ def take_run(diagonal, right_side, columns, count, node, kept, coupling, factor,
 
 
 @inlined_kernel
-def eliminate_two_runs(diagonal, upper, lower, right_side, columns, count, runs, like):
-    """Eliminate two runs of nodes, `runs` as (before, after) each, beside each other in one register.
+def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs, number, like):
+    """Eliminate four runs of nodes beside each other in one register, up to the length of the shortest.
 
-    What is longer of one is eliminated after that; arguments and result as of `eliminate_run`.
+    What is longer of one is eliminated after that. `runs` (4, 2) are the nodes before and after each; of those from
+    `number` on, which repeat others, nothing is taken into the equations of kept nodes. Other arguments and result as
+    of `eliminate_run`.
     """
-    square = outer(0.0, like, like)
-    (one, one_after), (other, other_after) = runs
-    shorter = min(one_after - one, other_after - other) - 1
-    nothing, none = no_node(like), (scale(0.0, like), scale(0.0, like))
-    factor, left, on_kept = beside(nothing, nothing), beside(nothing, nothing), beside(nothing, nothing)
-    known, right_of_kept = beside(none, none), beside(none, none)
-    coupling, out = factor, factor
+    square, zero = outer(0.0, like, like), (scale(0.0, like), scale(0.0, like))
+    at, shorter = shortest_of(runs)
+    no_nodes, nothing = four_times(no_node(like)), four_times(zero)
+    left, out = load_nodes(four(lower, at, 0), square), load_nodes(four(upper, at, 0), square)
+    factor, coupling, on_kept, known, right_of_kept = no_nodes, no_nodes, no_nodes, nothing, nothing
     for k in range(1, shorter + 1):
-        a, b = one + k, other + k
-        block = beside(load_node(diagonal[a], square), load_node(diagonal[b], square))
-        right = load_both(right_side[a], right_side[b], like)
-        if k == 1:
-            left = beside(load_node(lower[one], square), load_node(lower[other], square))
-            out = beside(load_node(upper[one], square), load_node(upper[other], square))
-        else:
-            coupling = beside(load_node(lower[a - 1], square), load_node(lower[b - 1], square))
+        block, right = load_nodes(four(diagonal, at, k), square), load_pairs(four(right_side, at, k), like)
+        if k > 1:
+            coupling = load_nodes(four(lower, at, k - 1), square)
             block, right = without(block, right, coupling, factor, known)
-            left = minus_nodes(beside(nothing, nothing), multiply_nodes(coupling, left))
-            out = minus_nodes(beside(nothing, nothing), multiply_nodes(out, factor))
+            left = minus_nodes(no_nodes, multiply_nodes(coupling, left))
+            out = minus_nodes(no_nodes, multiply_nodes(out, factor))
         factors, missing = factor_node(block)
-        if first_of(missing) + second_of(missing) != 0.0:
-            return a if first_of(missing) != 0.0 else b
+        if first_of(missing) + second_of(missing) + third_of(missing) + fourth_of(missing) != 0.0:
+            return at[0] + k
         known, left = solve_pair(factors, right), solve_node(factors, left)
         on_kept, right_of_kept = without(on_kept, right_of_kept, out, left, known)
-        for column in range(count):
-            own = load_both(columns[a, column], columns[b, column], square)
+        factor = solve_node(factors, load_nodes(four(upper, at, k), square))
+        for b in range(count):
+            column = load_pairs(four_columns(columns, at, k, b), square)
             if k > 1:
-                last = load_both(columns[a - 1, column], columns[b - 1, column], square)
-                own = subtract_pair(own, apply_node(coupling, last))
-            own = solve_pair(factors, own)
-            store_both(own, columns[a, column], columns[b, column])
-            less_neighbour(first_of(out), columns[a, column], columns[one, column], square)
-            less_neighbour(second_of(out), columns[b, column], columns[other, column], square)
-        factor = solve_node(factors, beside(load_node(upper[a], square), load_node(upper[b], square)))
-        store_both(known, right_side[a], right_side[b])
-        store_node(first_of(left), lower[a - 1])
-        store_node(second_of(left), lower[b - 1])
-        store_node(first_of(factor), upper[a])
-        store_node(second_of(factor), upper[b])
-    if shorter > 0:
-        matrices = diagonal, upper, lower, right_side, columns, count
-        carried = out, left, factor, known, on_kept, right_of_kept
-        hand_run_on(*matrices, one, one + shorter, first_of(carried), like)
-        hand_run_on(*matrices, other, other + shorter, second_of(carried), like)
-    for before, after in runs:
-        stopped = eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, shorter, like)
+                before = load_pairs(four_columns(columns, at, k - 1, b), square)
+                column = subtract_pair(column, apply_node(coupling, before))
+            column = solve_pair(factors, column)
+            store_pairs(column, four_columns(columns, at, k, b))
+            on = apply_node(out, column)
+            for run in range(number):
+                less = first_of(on) if run == 0 else second_of(on)
+                if run > 1:
+                    less = third_of(on) if run == 2 else fourth_of(on)
+                store_pair(subtract_pair(load_pair(columns[at[run], b], square), less), columns[at[run], b])
+        store_pairs(known, four(right_side, at, k))
+        store_nodes(left, four(lower, at, k - 1))
+        store_nodes(factor, four(upper, at, k))
+    matrices = diagonal, upper, lower, right_side, columns, count
+    carried = out, left, factor, known, on_kept, right_of_kept
+    for run in range(number if shorter > 0 else 0):
+        own = first_of(carried) if run == 0 else second_of(carried)
+        if run > 1:
+            own = third_of(carried) if run == 2 else fourth_of(carried)
+        hand_run_on(*matrices, runs[run, 0], runs[run, 0] + shorter, own, like)
+    for run in range(number):
+        stopped = eliminate_run(*matrices, runs[run, 0], runs[run, 1], shorter, like)
         if stopped >= 0:
             return stopped
     return -1
+
+
+@inlined_kernel
+def shortest_of(runs):
+    """Nodes before each of four runs, and the length of the shortest."""
+    shortest = runs[0, 1] - runs[0, 0]
+    for run in range(1, 4):
+        shortest = min(shortest, runs[run, 1] - runs[run, 0])
+    return (runs[0, 0], runs[1, 0], runs[2, 0], runs[3, 0]), shortest - 1
+
+
+@inlined_kernel
+def four(array, at, k):
+    """Sub-arrays at `k` after each of four places."""
+    return array[at[0] + k], array[at[1] + k], array[at[2] + k], array[at[3] + k]
+
+
+@inlined_kernel
+def four_columns(columns, at, k, b):
+    """Blocks number `b` of the columns (nodes, blocks, 2, dim²) of four nodes, `k` after each of four places."""
+    return columns[at[0] + k, b], columns[at[1] + k, b], columns[at[2] + k, b], columns[at[3] + k, b]
+
+
+@formula
+def four_times(one):
+    """Numbers of a tuple in each of four lanes."""
+    return together([one, one, one, one])
+
+
+@formula
+def load_nodes(arrays, square):
+    """Blocks of some nodes beside each other, as `load_node`."""
+    count = len(square.entries)
+    numbers = beside_each_other(arrays, (2, 2, count))
+    return tuple(load(numbers[k * count : (k + 1) * count], square) for k in range(4))
+
+
+@formula
+def load_pairs(arrays, like):
+    """Vectors or matrices of some nodes beside each other, as `load_pair`."""
+    count = len(like.entries)
+    numbers = beside_each_other(arrays, (2, count))
+    return load(numbers[:count], like), load(numbers[count:], like)
+
+
+@formula
+def store_nodes(blocks, arrays):
+    """Write the blocks of some nodes beside each other to their arrays."""
+    write_each([one for matrix in blocks for one in matrix.entries], arrays, (2, 2, len(blocks[0].entries)))
+
+
+@formula
+def store_pairs(pairs, arrays):
+    """Write what `load_pairs` gives to the arrays of the nodes."""
+    write_each([one for part in pairs for one in part.entries], arrays, (2, len(pairs[0].entries)))
+
+
+def beside_each_other(arrays, shape):
+    """Numbers of some arrays of one shape, the first ones in the lanes of one register, and so on; for formulas.
+
+    They are read as they are in memory, and then turned into lanes.
+    """
+    count = prod(shape)
+    rows = [read_lanes(array, (0,) * len(shape), count) for array in arrays]
+    return [as_lanes([lane_of(row, k) for row in rows]) for k in range(count)]
+
+
+def write_each(numbers, arrays, shape):
+    """Write the lanes of `numbers` to as many arrays of one shape, for formulas."""
+    whole = len(numbers) - len(numbers) % WIDTH
+    for number, array in enumerate(arrays):
+        own = [lane_of(one, number) for one in numbers]
+        for k in range(0, whole, WIDTH):
+            write_lanes(as_lanes(own[k : k + WIDTH]), array, place_in(shape, k))
+        for k in range(whole, len(own)):
+            array[place_in(shape, k)] = own[k]
+
+
+def place_in(shape, number):
+    """Indices of an entry of an array in the order of memory."""
+    return tuple(number // prod(shape[axis + 1 :]) % size for axis, size in enumerate(shape))
 
 
 @inlined_kernel
@@ -405,27 +500,25 @@ def hand_run_on(diagonal, upper, lower, right_side, columns, count, before, node
 
 
 @inlined_kernel
-def substitute_two_runs(upper, lower, right_side, columns, count, runs, like):
-    """Back substitution of two runs of nodes beside each other, of what `eliminate_two_runs` eliminated."""
+def substitute_four_runs(upper, lower, right_side, columns, count, runs, number, like):
+    """Back substitution of four runs of nodes beside each other, of what `eliminate_four_runs` eliminated."""
     square = outer(0.0, like, like)
-    (one, one_after), (other, other_after) = runs
-    shorter = min(one_after - one, other_after - other) - 1
-    substitute_run(upper, lower, right_side, columns, count, one, one_after, shorter, like)
-    substitute_run(upper, lower, right_side, columns, count, other, other_after, shorter, like)
-    kept = load_both(right_side[one], right_side[other], like)
-    known = load_both(right_side[one + shorter + 1], right_side[other + shorter + 1], like)
+    at, shorter = shortest_of(runs)
+    for run in range(number):
+        substitute_run(upper, lower, right_side, columns, count, runs[run, 0], runs[run, 1], shorter, like)
+    kept = load_pairs(four(right_side, at, 0), like)
+    known = load_pairs(four(right_side, at, shorter + 1), like)
     for k in range(shorter, 0, -1):
-        a, b = one + k, other + k
-        factor = beside(load_node(upper[a], square), load_node(upper[b], square))
-        left = beside(load_node(lower[a - 1], square), load_node(lower[b - 1], square))
-        known = subtract_pair(load_both(right_side[a], right_side[b], like), apply_node(factor, known))
+        factor, left = load_nodes(four(upper, at, k), square), load_nodes(four(lower, at, k - 1), square)
+        known = subtract_pair(load_pairs(four(right_side, at, k), like), apply_node(factor, known))
         known = subtract_pair(known, apply_node(left, kept))
-        store_both(known, right_side[a], right_side[b])
-        for column in range(count):
-            after = load_both(columns[a + 1, column], columns[b + 1, column], square)
-            before = load_both(columns[one, column], columns[other, column], square)
-            own = subtract_pair(load_both(columns[a, column], columns[b, column], square), apply_node(factor, after))
-            store_both(subtract_pair(own, apply_node(left, before)), columns[a, column], columns[b, column])
+        store_pairs(known, four(right_side, at, k))
+        for b in range(count):
+            after = load_pairs(four_columns(columns, at, k + 1, b), square)
+            column = load_pairs(four_columns(columns, at, k, b), square)
+            column = subtract_pair(column, apply_node(factor, after))
+            before = load_pairs(four_columns(columns, at, 0, b), square)
+            store_pairs(subtract_pair(column, apply_node(left, before)), four_columns(columns, at, k, b))
 
 
 @inlined_kernel

@@ -19,8 +19,7 @@ from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
     eliminate_ends,
-    eliminate_run,
-    eliminate_two_runs,
+    eliminate_four_runs,
     invert_node,
     less_neighbour,
     load_node,
@@ -31,8 +30,7 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     store_node,
     store_pair,
     substitute_ends,
-    substitute_run,
-    substitute_two_runs,
+    substitute_four_runs,
     subtract_pair,
 )
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
@@ -200,23 +198,13 @@ def solve_bundle(bundle, scratch, work, like):
 
 @kernel
 def eliminate_runs(bundle, rope, own, scratch, like):
-    """Eliminate all nodes of a rope between those that something holds to another one, two runs of them at a time."""
+    """Eliminate all nodes of a rope between those that something holds to another one, four runs of them at a time."""
     columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
-    first, node, waiting = bundle.order.first[rope], scratch.coupled_from[rope], -1
-    matrices = own.diagonal, own.upper, own.lower, own.right_side, columns, count
+    matrices, node = (own.diagonal, own.upper, own.lower, own.right_side, columns, count), scratch.coupled_from[rope]
     while node < scratch.coupled_to[rope]:
-        after = scratch.next_kept[first + node]
-        if after > node + 1:
-            if waiting >= 0:
-                runs = (waiting, scratch.next_kept[first + waiting]), (node, after)
-                if eliminate_two_runs(*matrices, runs, like) >= 0:
-                    return False
-                waiting = -1
-            else:
-                waiting = node
-        node = after
-    if waiting >= 0:
-        return eliminate_run(*matrices, waiting, scratch.next_kept[first + waiting], 0, like) < 0
+        node, number = next_runs(bundle, rope, node, scratch)
+        if number > 0 and eliminate_four_runs(*matrices, scratch.runs, number, like) >= 0:
+            return False
     return True
 
 
@@ -224,19 +212,28 @@ def eliminate_runs(bundle, rope, own, scratch, like):
 def substitute_runs(bundle, rope, own, scratch, like):
     """Back substitution of what `eliminate_runs` eliminated."""
     columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
-    first, node, waiting = bundle.order.first[rope], scratch.coupled_from[rope], -1
-    arrays = own.upper, own.lower, own.right_side, columns, count
+    node = scratch.coupled_from[rope]
     while node < scratch.coupled_to[rope]:
+        node, number = next_runs(bundle, rope, node, scratch)
+        if number > 0:
+            substitute_four_runs(own.upper, own.lower, own.right_side, columns, count, scratch.runs, number, like)
+
+
+@kernel
+def next_runs(bundle, rope, node, scratch):
+    """Find the next four runs of nodes of a rope from a kept `node` on; what is missing of four repeats the last one.
+
+    Returns:
+        The kept node after them, and how many there are.
+    """
+    first, number = bundle.order.first[rope], 0
+    while number < 4 and node < scratch.coupled_to[rope]:
         after = scratch.next_kept[first + node]
         if after > node + 1:
-            if waiting >= 0:
-                substitute_two_runs(*arrays, ((waiting, scratch.next_kept[first + waiting]), (node, after)), like)
-                waiting = -1
-            else:
-                waiting = node
+            scratch.runs[number:, 0], scratch.runs[number:, 1] = node, after
+            number += 1
         node = after
-    if waiting >= 0:
-        substitute_run(*arrays, waiting, scratch.next_kept[first + waiting], 0, like)
+    return node, number
 
 
 @inlined_kernel

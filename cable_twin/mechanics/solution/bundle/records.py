@@ -214,6 +214,7 @@ class BundleWork(NamedTuple):
     next_kept: Annotated[
         IntArray, Of("ordered")
     ]  # of each node that something holds to another rope now, the next one of its rope, or itself; else -1
+    runs: Annotated[IntArray, Of(4, 2)]  # kept nodes before and after each of four runs that are eliminated together
     touch: Annotated[IntArray, Of("touch")]  # first of the clamps' nodes at each node, then the one after each
     member: Annotated[IntArray, Of("clamp")]  # place of each at the front
     nodes_left: Annotated[IntArray, Of("clamp")]  # of its four, that are still to be eliminated
