@@ -358,7 +358,7 @@ def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs
     of `eliminate_run`.
     """
     square, zero = outer(0.0, like, like), (scale(0.0, like), scale(0.0, like))
-    at, shorter = shortest_of(runs)
+    at, shorter = shortest_of(runs, number)
     no_nodes, nothing = four_times(no_node(like)), four_times(zero)
     left, out = load_nodes(four(lower, at, 0), square), load_nodes(four(upper, at, 0), square)
     factor, coupling, on_kept, known, right_of_kept = no_nodes, no_nodes, no_nodes, nothing, nothing
@@ -406,10 +406,10 @@ def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs
 
 
 @inlined_kernel
-def shortest_of(runs):
-    """Nodes before each of four runs, and the length of the shortest."""
-    shortest = runs[0, 1] - runs[0, 0]
-    for run in range(1, 4):
+def shortest_of(runs, number):
+    """Nodes before each of four runs, and the length of the shortest; 0 of a `number` of 1, which is best by itself."""
+    shortest = runs[0, 1] - runs[0, 0] if number > 1 else 1
+    for run in range(1, number):
         shortest = min(shortest, runs[run, 1] - runs[run, 0])
     return (runs[0, 0], runs[1, 0], runs[2, 0], runs[3, 0]), shortest - 1
 
@@ -503,7 +503,7 @@ def hand_run_on(diagonal, upper, lower, right_side, columns, count, before, node
 def substitute_four_runs(upper, lower, right_side, columns, count, runs, number, like):
     """Back substitution of four runs of nodes beside each other, of what `eliminate_four_runs` eliminated."""
     square = outer(0.0, like, like)
-    at, shorter = shortest_of(runs)
+    at, shorter = shortest_of(runs, number)
     for run in range(number):
         substitute_run(upper, lower, right_side, columns, count, runs[run, 0], runs[run, 1], shorter, like)
     kept = load_pairs(four(right_side, at, 0), like)
