@@ -117,7 +117,7 @@ def slid(cable, state, contact):
     return rope_before(cable, state, state.contact_arc_length[contact]) - state.contact_origin[contact]
 
 
-@kernel
+@inlined_kernel
 def normal_force(towers, contact, depth, depth_rate):
     """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m)."""
     stiffness, toe, damping = towers.stiffness[contact], towers.toe[contact], towers.damping[contact]
@@ -138,7 +138,7 @@ def contact_frame(cable, towers, state, contact):
     return (point, *frame_at(cable, towers, state, contact, point))
 
 
-@kernel
+@inlined_kernel
 def frame_at(cable, towers, state, contact, point):
     """Contact kinematics at a tower contact: tangent, offset, normal, depth and velocity of the rope at its `point`.
 

@@ -18,7 +18,7 @@ SYSTEM, STATE, WORK, GOOD, BEFORE, SECTIONS = range(6)
 FIXED, COUNTERWEIGHT, HYDRAULIC = range(3)  # Bullwheels.tensioning
 
 FLAG, SIGN, KEY = Range(0, 1), Range(-1, 1), Range(-1, LATEST)
-SERVES = 10  # iterations for which the response of the ropes to their bullwheels serves, once found
+SERVES = 20  # iterations for which the response of the ropes to their bullwheels serves, once found
 LONGEST_GAP = 0.2  # m, of a clamp, that an iteration closes: of what is longer, more is left to the next ones
 
 

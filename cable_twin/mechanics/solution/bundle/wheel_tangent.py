@@ -45,7 +45,7 @@ from cable_twin.mechanics.solution.bundle.bullwheels import (
 from cable_twin.mechanics.solution.bundle.records import COUNTERWEIGHT, SERVES, STATE, SYSTEM, WORK, rope_of
 
 ROPE, CARRIAGE = range(2)  # coordinates of a wheel, and columns of its block
-LAGGING = 0.4  # of a wheel's increment, most that a kept response leaves wrong at any node
+LAGGING = 0.5  # of a wheel's increment, most that a kept response leaves wrong at any node
 PART = 1e-5  # m, of rope over a wheel, for the difference that stands for a derivative beside loads
 
 
