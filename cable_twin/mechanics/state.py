@@ -191,6 +191,7 @@ class Workspace(NamedTuple):
     group: Annotated[
         FloatArray, Of("element row", WIDTH)
     ]  # residual and tangent of a group of elements, as in `shape_functions`
+    elements: Annotated[FloatArray, Of(WIDTH, "element row")]  # the same, one row an element
     patch_of: Annotated[IntArray, Of("element", first=-1)]  # load beside which the element is, else -1
     patch_right: Annotated[IntArray, Of("element")]  # 1 for the element after that load, 0 for the one before
     patch: Annotated[

@@ -117,6 +117,16 @@ def add_diagonal(value: Any, rows: Any, first: Any, dim: int) -> None:
 
 
 @formula
+def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
+    """Write the lanes of a group of elements, `rows` (n, WIDTH), as `numbers` (WIDTH, n): a row an element."""
+    dim = len(like)
+    for first in range(0, 4 * dim + 16 * dim * dim, WIDTH):
+        lanes = [read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)]
+        for number in range(WIDTH):
+            write_lanes(as_lanes([lane_of(one, number) for one in lanes]), numbers, (number, first))
+
+
+@formula
 def sum_of_lanes(lanes: Any) -> Any:
     """Sum of all lanes of a SIMD register, added from the first lane on."""
     return sum(lane_of(lanes, k) for k in range(WIDTH))

@@ -16,6 +16,7 @@ from cable_twin.mechanics.language.simd import (
     gather_vectors,
     gather_vectors_listed,
     spread,
+    turn_lanes,
 )
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
@@ -96,8 +97,9 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         if system.air.present:
             wind = gather_vectors_listed(state.wind_field.along_rope, plain, first, like)
             add_drag(system.air.rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group)
+        turn_lanes(group, work.elements, like)
         for lane in range(min(WIDTH, count - first)):
-            add_element(group, lane, plain[first + lane], like, work)
+            add_element(work.elements[lane], plain[first + lane], like, work)
 
 
 @inlined_kernel
@@ -260,17 +262,17 @@ def clear_element(element, like, work):
 
 
 @inlined_kernel
-def add_element(group, lane, element, like, work):
-    """Add one element of a group to the residual and tangent of the nodes at its ends.
+def add_element(numbers, element, like, work):
+    """Add one element, of the `numbers` of a group, to the residual and tangent of the nodes at its ends.
 
     The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
     """
     square = outer(0.0, like, like)
     for i in range(2):
-        accumulate(load(group[vector_row(i, like) :, lane], like), work.right_side[element, i])
-        store(load(group[vector_row(2 + i, like) :, lane], like), work.right_side[element + 1, i])
+        accumulate(load(numbers[vector_row(i, like) :], like), work.right_side[element, i])
+        store(load(numbers[vector_row(2 + i, like) :], like), work.right_side[element + 1, i])
         for j in range(2):
-            accumulate(load(group[block_row(i, j, like) :, lane], square), work.diagonal[element, i, j])
-            store(load(group[block_row(2 + i, 2 + j, like) :, lane], square), work.diagonal[element + 1, i, j])
-            store(load(group[block_row(i, 2 + j, like) :, lane], square), work.upper[element, i, j])
-            store(load(group[block_row(2 + i, j, like) :, lane], square), work.lower[element, i, j])
+            accumulate(load(numbers[block_row(i, j, like) :], square), work.diagonal[element, i, j])
+            store(load(numbers[block_row(2 + i, 2 + j, like) :], square), work.diagonal[element + 1, i, j])
+            store(load(numbers[block_row(i, 2 + j, like) :], square), work.upper[element, i, j])
+            store(load(numbers[block_row(2 + i, j, like) :], square), work.lower[element, i, j])
