@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from systems import dense_matrix, difference, disturbed_state, from_nodal_vectors, make_system, nodal_vectors
 
+from cable_twin.mechanics.rope.point import position_on_cable
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope, no_couplings
 from cable_twin.mechanics.solution.bundle.connector import add_connectors
 from cable_twin.mechanics.solution.bundle.elimination import order_of, sequence_of, solve_bundle
+from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs
 from cable_twin.mechanics.solution.bundle.records import (
     Clamps,
     Connectors,
@@ -109,6 +111,42 @@ def test_elimination_solves_what_a_dense_solver_solves(dim, clamps, times):
     np.testing.assert_allclose(np.concatenate(found), exact, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_tangent_of_a_pantograph_is_the_derivative_of_its_push(dim):
+    """Of a head that does not give way, as its stages are heavy here: by size, direction and place of its push."""
+    pantograph = {
+        "rope": "upper",
+        "position": 5.3,
+        "speed": 0.0,
+        "uplift_force": 60.0,
+        "contact_stiffness": 5e4,
+        "stages": [{"mass": 7.0, "stiffness": 7e3, "damping": 10.0}],
+    }
+    simulation = strings(rods=[(MIDDLE, {"length": 0.99})], gravity=9.81, dim=dim, pantographs={"head": pantograph})
+    engine = simulation.engine
+    bundle, moving, scratch = engine.bundle, engine.moving, engine._ropes.scratch
+    part, work = engine.parts[0], engine._works[0]
+    state, like = part.state, part.system.cable.gravity
+    state.nodes.position[:, :2] += np.random.default_rng(5).normal(scale=1e-3, size=(len(state.nodes.position), 2, dim))
+    state.nodes.position[:, 2] = state.nodes.position[:, 1]
+    start = state.nodes.position.copy()
+    moving.stages.position[0, 0] = position_on_cable(part.system.cable, state, 5.3 * (1.0 - TENSION / 2e5))[-1] + 0.02
+
+    def forces(change):
+        state.nodes.position[:] = start + from_nodal_vectors(change, dim)
+        for array in (work.right_side, work.diagonal, work.upper, work.lower):
+            array[:] = 0.0
+        add_pantographs(bundle, moving, scratch, part.system, state, work, 1e30, 0.0, 1.0, like)
+        return nodal_vectors(work.right_side).ravel()
+
+    size = nodal_vectors(work.right_side).size
+    numeric = -difference(forces, np.zeros(size), 1e-5)
+    forces(np.zeros(size))
+    assert moving.contact_force[0] > 100.0
+    matrix = dense_matrix(work.diagonal, work.upper, work.lower)
+    np.testing.assert_allclose(matrix, numeric, rtol=0, atol=1e-6 * np.abs(numeric).max())
+
+
 def test_block_without_inverse_is_told():
     bundle, systems, _, works, _kept = make_bundle(2)
     assert not solve_bundle(bundle, allocate_bundle_work(bundle), works[0], systems[0].cable.gravity)
@@ -117,7 +155,7 @@ def test_block_without_inverse_is_told():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("rate_factor", [0.0, 70.0])
 def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor):
-    """Positions and rates varied together by the factor of the integrator; exact for dampers at rest."""
+    """Positions and rates varied together by the factor of the integrator, from ropes that move."""
     bundle, systems, states, works, _kept = make_bundle(dim)
     like, first, random = systems[0].cable.gravity, places_of(dim), np.random.default_rng(3)
     for rope, (system, state) in enumerate(zip(systems, states, strict=True)):
@@ -126,12 +164,13 @@ def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor):
         state.nodes.position[:, 0, -1] -= 0.7 * rope
     scratch, moving = allocate_bundle_work(bundle), allocate_bundle_state(bundle)
     places = [state.nodes.position.copy() for state in states]
+    speeds = [random.normal(size=place.shape) for place in places]
 
     def forces(change):
         for rope, (state, work) in enumerate(zip(states, works, strict=True)):
             moved = from_nodal_vectors(change[first[rope] : first[rope + 1]], dim)
             state.nodes.position[:] = places[rope] + moved
-            state.nodes.velocity[:] = rate_factor * moved
+            state.nodes.velocity[:] = speeds[rope] + rate_factor * moved
             work.right_side[:] = 0.0
             work.diagonal[:] = 0.0
         add_connectors(bundle, moving, scratch, states[0], works[0], rate_factor, 1.0, like)

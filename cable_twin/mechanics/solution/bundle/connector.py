@@ -14,9 +14,11 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.traced import formula
 from cable_twin.mechanics.language.vectors import (
     accumulate,
+    add_scaled,
     dot,
     full,
     load,
+    outer,
     scale,
     store,
     subtract,
@@ -32,7 +34,8 @@ def connector_force(bundle, connector, state, like):
     """Pull (N) of a connector, its tangent, its direction from first to second end, and its length (m).
 
     Returns:
-        Pull, its derivatives by distance (N/m) and by the rate of that (N s/m), unit vector (dim,), distance.
+        Pull, its derivatives by distance (N/m) and by the rate of that (N s/m), unit vector (dim,), distance, and the
+        part (dim,) across of the velocity of the second end, as the first one sees it, in m/s.
     """
     connectors = bundle.connectors
     first = record_at(bundle.records[connectors.rope[connector, 0], STATE], state).nodes
@@ -41,13 +44,15 @@ def connector_force(bundle, connector, state, like):
     apart = subtract(load(second.position[b, 0], like), load(first.position[a, 0], like))
     distance = sqrt(dot(apart, apart))
     along = scale(1.0 / distance, apart)
-    rate = dot(along, subtract(load(second.velocity[b, 0], like), load(first.velocity[a, 0], like)))
+    moving = subtract(load(second.velocity[b, 0], like), load(first.velocity[a, 0], like))
+    rate = dot(along, moving)
+    across = add_scaled(-rate, along, moving)
     longer = distance - connectors.length[connector]
     if longer > 0.0:
         stiffness, damping = connectors.stiffness[connector], connectors.damping[connector]
-        return stiffness * longer + damping * rate, stiffness, damping, along, distance
+        return stiffness * longer + damping * rate, stiffness, damping, along, distance, across
     stiffness = connectors.compression[connector]
-    return stiffness * longer, stiffness, 0.0, along, distance
+    return stiffness * longer, stiffness, 0.0, along, distance, across
 
 
 @kernel
@@ -59,10 +64,11 @@ def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_
     """
     connectors, changed = bundle.connectors, 0
     for connector in range(connectors.length.size):
-        pull, stiffness, damping, along, distance = connector_force(bundle, connector, state, like)
+        pull, stiffness, damping, along, distance, across = connector_force(bundle, connector, state, like)
         radial = stiffness_factor * stiffness + rate_factor * damping
-        across = stiffness_factor * pull / distance
-        matrix = full(1.0, symmetric(across, radial - across, along), 0.0)
+        turned = stiffness_factor * pull / distance
+        matrix = full(1.0, symmetric(turned, radial - turned, along), 0.0)
+        matrix = add_scaled(1.0, outer(stiffness_factor * damping / distance, along, across), matrix)
         store(scale(-1.0, matrix), scratch.cross[connector])
         for end in range(2):
             own = record_at(bundle.records[connectors.rope[connector, end], WORK], work)
@@ -79,7 +85,7 @@ def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_
 def connector_forces(bundle, state, like, forces):
     """Write the pull (connectors,) in N of all connectors into an array."""
     for connector in range(bundle.connectors.length.size):
-        pull, _, _, _, _ = connector_force(bundle, connector, state, like)
+        pull = connector_force(bundle, connector, state, like)[0]
         forces[connector] = pull
 
 

@@ -113,7 +113,7 @@ def give_forces(bundle, moving, system, state, sections):
             pull = scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force))  # as `add_clamps` has it
             give(record_at(bundle.records[other, SECTIONS], sections), moving.clamp_place[clamp], pull)
     for connector in range(bundle.connectors.length.size):
-        pull, _, _, along, _ = connector_force(bundle, connector, state, like)
+        pull, _, _, along, _, _ = connector_force(bundle, connector, state, like)
         for end in range(2):
             rope = bundle.connectors.rope[connector, end]
             cable = record_at(bundle.records[rope, SYSTEM], system).cable

@@ -298,7 +298,7 @@ def link(connectors, connector, scratch, like):
     if not scratch.linked[a, b]:
         connect(a, b, scratch, like)
     accumulate(cross, scratch.fill[a, b, 0, 0])
-    accumulate(cross, scratch.fill[b, a, 0, 0])  # it is symmetric
+    accumulate(cross, scratch.fill[b, a, 0, 0])  # either end feels the other one alike
 
 
 @inlined_kernel

@@ -11,7 +11,7 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import along_track
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, scale
-from cable_twin.mechanics.rope.point import add_block, add_force, coordinate, point_at, slope, value
+from cable_twin.mechanics.rope.point import add_block, add_force, bend, coordinate, point_at, slope, value
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
 
 SEARCHES = 4  # Newton steps for the place above the head, from the one before
@@ -79,14 +79,38 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
             push = push_direction(nodes, point, up, like)
             add_force(scale(force + contact * stiffness_factor * given, push), point, own)
             stiff = stiffness_factor * contact * (1.0 - stiffness_factor * contact * share)
-            square = outer(stiff, push, push)
-            for i in range(4):
-                for j in range(4):
-                    add_block(scale(point.shape[i] * point.shape[j], square), point.element, i, j, own)
+            add_push_tangent(nodes, point, push, stiff, stiffness_factor * force, own)
         place = bundle.connectors.length.size + pantograph
         changed += abs(touches - moving.tight[place])
         moving.tight[place] = touches
     return changed
+
+
+@inlined_kernel
+def add_push_tangent(nodes, point, push, stiff, force, own):
+    """Add the derivative of the push on the rope by the nodes beside it: of its size, direction and place.
+
+    With x(s) = X at the head, Δs = -e_x·S Δe / x', and Δ(z'/x') = p·(S_x Δe + r_xx Δs) / x' of the direction p.
+
+    Args:
+        nodes: of the rope.
+        point: above the head.
+        push: p (dim,).
+        stiff: growth of the push with the rope, N/m.
+        force: the push, N.
+        own: workspace of the rope.
+    """
+    level = along_track(push)
+    per_x = 1.0 / slope(nodes.position, point, push)[0]
+    bent = dot(push, bend(nodes.position, point, push))
+    for j in range(4):
+        on_s = scale(-per_x * point.shape[j], level)
+        turned = scale(per_x * force, add_scaled(point.shape_x[j], push, scale(bent, on_s)))
+        by_size = outer(stiff * point.shape[j], push, push)
+        by_turn, by_place = outer(1.0, level, turned), outer(-force, push, on_s)
+        for i in range(4):
+            of_force = scale(point.shape[i], add_scaled(1.0, by_size, by_turn))
+            add_block(add_scaled(point.shape_x[i], by_place, of_force), point.element, i, j, own)
 
 
 @kernel
