@@ -3,8 +3,8 @@
 The front is one node of each rope, the next to be eliminated, and the clamps of which a node has been reached, each a
 block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
 added when both its nodes are at the front, a clamp with each of its nodes when that is, and the remainder of an
-elimination couples the nodes that follow. What is outside the couplings of a rope is eliminated before
-(`block_tridiagonal.eliminate_ends`).
+elimination couples the nodes that follow. Nodes that nothing holds to another rope do not come to the front: those
+outside the couplings of a rope and those between two of them are eliminated before (`block_tridiagonal`).
 The order of elimination is found once, from the places of the couplings.
 """
 
