@@ -39,10 +39,11 @@ class Solver:
         """Increments (2 wheels,) in m, of rope over each wheel and of its carriage."""
         return self.engine._ropes.scratch.wheel_increment
 
-    def solve(self):
-        """Solve once; returns the increments (nodes,) in m of all ropes."""
+    def solve(self, *, anew=True):
+        """Solve once, with the response found `anew`; returns the increments (nodes,) in m of all ropes."""
         engine, first = self.engine, self.first
-        engine.moving.response.left[:] = 0  # found anew, not kept from another solution
+        if anew:
+            engine.moving.response.left[:] = 0
         solved, _, _ = solve_increments(
             engine.bundle,
             engine.moving,
@@ -152,6 +153,21 @@ def test_a_kept_response_leaves_less_than_it_is_said_to(chairlift_pair):
             apart = part.state.nodes.position[:, 0] - anew.parts[name].state.nodes.position[:, 0]
             assert np.abs(apart).max() <= LAGGING * moved
     assert lagged > 40
+
+
+def test_a_response_is_found_anew_where_a_rope_begins_to_slip_or_a_body_gets_heavier(chairlift_pair):
+    simulation, _ = chairlift_pair
+    solver, moving = Solver(simulation), simulation._engine.moving
+    solver.solve()
+    solver.solve(anew=False)
+    assert moving.response.left[0, 0] == SERVES - 1
+    moving.sheaves.slipping[1] = 1
+    solver.solve(anew=False)
+    assert moving.response.left[0, 0] == SERVES
+    solver.solve(anew=False)
+    solver.first.system.carriages.mass[0] += 1.0
+    solver.solve(anew=False)
+    assert moving.response.left[0, 0] == SERVES
 
 
 def test_a_restored_simulation_goes_on_with_the_response_that_it_had(chairlift_pair):

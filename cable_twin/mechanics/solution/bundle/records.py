@@ -161,7 +161,7 @@ class WheelResponse(NamedTuple):
     left: Annotated[IntArray, Of("kept", 1), Range(0, SERVES)]  # iterations for which it may still serve
     mass_factor: Annotated[FloatArray, Of("kept", 1, unit="1/s²")]  # of the integrator
     inertia: Annotated[FloatArray, Of("kept", 1, unit="kg")]  # of all bodies
-    active: Annotated[IntArray, Of("kept", "coordinate"), FLAG]  # 1 of a coordinate that is an unknown
+    active: Annotated[IntArray, Of("kept", "coordinate"), KEY]  # which coordinates are unknowns, and which ropes slip
     joints: Annotated[IntArray, Of("kept", "vehicle"), KEY]  # element of each vehicle, and how it is held there
     clamps: Annotated[IntArray, Of("kept", "clamp"), KEY]  # which element of a rope each holds
     wheels: Annotated[FloatArray, Of("kept", "coordinate", "coordinate")]  # of the equations of the wheels

@@ -100,7 +100,8 @@ def still_serves(bundle, moving, scratch, system, state, mass_factor):
     """Return whether the kept response of the ropes still serves; if not, note what the next one is found for.
 
     It hardly changes from step to step, and a wheel's increment is small. Where a vehicle or a clamp comes to another
-    element, bodies get another mass, or other coordinates of wheels are unknown, it is found anew.
+    element, bodies get another mass, a rope begins or ceases to slip, or other coordinates of wheels are unknown, it is
+    found anew.
     """
     response = moving.response
     serves = response.left[0, 0] > 0
@@ -109,7 +110,8 @@ def still_serves(bundle, moving, scratch, system, state, mass_factor):
     for sheave in range(bundle.sheaves.inertia.size):
         for kind in range(2):
             active = 1 if is_active(bundle.sheaves, moving.sheaves, sheave, kind) else 0
-            serves = is_as_noted(response.active[0], 2 * sheave + kind, active) and serves
+            noted = active + 2 * (1 + moving.sheaves.slipping[sheave])
+            serves = is_as_noted(response.active[0], 2 * sheave + kind, noted) and serves
     first, here = record_at(bundle.records[0, SYSTEM], system), record_at(bundle.records[0, STATE], state)
     inertia = 0.0
     for body in range(first.carriages.mass.size):
