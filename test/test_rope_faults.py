@@ -45,6 +45,8 @@ def test_a_weight_that_no_tension_holds_is_told(changes):
         Simulation(load_scenario("chairlift", {"gravity": 1e10, **changes}))
 
 
+# a mesh on which no shape of a rope with hardly any pull is found
+SHORT = {f"ropes.{name}.elements": {"target": 12.0, "at_towers": 1.0, "growth": 3.0} for name in ("up", "down")}
 TIGHT, SLACK = {**WEIGHT, "travel": [-0.2, 0.2]}, {**WEIGHT, "travel": [0.5, 4.0]}
 
 
@@ -52,15 +54,16 @@ TIGHT, SLACK = {**WEIGHT, "travel": [-0.2, 0.2]}, {**WEIGHT, "travel": [0.5, 4.0
     ("key", "value", "said"),
     [
         ("drive.friction", 0.005, r"sheaves\.drive: at rest its strands pull with 189.4 kN and 180.4 kN"),
-        ("return.counterweight", TIGHT, "given .* less pull, or ropes that are 0.337 m sh"),
-        ("return.counterweight", SLACK, "rests at 0.3687 m; .* more pull, .* 0.263 m longer"),
+        ("return.counterweight", TIGHT, "given .* less pull, or ropes that are 0.338 m sh"),
+        ("return.counterweight", SLACK, "rests at 0.3688 m; .* more pull, .* 0.262 m longer"),
         ("return.counterweight.mass", 100.0, "given 100 kg, .* 981 N: no static equilibrium; allowed: about 28700 kg"),
         ("return.counterweight.force", 500.0, "given 500 N: no static equilibrium; allowed: about 282000 N"),
     ],
 )
 def test_a_rest_that_cannot_be_is_told_in_a_line(key, value, said):
     with pytest.raises(EquilibriumError, match=said) as caught:
-        Simulation(load_scenario("chairlift", {f"sheaves.{key}": value}), samples=2)
+        mesh = SHORT if "no static equilibrium" in said else {}
+        Simulation(load_scenario("chairlift", {f"sheaves.{key}": value, **mesh}), samples=2)
     assert "allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)
 
