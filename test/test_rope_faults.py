@@ -61,8 +61,8 @@ TIGHT, SLACK = {**WEIGHT, "travel": [-0.2, 0.2]}, {**WEIGHT, "travel": [0.5, 4.0
     ],
 )
 def test_a_rest_that_cannot_be_is_told_in_a_line(key, value, said):
+    mesh = SHORT if "no static equilibrium" in said else {}
     with pytest.raises(EquilibriumError, match=said) as caught:
-        mesh = SHORT if "no static equilibrium" in said else {}
         Simulation(load_scenario("chairlift", {f"sheaves.{key}": value, **mesh}), samples=2)
     assert "allowed: " in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -219,7 +219,7 @@ class Ropeway:
         like, still = system.cable.gravity, no_turn(system.cable.gravity)
         vectors: dict[str, Any] = dict.fromkeys(("gravity", "like", "pivot", "moved", "force", "residual"), like)
         vectors |= {"direction": (0.0, 0.0, 0.0), "turned": still, "impedance": (like,) * len(like)}
-        method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0), "above": Above(like, still)}
+        method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0), "above": Above(like, still), "topmost": True}
         return whole | system._asdict() | inner | numbers | vectors | method
 
     def mean_tension(self) -> float:

@@ -73,57 +73,57 @@ def is_hinged(carriages, body):
 
 
 @inlined_kernel
-def hinge(carriages, state, body, first, above, stiffness_factor, rate_factor, like):
-    """Joint at the upper pivot of a body; `first` for the top of a chain, below a cable of orientation `above`."""
+def hinge(carriages, state, body, topmost, above, stiffness_factor, rate_factor, like):
+    """Joint at the upper pivot of a body; `topmost` of a chain, below a cable of orientation `above`."""
     if len(like) == 2:
-        return _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate_factor)
-    return _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate_factor)
+        return _hinge_in_plane(carriages, state, body, topmost, above, stiffness_factor, rate_factor)
+    return _hinge_in_space(carriages, state, body, topmost, above, stiffness_factor, rate_factor)
 
 
 @inlined_kernel
-def _hinge_in_plane(carriages, state, body, first, above, stiffness_factor, rate_factor):
-    rate = above.spin[0] if first else state.bodies.velocity[body - 1, 2]
+def _hinge_in_plane(carriages, state, body, topmost, above, stiffness_factor, rate_factor):
+    rate = above.spin[0] if topmost else state.bodies.velocity[body - 1, 2]
     angle, turning = 0.0, state.bodies.velocity[body, 2] - rate
     if carriages.hinge_stiffness[body] > 0.0:
-        angle = hinge_angle(state, body, first, above)
+        angle = hinge_angle(state, body, topmost, above)
     moment, by_angle, by_rate = hinge_moment(carriages, body, angle, turning)
     stiff = stiffness_factor * by_angle + rate_factor * by_rate
     return Joint((moment,), ((stiff,),), ((stiff,),), (by_angle, by_rate), 0.0, 0)
 
 
 @inlined_kernel
-def joint_axes(state, body, first, tangent):
+def joint_axes(state, body, topmost, tangent):
     """Joint axes a (of the upper part) and c (of the body), second c of a revolute joint, and pitch angle (rad)."""
     x, y, z = transpose(orientation(state.bodies.position[body], tangent))
-    if first:
+    if topmost:
         return tangent, y, z, atan(dot(tangent, z) / dot(tangent, x))
     along, lateral, up = transpose(orientation(state.bodies.position[body - 1], tangent))
     return lateral, x, z, atan(-dot(x, up) / dot(x, along))
 
 
 @inlined_kernel
-def hinge_angle(state, body, first, above):
+def hinge_angle(state, body, topmost, above):
     """Pitch angle (rad) of a body relative to the body or cable above, for its spring."""
     if len(above.spin) == 1:
-        over = tangent_pitch(above.orientation) if first else state.bodies.position[body - 1, 2]
+        over = tangent_pitch(above.orientation) if topmost else state.bodies.position[body - 1, 2]
         return state.bodies.position[body, 2] - over
-    return joint_axes(state, body, first, above.orientation)[3]
+    return joint_axes(state, body, topmost, above.orientation)[3]
 
 
 @inlined_kernel
-def _hinge_in_space(carriages, state, body, first, above, stiffness_factor, rate_factor):
-    a, c, other, pitch = joint_axes(state, body, first, above.orientation)
+def _hinge_in_space(carriages, state, body, topmost, above, stiffness_factor, rate_factor):
+    a, c, other, pitch = joint_axes(state, body, topmost, above.orientation)
     spin = load(state.bodies.velocity[body, 3:], a)
     spin_above = above.spin
-    if not first:
+    if not topmost:
         spin_above = load(state.bodies.velocity[body - 1, 3:], a)
     relative = subtract(spin, spin_above)
-    pitching = dot(c if first else a, relative)
+    pitching = dot(c if topmost else a, relative)
     m_pitch, k_pitch, d_pitch = hinge_moment(carriages, body, pitch, pitching)
     d_roll = carriages.roll_damping[body]
-    m_roll = -d_roll * dot(a if first else c, relative)
-    m_a, k_a, d_a = (m_roll, 0.0, d_roll) if first else (m_pitch, k_pitch, d_pitch)
-    m_c, k_c, d_c = (m_pitch, k_pitch, d_pitch) if first else (m_roll, 0.0, d_roll)
+    m_roll = -d_roll * dot(a if topmost else c, relative)
+    m_a, k_a, d_a = (m_roll, 0.0, d_roll) if topmost else (m_pitch, k_pitch, d_pitch)
+    m_c, k_c, d_c = (m_pitch, k_pitch, d_pitch) if topmost else (m_roll, 0.0, d_roll)
     moment, by_body, by_above = hinge_tangents(
         (a, c), (m_a, m_c), (k_a, k_c), (d_a, d_c), relative, stiffness_factor, rate_factor
     )
@@ -178,16 +178,16 @@ class Held(NamedTuple):
 
 
 @kernel
-def measure_held(carriages, state, body, first, direction, gap):
+def measure_held(carriages, state, body, topmost, direction, gap):
     """Write the rotational constraints Φ = a·c of a joint into `gap` (2,); no-op in a plane."""
     if len(direction.spin) == 1:
         return
-    a, c, other, _ = joint_axes(state, body, first, direction.orientation)
+    a, c, other, _ = joint_axes(state, body, topmost, direction.orientation)
     gap[0], gap[1] = dot(a, c), dot(a, other)
 
 
 @kernel
-def accelerate_held(state, body, first, above, turning, feedback, gap):
+def accelerate_held(state, body, topmost, above, turning, feedback, gap):
     """Write Φ_ddot of the rotational constraints at zero accelerations into `gap` (2,); no-op in a plane.
 
     With q = c x a, Φ_dot = q·(ω - Ω). `turning` (turns,) in rad/s² is what velocities alone make of the rate of the
@@ -195,9 +195,9 @@ def accelerate_held(state, body, first, above, turning, feedback, gap):
     """
     if len(above.spin) == 1:
         return
-    a, c, other, _ = joint_axes(state, body, first, above.orientation)
+    a, c, other, _ = joint_axes(state, body, topmost, above.orientation)
     spin, over, rate = load(state.bodies.velocity[body, 3:], a), above.spin, turning
-    if not first:
+    if not topmost:
         over, rate = load(state.bodies.velocity[body - 1, 3:], a), scale(0.0, turning)
     relative = subtract(spin, over)
     for number in range(2):
