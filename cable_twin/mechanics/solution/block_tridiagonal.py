@@ -27,6 +27,7 @@ from cable_twin.mechanics.language.traced import (
     write_lanes,
 )
 from cable_twin.mechanics.language.vectors import (
+    accumulate,
     add_scaled,
     adjugate,
     determinant,
@@ -261,17 +262,20 @@ def eliminate_one(diagonal, right_side, columns, count, node, inner, out, back, 
 def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor, like):
     """Subtract an eliminated node, which is known less `factor` times its neighbour, from the equations of that."""
     square = outer(0.0, like, like)
-    on, block, right = (
-        load_node(coupling, square),
-        load_node(diagonal[inner], square),
-        load_pair(right_side[inner], like),
-    )
-    known = load_pair(right_side[node], like)
-    block, right = without(block, right, on, load_node(factor, square), known)
-    store_node(block, diagonal[inner])
-    store_pair(right, right_side[inner])
+    on, by, known = load_node(coupling, square), load_node(factor, square), load_pair(right_side[node], like)
+    subtract_node(diagonal, right_side, columns, count, node, inner, on, by, known, like)
+
+
+@inlined_kernel
+def subtract_node(diagonal, right_side, columns, count, node, left, coupling, factor, known, like):
+    """Subtract an eliminated node, `known` less `factor` times one that is `left`, from the equations of that."""
+    square = outer(0.0, like, like)
+    block, right = load_node(diagonal[left], square), load_pair(right_side[left], like)
+    block, right = without(block, right, coupling, factor, known)
+    store_node(block, diagonal[left])
+    store_pair(right, right_side[left])
     for b in range(count):
-        less_neighbour(on, columns[node, b], columns[inner, b], square)
+        less_neighbour(coupling, columns[node, b], columns[left, b], square)
 
 
 @inlined_kernel
@@ -330,23 +334,11 @@ def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, af
         store_node(left, lower[node - 1])
         store_node(factor, upper[node])
         on, out = load_node(lower[node], square), load_node(upper[before], square)
-        take_run(diagonal, right_side, columns, count, node, before, out, left, known, like)
-        take_run(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
+        subtract_node(diagonal, right_side, columns, count, node, before, out, left, known, like)
+        subtract_node(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
         store_node(minus_nodes(no_node(like), multiply_nodes(on, left)), lower[node])
         store_node(minus_nodes(no_node(like), multiply_nodes(out, factor)), upper[before])
     return -1
-
-
-@inlined_kernel
-def take_run(diagonal, right_side, columns, count, node, kept, coupling, factor, known, like):
-    """Subtract an eliminated node of a run from the equations of another one, as `take_in`."""
-    square = outer(0.0, like, like)
-    block, right = load_node(diagonal[kept], square), load_pair(right_side[kept], like)
-    block, right = without(block, right, coupling, factor, known)
-    store_node(block, diagonal[kept])
-    store_pair(right, right_side[kept])
-    for b in range(count):
-        less_neighbour(coupling, columns[node, b], columns[kept, b], square)
 
 
 @inlined_kernel
@@ -490,11 +482,12 @@ def place_in(shape, number):
 def hand_run_on(diagonal, upper, lower, right_side, columns, count, before, node, carried, like):
     """Take the eliminated nodes of a run, up to `node`, into the equations of the next one and of `before`."""
     out, left, factor, known, on_kept, right_of_kept = carried
-    square, on = outer(0.0, like, like), load_node(lower[node], outer(0.0, like, like))
-    take_run(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
-    store_node(minus_nodes(load_node(diagonal[before], square), minus_nodes(no_node(like), on_kept)), diagonal[before])
-    rest = subtract_pair((scale(0.0, like), scale(0.0, like)), right_of_kept)
-    store_pair(subtract_pair(load_pair(right_side[before], like), rest), right_side[before])
+    on = load_node(lower[node], outer(0.0, like, like))
+    subtract_node(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
+    for i in range(2):
+        accumulate(right_of_kept[i], right_side[before, i])
+        for j in range(2):
+            accumulate(on_kept[2 * i + j], diagonal[before, i, j])
     store_node(minus_nodes(no_node(like), multiply_nodes(on, left)), lower[node])
     store_node(minus_nodes(no_node(like), multiply_nodes(out, factor)), upper[before])
 
