@@ -281,7 +281,8 @@ def test_estimates_and_alarms_of_the_twin_are_variables(plant):
         def written(name):
             publish()
             plant.ros.spin(0.05)
-            return reader.read(name)
+            found = reader.read(name)
+            return None if found.StatusCode.name == "BadNodeIdUnknown" else found  # not there yet
 
         value = plant.ros.until(lambda: written("Estimates/cabin/payload"), what="estimate")
         assert (value.Value.Value, value.StatusCode.name) == (4200.0, "Good")
