@@ -258,9 +258,9 @@ def shift_clamped(system, state, work, end, travel, mass_factor, rate_factor):
 
 
 @inlined_kernel
-def set_rope(state, end, motion):
+def set_rope(state, end, course):
     """Set way (m), speed (m/s) and acceleration (m/s²) of the rope over one end."""
-    state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end] = motion
+    state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end] = course
 
 
 @kernel
