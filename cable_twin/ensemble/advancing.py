@@ -107,9 +107,8 @@ def advance_member(code, queue, member, budget, members, looks, bundles, argumen
         if watched or (looks.exchanges and changed_places(members, member, state) != NOBODY):
             steps = min(steps, looks.period - state.clock[0] % looks.period)
         outcome = call_integrator(code, (bundle, moving, good, before, scratch, system, state, work, steps))
-        take_outcome(members, member, outcome)
-        budget -= outcome[1]  # which may be fewer
-        going = outcome[0]
+        going, taken = take_outcome(members, member, outcome)
+        budget -= taken
         attention = wheels_gone_back(moving.sheaves) > 0 and not members.stopped[member]
         if going and state.clock[0] % looks.period == 0:
             attention = attention or members.loading[member]
@@ -127,7 +126,7 @@ def advance_member(code, queue, member, budget, members, looks, bundles, argumen
 
 @inlined_kernel
 def take_outcome(members, member, outcome):
-    """Add the outcome of a call of the integrator to that of a member."""
+    """Add the outcome of a call of the integrator to that of a member; returns if it converged, and its steps."""
     converged, steps, iterations, halvings, gap, increment, element, lost, moved = outcome
     counts, sums = members.counts, members.sums
     counts[member, STEPS] += steps
@@ -141,6 +140,7 @@ def take_outcome(members, member, outcome):
     members.left[member] -= steps
     if not converged:
         counts[member, STATUS] = FAILED
+    return converged, steps
 
 
 @kernel

@@ -8,6 +8,7 @@ lanes are arrays of numpy. Past the last element or number, lanes repeat the las
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 from typing import Any
 
 from cable_twin.mechanics.language.traced import (
@@ -124,6 +125,32 @@ def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
         lanes = [read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)]
         for number in range(WIDTH):
             write_lanes(as_lanes([lane_of(one, number) for one in lanes]), numbers, (number, first))
+
+
+def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
+    """Numbers of `WIDTH` arrays of one shape, all first ones as lanes, and so on; for formulas.
+
+    They are read as they are in memory, and then turned into lanes.
+    """
+    count = prod(shape)
+    rows = [read_lanes(array, (0,) * len(shape), count) for array in arrays]
+    return [as_lanes([lane_of(row, k) for row in rows]) for k in range(count)]
+
+
+def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int, ...]) -> None:
+    """Write what `read_beside` gives to as many arrays of one shape, for formulas."""
+    whole = len(numbers) - len(numbers) % WIDTH
+    for number, array in enumerate(arrays):
+        own = [lane_of(one, number) for one in numbers]
+        for k in range(0, whole, WIDTH):
+            write_lanes(as_lanes(own[k : k + WIDTH]), array, _place(shape, k))
+        for k in range(whole, len(own)):
+            array[_place(shape, k)] = own[k]
+
+
+def _place(shape: tuple[int, ...], number: int) -> tuple[int, ...]:
+    """Indices of an entry of an array in the order of memory."""
+    return tuple(number // prod(shape[axis + 1 :]) % size for axis, size in enumerate(shape))
 
 
 @formula

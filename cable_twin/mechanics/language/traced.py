@@ -473,35 +473,22 @@ def together(parts: Sequence[Any]) -> Any:
     return as_lanes(parts)
 
 
-def apart(lanes: Any, number: int) -> Any:
-    """One of the tuples that `together` has joined, for formulas."""
-    if isinstance(lanes, tuple):
-        return tuple(apart(one, number) for one in lanes)
-    return lane_of(lanes, number)
-
-
 @formula
 def first_of(pairs: Any) -> Any:
     """First number of each pair in a tuple of pairs."""
-    return apart(pairs, 0)
+    return _lanes_of(pairs, 0)
 
 
 @formula
 def second_of(pairs: Any) -> Any:
     """Second number of each pair in a tuple of pairs."""
-    return apart(pairs, 1)
+    return _lanes_of(pairs, 1)
 
 
-@formula
-def third_of(groups: Any) -> Any:
-    """Third number of each group in a tuple of groups."""
-    return apart(groups, 2)
-
-
-@formula
-def fourth_of(groups: Any) -> Any:
-    """Fourth number of each group in a tuple of groups."""
-    return apart(groups, 3)
+def _lanes_of(pairs: Any, number: int) -> Any:
+    if isinstance(pairs, tuple):
+        return tuple(_lanes_of(pair, number) for pair in pairs)
+    return lane_of(pairs, number)
 
 
 def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:

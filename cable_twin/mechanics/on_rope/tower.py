@@ -161,13 +161,7 @@ def frame_at(cable, towers, state, contact, point):
 @kernel
 def contact_force(cable, towers, state, contact):
     """Force (dim,) of a contact on the rope, as last found, and its normal part, both in N."""
-    return force_at(cable, towers, state, contact, point_at(cable, state, state.contact_arc_length[contact]))
-
-
-@kernel
-def force_at(cable, towers, state, contact, point):
-    """Force (dim,) of a contact on the rope at its `point`, and its normal part, both in N."""
-    r_x, apart, normal, depth, moving = frame_at(cable, towers, state, contact, point)
+    _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
     z, _ = mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])
     friction = towers.friction[contact] * n * z

@@ -243,6 +243,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
             copy_ropes(bundle, GOOD, STATE, state)
             if bundle.coupled:
                 take_motion(moving_good, moving)
+                moving.response.left[:] = 0  # it may have been found of what is no number
             halvings += 1
         if not converged:
             element = worst_element(rope_of(bundle, 0, system, state, work)[2])

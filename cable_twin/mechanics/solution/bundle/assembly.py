@@ -140,8 +140,9 @@ class Assembly:
         if like:
             write(first_motion, like.moving)
         self.moving: BundleState = like.moving if like else first_motion
-        none_kept = [allocate_bundle_state(self.bundle, vehicles, patch, kept=0) for _ in range(2)]
-        self.spare: tuple[BundleState, ...] = like.spare if like else tuple(none_kept)
+        self.spare: tuple[BundleState, ...] = (
+            like.spare if like else tuple(allocate_bundle_state(self.bundle, kept=0) for _ in range(2))
+        )
         self.scratch: BundleWork = like.scratch if like else allocate_bundle_work(self.bundle, vehicles, patch)
         # packed once: of several assemblies that take turns, each would otherwise be packed anew in its turn
         self._couplings = tuple(map(pack, (self.bundle, self.moving, *self.spare, self.scratch)))

@@ -85,8 +85,7 @@ def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_
 def connector_forces(bundle, state, like, forces):
     """Write the pull (connectors,) in N of all connectors into an array."""
     for connector in range(bundle.connectors.length.size):
-        pull = connector_force(bundle, connector, state, like)[0]
-        forces[connector] = pull
+        forces[connector] = connector_force(bundle, connector, state, like)[0]
 
 
 @kernel

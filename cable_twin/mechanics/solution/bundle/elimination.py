@@ -4,7 +4,7 @@ The front is one node of each rope, the next to be eliminated, and the clamps of
 block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
 added when both its nodes are at the front, a clamp with each of its nodes when that is, and the remainder of an
 elimination couples the nodes that follow. Nodes that nothing holds to another rope do not come to the front: those
-outside the couplings of a rope and those between two of them are eliminated before (`block_tridiagonal`).
+outside the couplings of a rope (`block_tridiagonal`) and those between two of them (`node_runs`) are eliminated before.
 The order of elimination is found once, from the places of the couplings.
 """
 
@@ -19,7 +19,6 @@ from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.block_tridiagonal import (
     apply_node,
     eliminate_ends,
-    eliminate_four_runs,
     invert_node,
     less_neighbour,
     load_node,
@@ -30,10 +29,10 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     store_node,
     store_pair,
     substitute_ends,
-    substitute_four_runs,
     subtract_pair,
 )
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
+from cable_twin.mechanics.solution.node_runs import eliminate_four_runs, substitute_four_runs
 
 CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
 

@@ -1,0 +1,202 @@
+"""Elimination of runs of nodes of one rope, between nodes that something holds to another rope.
+
+A run leaves a coupling of the nodes before and after it, and what it adds to their equations. Four runs go beside each
+other in one register. Where there are fewer, the last one is there again: of all four, a number is read before it is
+written, so that to write it twice is to write it once.
+"""
+
+from __future__ import annotations
+
+from cable_twin.mechanics.language.compilation import inlined_kernel
+from cable_twin.mechanics.language.simd import read_beside, sum_of_lanes, write_beside
+from cable_twin.mechanics.language.traced import formula, together
+from cable_twin.mechanics.language.vectors import load, outer, scale
+from cable_twin.mechanics.solution.block_tridiagonal import (
+    apply_node,
+    factor_node,
+    load_node,
+    load_pair,
+    minus_nodes,
+    multiply_nodes,
+    no_node,
+    solve_node,
+    solve_pair,
+    store_node,
+    store_pair,
+    substitute_one,
+    subtract_node,
+    subtract_pair,
+    without,
+)
+
+
+@inlined_kernel
+def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, done, like):
+    """Eliminate the nodes of a run between two nodes that are kept, `before` and `after`, but the first `done` ones.
+
+    The couplings of both come to `upper[before]` and `lower[after - 1]`. Takes the other arguments of `solve_columns`.
+
+    Returns:
+        -1, or the number of a node whose block has no inverse.
+    """
+    square = outer(0.0, like, like)
+    for node in range(before + 1 + done, after):
+        factors, missing = factor_node(load_node(diagonal[node], square))
+        if missing != 0.0:
+            return node
+        known = solve_pair(factors, load_pair(right_side[node], like))
+        left = solve_node(factors, load_node(lower[node - 1], square))
+        factor = solve_node(factors, load_node(upper[node], square))
+        for b in range(count):
+            store_pair(solve_pair(factors, load_pair(columns[node, b], square)), columns[node, b])
+        store_pair(known, right_side[node])
+        store_node(left, lower[node - 1])
+        store_node(factor, upper[node])
+        on, out = load_node(lower[node], square), load_node(upper[before], square)
+        subtract_node(diagonal, right_side, columns, count, node, before, out, left, known, like)
+        subtract_node(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
+        store_node(minus_nodes(no_node(like), multiply_nodes(on, left)), lower[node])
+        store_node(minus_nodes(no_node(like), multiply_nodes(out, factor)), upper[before])
+    return -1
+
+
+@inlined_kernel
+def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs, number, like):
+    """Eliminate four runs of nodes beside each other, up to the length of the shortest; then what is left of each.
+
+    `runs` (4, 2) are the nodes before and after each; those from `number` on repeat others. Other arguments and result
+    as of `eliminate_run`.
+    """
+    square, zero = outer(0.0, like, like), (scale(0.0, like), scale(0.0, like))
+    at, shorter = shortest_of(runs, number)
+    no_nodes, nothing = four_times(no_node(like)), four_times(zero)
+    left, out = load_nodes(four(lower, at, 0), square), load_nodes(four(upper, at, 0), square)
+    factor, coupling, on_kept, known, right_of_kept = no_nodes, no_nodes, no_nodes, nothing, nothing
+    for k in range(1, shorter + 1):
+        block, right = load_nodes(four(diagonal, at, k), square), load_pairs(four(right_side, at, k), like)
+        if k > 1:
+            block, right = without(block, right, coupling, factor, known)
+            left = minus_nodes(no_nodes, multiply_nodes(coupling, left))
+            out = minus_nodes(no_nodes, multiply_nodes(out, factor))
+        factors, missing = factor_node(block)
+        if sum_of_lanes(missing) != 0.0:
+            return at[0] + k
+        known, left = solve_pair(factors, right), solve_node(factors, left)
+        on_kept, right_of_kept = without(on_kept, right_of_kept, out, left, known)
+        factor = solve_node(factors, load_nodes(four(upper, at, k), square))
+        coupling = load_nodes(four(lower, at, k), square)
+        for b in range(count):
+            column = solve_pair(factors, load_pairs(four_columns(columns, at, k, b), square))
+            store_pairs(column, four_columns(columns, at, k, b))
+            subtract_columns(coupling, column, four_columns(columns, at, k + 1, b), square)
+            subtract_columns(out, column, four_columns(columns, at, 0, b), square)
+        store_pairs(known, four(right_side, at, k))
+        store_nodes(left, four(lower, at, k - 1))
+        store_nodes(factor, four(upper, at, k))
+    if shorter > 0:  # into the node after them, then into the kept one before
+        here, there = four(diagonal, at, shorter + 1), four(right_side, at, shorter + 1)
+        block, right = without(load_nodes(here, square), load_pairs(there, like), coupling, factor, known)
+        store_nodes(block, here)
+        store_pairs(right, there)
+        here, there = four(diagonal, at, 0), four(right_side, at, 0)
+        store_nodes(minus_nodes(load_nodes(here, square), minus_nodes(no_nodes, on_kept)), here)
+        store_pairs(subtract_pair(load_pairs(there, like), subtract_pair(nothing, right_of_kept)), there)
+        store_nodes(minus_nodes(no_nodes, multiply_nodes(coupling, left)), four(lower, at, shorter))
+        store_nodes(minus_nodes(no_nodes, multiply_nodes(out, factor)), four(upper, at, 0))
+    for run in range(number):
+        before, after = runs[run, 0], runs[run, 1]
+        stopped = eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, shorter, like)
+        if stopped >= 0:
+            return stopped
+    return -1
+
+
+@inlined_kernel
+def subtract_columns(coupling, column, others, square):
+    """Subtract the product of four node blocks and their columns from those of four other nodes."""
+    store_pairs(subtract_pair(load_pairs(others, square), apply_node(coupling, column)), others)
+
+
+@inlined_kernel
+def shortest_of(runs, number):
+    """Nodes before each of four runs, and the length of the shortest; 0 of a `number` of 1, which is best by itself."""
+    shortest = runs[0, 1] - runs[0, 0] if number > 1 else 1
+    for run in range(1, number):
+        shortest = min(shortest, runs[run, 1] - runs[run, 0])
+    return (runs[0, 0], runs[1, 0], runs[2, 0], runs[3, 0]), shortest - 1
+
+
+@inlined_kernel
+def four(array, at, k):
+    """Sub-arrays at `k` after each of four places."""
+    return array[at[0] + k], array[at[1] + k], array[at[2] + k], array[at[3] + k]
+
+
+@inlined_kernel
+def four_columns(columns, at, k, b):
+    """Blocks number `b` of the columns (nodes, blocks, 2, dim²) of four nodes, `k` after each of four places."""
+    return columns[at[0] + k, b], columns[at[1] + k, b], columns[at[2] + k, b], columns[at[3] + k, b]
+
+
+@formula
+def four_times(one):
+    """Numbers of a tuple in each of four lanes."""
+    return together([one, one, one, one])
+
+
+@formula
+def load_nodes(arrays, square):
+    """Blocks of some nodes beside each other, as `load_node`."""
+    count = len(square.entries)
+    numbers = read_beside(arrays, (2, 2, count))
+    return tuple(load(numbers[k * count : (k + 1) * count], square) for k in range(4))
+
+
+@formula
+def load_pairs(arrays, like):
+    """Vectors or matrices of some nodes beside each other, as `load_pair`."""
+    count = len(like.entries)
+    numbers = read_beside(arrays, (2, count))
+    return load(numbers[:count], like), load(numbers[count:], like)
+
+
+@formula
+def store_nodes(blocks, arrays):
+    """Write the blocks of some nodes beside each other to their arrays."""
+    write_beside([one for matrix in blocks for one in matrix.entries], arrays, (2, 2, len(blocks[0].entries)))
+
+
+@formula
+def store_pairs(pairs, arrays):
+    """Write what `load_pairs` gives to the arrays of the nodes."""
+    write_beside([one for part in pairs for one in part.entries], arrays, (2, len(pairs[0].entries)))
+
+
+@inlined_kernel
+def substitute_four_runs(upper, lower, right_side, columns, count, runs, number, like):
+    """Back substitution of four runs of nodes beside each other, of what `eliminate_four_runs` eliminated."""
+    square = outer(0.0, like, like)
+    at, shorter = shortest_of(runs, number)
+    for run in range(number):
+        substitute_run(upper, lower, right_side, columns, count, runs[run, 0], runs[run, 1], shorter, like)
+    kept = load_pairs(four(right_side, at, 0), like)
+    known = load_pairs(four(right_side, at, shorter + 1), like)
+    for k in range(shorter, 0, -1):
+        factor, left = load_nodes(four(upper, at, k), square), load_nodes(four(lower, at, k - 1), square)
+        known = subtract_pair(load_pairs(four(right_side, at, k), like), apply_node(factor, known))
+        known = subtract_pair(known, apply_node(left, kept))
+        store_pairs(known, four(right_side, at, k))
+        for b in range(count):
+            after = load_pairs(four_columns(columns, at, k + 1, b), square)
+            column = load_pairs(four_columns(columns, at, k, b), square)
+            column = subtract_pair(column, apply_node(factor, after))
+            before = load_pairs(four_columns(columns, at, 0, b), square)
+            store_pairs(subtract_pair(column, apply_node(left, before)), four_columns(columns, at, k, b))
+
+
+@inlined_kernel
+def substitute_run(upper, lower, right_side, columns, count, before, after, done, like):
+    """Back substitution of a run of nodes between two that are known, `before` and `after`, but the first `done`."""
+    for node in range(after - 1, before + done, -1):
+        substitute_one(right_side, columns, count, node, node + 1, upper[node], like)
+        substitute_one(right_side, columns, count, node, before, lower[node - 1], like)
