@@ -23,7 +23,7 @@ from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
 from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
-from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, read_cases
+from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, case_columns, read_cases
 from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, uncollected
 from cable_twin.offline.envelopes.tensioning import ALLOWED
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
@@ -301,8 +301,7 @@ def _write(
             "command": options.command,
             "places": options.places,
             "cases": [
-                {"id": one.id, "name": one.name, "changes": dict(one.changes), "dynamic": one.moves, "fault": got.fault}
-                for one, got in zip(cases, results, strict=True)
+                {**case_columns(one), "fault": got.fault} for one, got in zip(cases, results, strict=True)
             ],
             "envelope": [{"case": case, **figure_columns(one)} for case, one in extremes],
             "rules": [verdict_columns(one) for one in verdicts],

@@ -157,6 +157,29 @@ def test_states_that_govern_are_found_again(cases):
     assert "envelope chairlift --cases cases.yaml" in text
 
 
+@pytest.mark.parametrize(
+    ("scenario", "text"),
+    [
+        ("aerial_tramway", "{id: full, loading: full, worst_place: {points: 5, figures: [FIGURE]}}"),
+        ("chairlift", "{id: empty, loading: empty, tensioning: stops}, {id: up, loading: up_full, tensioning: stops}"),
+    ],
+)
+def test_what_a_search_or_a_stop_has_found_is_found_again(tmp_path, scenario, text):
+    """A vehicle at its worst place, tensioning at its limits, and a rest found from another one: to the last bit."""
+    rope = next(iter(load_scenario(scenario).cables))
+    figure = f"rope_tension/ropes.{rope}/highest"
+    (tmp_path / "cases.yaml").write_text(f"cases: [{text.replace('FIGURE', figure)}]")
+    options = ["--cases", tmp_path / "cases.yaml", "--places", 1, "--json", tmp_path / "all.json"]
+    options += ["--set", "sheaves.return.counterweight.travel=[-0.1,0.1]"] if scenario == "chairlift" else []
+    assert envelope.main([*map(str, (scenario, *options))]) == 0
+    found = read_envelope(tmp_path / "all.json", lambda count: lambda: None)
+    assert not found.notes
+    loads = {one.id.subject: one.value for one in found.figures if one.id[::2] == ("support_load", "highest")}
+    assert found.towers
+    for one in found.towers:
+        assert np.linalg.norm(one.force) == loads[one.subject]
+
+
 def test_a_study_has_its_ranges_and_indices(tmp_path):
     pytest.importorskip("distributed")
     options = "seed_example --vary gravity=9:10 --vary cable.mass_per_length=1:3 --method sobol --cases 8 --duration 0"

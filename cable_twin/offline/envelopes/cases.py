@@ -49,6 +49,33 @@ class LoadCase(NamedTuple):
         return self.dynamic is not None
 
 
+def case_columns(case: LoadCase) -> dict[str, Any]:
+    """Load case as JSON has it beside its results, of which `case_again` makes it again.
+
+    Args:
+        case: a load case.
+    """
+    place = None if case.worst_place is None else {"one": case.worst_place.one}
+    own = {"dynamic": case.moves, "worst_place": place, "stops": case.stops}
+    return {"id": case.id, "name": case.name, "changes": dict(case.changes), **own}
+
+
+def case_again(columns: Mapping[str, Any], base: Scenario) -> LoadCase:
+    """Load case at rest from its columns in JSON; without what is sought of a worst place, but that it is one.
+
+    Args:
+        columns: as `case_columns` makes them; of earlier versions without `worst_place` and `stops`.
+        base: scenario that the case changes.
+
+    Raises:
+        ScenarioError: its changes do not fit the scenario.
+    """
+    place, changes = columns.get("worst_place"), dict(columns["changes"])
+    searched = WorstPlace(0, (), bool(place.get("one"))) if isinstance(place, Mapping) else None
+    scenario = load_scenario(base.resolved(), changes)
+    return LoadCase(columns["id"], columns["name"], scenario, changes, None, searched, bool(columns.get("stops")))
+
+
 class CaseError(ValueError):
     """Error of a file of load cases; its text has one line per fault."""
 

@@ -82,12 +82,7 @@ def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
         first, last = 0.0, scenario.spacing * (carriers.count if wanted.one else 1)
 
     def at(place: float) -> Mapping[str, KeyFigure]:
-        here = scenario
-        if wanted.one and carriers is not None:
-            begin = 0.5 * scenario.spacing if carriers.first is None else carriers.first
-            number = int((begin + place) // scenario.spacing) % carriers.count
-            here = load_scenario(scenario.resolved(), {"carriers.loaded": [number + 1]})
-        line = Line(here, moved.moved, np.array([place]))
+        line = line_at(scenario, place, one=wanted.one)
         calculate(line, find=find, rows=False)
         return {str(one.id): one for one in line.figures}
 
@@ -98,3 +93,19 @@ def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
     for figure in wanted.figures:
         search.refine(figure, grid)
     return search
+
+
+def line_at(scenario: Scenario, place: float, *, one: bool) -> Line:
+    """Line at rest at one place of such a search.
+
+    Args:
+        scenario: of the case.
+        place: of the vehicle, in m.
+        one: whether a single carrier of many is loaded, the one that is there.
+    """
+    moved, carriers = plan_line(scenario, 2, None).moved, scenario.carriers
+    if one and carriers is not None:
+        begin = 0.5 * scenario.spacing if carriers.first is None else carriers.first
+        number = int((begin + place) // scenario.spacing) % carriers.count
+        scenario = load_scenario(scenario.resolved(), {"carriers.loaded": [number + 1]})
+    return Line(scenario, moved, np.array([place]))

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.envelopes.cases import LoadCase
 from cable_twin.offline.envelopes.motion import run_dynamic
-from cable_twin.offline.envelopes.places import search_places
+from cable_twin.offline.envelopes.places import line_at, search_places
 from cable_twin.offline.envelopes.tensioning import with_stops
-from cable_twin.offline.lines.at_rest import Line, at_place, calculate, from_scratch, plan_line
+from cable_twin.offline.lines.at_rest import Find, Line, at_place, calculate, from_scratch, plan_line
 from cable_twin.scenario import Scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.simulation.rests import Rests
@@ -64,10 +64,10 @@ def neighbours(jobs: Sequence[Job], all_jobs: Sequence[Job], cores: int) -> list
     """
     firsts: dict[str, LoadCase] = {}
     for job in all_jobs:
-        firsts.setdefault(_mesh_key(job.case), job.case)
+        firsts.setdefault(mesh_key(job.case.changes), job.case)
     groups: dict[str, list[Job]] = {}
     for job in jobs:
-        groups.setdefault(_mesh_key(job.case), []).append(job)
+        groups.setdefault(mesh_key(job.case.changes), []).append(job)
     found = []
     for key, group in groups.items():
         size = min(max(len(group) // (2 * cores), 1), MOST_OF_PART)
@@ -75,12 +75,18 @@ def neighbours(jobs: Sequence[Job], all_jobs: Sequence[Job], cores: int) -> list
     return found
 
 
-def _mesh_key(case: LoadCase) -> str:
-    """Changes of a case except those of payloads, wind and tensioning, on which the mesh does not depend."""
-    return repr(sorted((key, repr(one)) for key, one in case.changes.items() if not OFF_MESH.search(key)))
+def mesh_key(changes: Mapping[str, Any]) -> str:
+    """Changes of a case except those of payloads, wind and tensioning, on which the mesh does not depend.
+
+    Args:
+        changes: values by dotted key.
+    """
+    return repr(sorted((key, repr(one)) for key, one in changes.items() if not OFF_MESH.search(key)))
 
 
-_bases: dict[tuple[str, int, float], Rests] = {}  # of the present part, by its first case, places and place
+# first rests of one part, None where there is none, by its first case, places and place
+Bases = dict[tuple[str, int, float], Rests | None]
+_bases: Bases = {}  # of the present part
 
 
 def run_part(part: Neighbours) -> list[CaseResult]:
@@ -108,31 +114,58 @@ def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
         job: what is calculated.
         first: another one, from whose rest the search begins where the mesh is the same; None for from scratch.
     """
-
-    def find(scenario: Scenario, place: float) -> Simulation:
-        if first is None or first.id == job.case.id:
-            return from_scratch(scenario, place)
-        key = f"{first.scenario.name}: {first.id}", job.places, place
-        if next(iter(_bases), key)[:2] != key[:2]:
-            _bases.clear()
-        if key not in _bases:
-            line = _line(first.scenario, job.places)
-            _bases[key] = cast(Rests, at_place(line, place, lambda base, _: Rests(base)))
-        return _bases[key].under(scenario)
-
     try:
         if job.case.dynamic is not None:
             figures, fault = run_dynamic(job.case.scenario, job.case.dynamic)
             return CaseResult(job.case.id, tuple(figures), fault)
+        find = _find(job.case, first, job.places, _bases)
         if job.case.worst_place is not None:
-            rest = with_stops(from_scratch) if job.case.stops else from_scratch
-            search = search_places(job.case.scenario, job.case.worst_place, rest)
+            search = search_places(job.case.scenario, job.case.worst_place, find)
             return CaseResult(job.case.id, tuple(search.figures()))
         line = _line(job.case.scenario, job.places)
-        calculate(line, find=with_stops(find) if job.case.stops else find, rows=False)
+        calculate(line, find=find, rows=False)
     except (EquilibriumError, ValueError) as error:
         return CaseResult(job.case.id, (), " ".join(str(error).split()))
     return CaseResult(job.case.id, tuple(line.figures))
+
+
+def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases: Bases) -> Simulation:
+    """Line at rest in a load case with its vehicle at a place, found as `run_case` does: with the same bits.
+
+    Args:
+        case: at rest.
+        first: from whose rest the search begins.
+        places: of the vehicle in the calculation.
+        place: of the vehicle, in m: one of these, or one of the search for the worst.
+        bases: takes the first rests; the result is valid until the next one that begins there.
+
+    Raises:
+        EquilibriumError: it has no rest.
+    """
+    line = _line(case.scenario, places)
+    if case.worst_place is not None:
+        line = line_at(case.scenario, place, one=case.worst_place.one)
+    return at_place(line, place, _find(case, first, places, bases))
+
+
+def _find(case: LoadCase, first: LoadCase | None, places: int, bases: Bases) -> Find:
+    """Search for the rests of a case, which begins at those of another one; at none for a worst place."""
+
+    def find(scenario: Scenario, place: float) -> Simulation:
+        if first is None or first.id == case.id or case.worst_place is not None:
+            return from_scratch(scenario, place)
+        key = f"{first.scenario.name}: {first.id}", places, place
+        if next(iter(bases), key)[:2] != key[:2]:
+            bases.clear()
+        if key not in bases:
+            bases[key] = None
+            with suppress(EquilibriumError):  # of tensioning beyond its travel, where the other is held at its limits
+                line = _line(first.scenario, places)
+                bases[key] = cast(Rests, at_place(line, place, lambda base, _: Rests(base)))
+        begin = bases[key]
+        return from_scratch(scenario, place) if begin is None else begin.under(scenario)
+
+    return with_stops(find) if case.stops else find
 
 
 def _line(scenario: Scenario, places: int) -> Line:

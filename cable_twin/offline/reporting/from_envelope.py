@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,8 +13,10 @@ import numpy as np
 
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, supports_of
+from cable_twin.offline.envelopes.cases import case_again
+from cable_twin.offline.envelopes.runs import Bases, mesh_key, rest_again
 from cable_twin.offline.export import figure_of_columns
-from cable_twin.offline.lines.at_rest import Line, at_place, plan_line
+from cable_twin.offline.lines.at_rest import Line, at_place
 from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
 from cable_twin.offline.reporting.judging import judge_extremes, with_rules
 from cable_twin.offline.reporting.remarks import inputs_of
@@ -81,11 +84,7 @@ def read_envelope(
     still = [one for one in figures if governing[one.id] not in moving]
     states = _states(still, governing)
     done = on_state(len(states))
-    found: dict[Governing, Snapshot] = {}
-    by_id = {one.id: one for one in cases}
-    for one in states:
-        found[one] = _state(scenario, by_id[one.case], one.place, places)
-        done()
+    found = _found_again(scenario, data["cases"], states, places, done)
     if not states:  # all is governed by cases in motion
         found[Governing("", 0.0)] = at_place(Line(scenario, "", np.zeros(1)), 0.0).snapshot
     ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
@@ -139,11 +138,36 @@ def _states(figures: list[KeyFigure], governing: Mapping[FigureId, str]) -> list
     return [state for state, _ in counts.most_common(MOST)]
 
 
-def _state(scenario: Scenario, case: Case, place: float, places: int) -> Snapshot:
-    """Line at rest in a load case, with the vehicle at a place (m)."""
-    changed = load_scenario(scenario.resolved(), dict(case.changes))
-    line = Line(changed, "", np.zeros(1)) if places == 1 else plan_line(changed, places, None)
-    return at_place(line, place).snapshot
+def _found_again(
+    scenario: Scenario,
+    cases: Sequence[Mapping[str, Any]],
+    states: Sequence[Governing],
+    places: int,
+    done: Callable[[], object],
+) -> dict[Governing, Snapshot]:
+    """Lines at rest in states, in their order; each found from that of which the envelope has found it.
+
+    Args:
+        scenario: scenario that the load cases change.
+        cases: columns of all load cases.
+        states: what is found again.
+        places: of the vehicle in the envelope.
+        done: called after each.
+    """
+    firsts: dict[str, Mapping[str, Any]] = {}
+    for case in cases:
+        firsts.setdefault(mesh_key(case["changes"]), case)
+    columns = {str(case["id"]): case for case in cases}
+    keys = {one: mesh_key(columns[one.case]["changes"]) for one in states}
+    bases: Bases = {}
+    found: dict[Governing, Snapshot] = {}
+    for key, group in groupby(sorted(states, key=lambda one: (keys[one], one)), key=keys.__getitem__):
+        first = case_again(firsts[key], scenario)
+        for one in group:
+            case = case_again(columns[one.case], scenario)
+            found[one] = rest_again(case, first, places, one.place, bases).snapshot
+            done()
+    return {one: found[one] for one in states}
 
 
 def _courses(scenario: Scenario, found: Mapping[Governing, Snapshot]) -> list[RopeCourse]:
