@@ -1,3 +1,6 @@
+import numpy_of_the_class  # noqa: F401 - before anything imports numpy
+
+# isort: split
 import gc
 import os
 import runpy

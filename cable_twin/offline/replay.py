@@ -48,6 +48,7 @@ MADE_BY = {  # what the bits of a result depend on: key of the metadata and how 
     "cpu": "CPU",
     "arithmetic": "arithmetic",
 }
+GROWS = "rounding grows where parts touch or slip and in what is estimated, for which a larger --tolerance allows"
 EPILOG = f"""\
 Where versions, target and arithmetic are those that made a log, as on another machine of the kind, all samples agree to
 the last bit, and that is the default. Any other log is compared to {ELSEWHERE:g}: two numbers a and b agree where
@@ -297,7 +298,7 @@ def origin(log: Log, commands: CommandStream) -> list[str]:
     """Lines about version, scenario and command stream of a log, and about differences of this machine."""
     here = program_metadata()
     made = ", ".join(f"{name} {log.metadata.get(key, 'unknown')}" for key, name in MADE_BY.items())
-    other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
+    other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if name in made_by_other(log)]
     scenario = json.dumps(log.scenario, sort_keys=True).encode()
     return [
         f"made by: {made}, format {log.metadata['format_version']}",
@@ -331,8 +332,13 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
 
 def made_here(log: Log) -> bool:
     """Whether identical bits can be expected: equal versions, numba, numpy, target and arithmetic."""
+    return not made_by_other(log)
+
+
+def made_by_other(log: Log) -> list[str]:
+    """Names of what made a log and is another one here, on which the bits of results depend."""
     here = program_metadata()
-    return all(log.metadata.get(key) == here[key] for key in MADE_BY)
+    return [name for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
 
 
 def parser() -> OneLineParser:
@@ -402,6 +408,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if result.first is not None:
         print(f"first difference {result.first}")
         print(f"largest difference: {result.largest:.3g}; the tolerance is {tolerance:g}")
+        if other := made_by_other(log):
+            print(f"it was made with another {', '.join(other)}: {GROWS}")
         return DIFFER
     if tolerance == 0.0:
         print("every sample agrees to the last bit")

@@ -14,7 +14,7 @@ from bags import NO_BAGS, alter, bag, unchanged
 from golden_log import GOLDEN
 from twin_process import run_module, run_python, write_quick_scenario
 
-from cable_twin.basics.cpu import CLASSES
+from cable_twin.basics.cpu import CLASSES, class_of, machine, this_cpu
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.language.target import target
 from cable_twin.messages import SCENARIO, MessageEncoder, decode, serialize, topics
@@ -265,6 +265,17 @@ def test_a_log_replays_to_the_last_bit_on_another_cpu_of_the_class(recorded):
     assert "compil" not in result.stderr
 
 
+@pytest.mark.parametrize(("name", "is_held"), [("-m", True), ("-c", False)])
+def test_a_command_as_a_module_has_the_arithmetic_of_the_command(monkeypatch, name, is_held):
+    """`python -m` has that name of a program until its module is found; a program that imports one is left alone."""
+    if (known := class_of(machine(), this_cpu())) is None:
+        pytest.skip("this CPU is of no known class")
+    monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
+    code = f"import os, sys; sys.argv = [{name!r}]; import cable_twin.offline; print(os.getenv('OPENBLAS_CORETYPE'))"
+    result = run_python("-c", code)
+    assert result.stdout.split() == [known.core if is_held else "None"], result.stderr
+
+
 def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tmp_path, capsys):
     other = {"cpu": "elsewhere", "numpy_version": "0.1"}
     near = alter(bag(recorded), tmp_path / "near.mcap", nudge_place(lambda place: place * (1.0 + 1e-9)), metadata=other)
@@ -277,7 +288,9 @@ def test_log_of_another_machine_is_compared_to_the_stated_tolerance(recorded, tm
     assert "the tolerance is 0" in capsys.readouterr().out
     far = alter(bag(recorded), tmp_path / "far.mcap", nudge_place(lambda place: place * (1.0 + 1e-5)), metadata=other)
     assert main([str(far)]) == 1
-    assert "the tolerance is 1e-06" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert "the tolerance is 1e-06" in output
+    assert "it was made with another numpy, CPU: rounding grows" in output
 
 
 def test_newer_format_is_named_as_such(recorded, tmp_path, capsys):

@@ -164,8 +164,8 @@ def _found_again(
     for key, group in groupby(sorted(states, key=lambda one: (keys[one], one)), key=keys.__getitem__):
         first = case_again(firsts[key], scenario)
         for one in group:
-            case = case_again(columns[one.case], scenario)
-            found[one] = rest_again(case, first, places, one.place, bases).snapshot
+            again = case_again(columns[one.case], scenario)
+            found[one] = rest_again(again, first, places, one.place, bases).snapshot
             done()
     return {one: found[one] for one in states}
 
