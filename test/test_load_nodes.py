@@ -7,6 +7,7 @@ from cable_twin import Simulation, load_scenario
 from cable_twin.scenario import ScenarioError
 
 NODE = {"cable.joint": "node"}
+LENGTHS = "target", "at_towers"  # of elements, m
 
 
 @pytest.mark.parametrize(
@@ -27,15 +28,19 @@ def test_refused_beside_connectors():
 
 
 @pytest.mark.long
-def test_the_force_of_a_clamp_does_not_depend_on_the_mesh():
-    """Of both cabins of a jig-back at rest, on four meshes: to 0.05 %, where the joint of the paper has 0.4 %."""
+def test_the_force_of_a_clamp_does_not_depend_on_the_mesh_of_the_track_rope():
+    """Of both cabins of a jig-back at rest, on four meshes: to 0.0001 %, where the joint of the paper has 0.4 %.
+
+    The haul rope keeps its mesh: no node of it follows a clamp, whose force changes with its elements.
+    """
     ropes, forces = load_scenario("jig_back").ropes, []
+    tracks = {name: rope for name, rope in ropes.items() if name.startswith("track")}
     for share in (0.94, 0.98, 1.02, 1.06):
         changes = {f"ropes.{rope}.joint": "node" for rope in ropes}
-        changes |= {f"ropes.{rope}.elements.target": one.elements.target / share for rope, one in ropes.items()}
+        changes |= {f"ropes.{rope}.elements.target": one.elements.target / share for rope, one in tracks.items()}
         simulation = Simulation(load_scenario("jig_back", changes))
         forces.append(np.linalg.norm(simulation.state.clamp_force, axis=1))
-    np.testing.assert_allclose(forces, np.tile(np.mean(forces, axis=0), (4, 1)), rtol=5e-4)
+    np.testing.assert_allclose(forces, np.tile(np.mean(forces, axis=0), (4, 1)), rtol=1e-6)
 
 
 def test_the_former_key_of_bends_is_read_with_a_warning():
@@ -82,13 +87,22 @@ def test_the_node_of_a_vehicle_is_none_of_a_rope_with_fewer_nodes():
 @pytest.mark.long
 @pytest.mark.parametrize("lift", ["chairlift", "gondola"])
 def test_a_lift_passes_its_stations(lift):
-    """Carriers leave and come onto ropes whose nodes follow them; tension is that of the paper to 0.5 %."""
-    highest = []
-    for joint in ("node", "paper"):
-        names = load_scenario(lift).ropes
-        changes = {f"ropes.{rope}.joint": joint for rope in names}
+    """Carriers leave and come onto ropes whose nodes follow them: highest tensions are those of a finer mesh.
+
+    With elements half as long they are the same to 0.02 %. The joint of the paper spreads a bend over an element and
+    has others by 0.54 % on the mesh of the gondola and by 0.39 % on the finer one: it comes within 1 %.
+    """
+    ropes, places = load_scenario(lift).ropes, np.linspace(10.0, 700.0, 50)
+
+    def highest(joint, share):
+        changes = {f"ropes.{rope}.joint": joint for rope in ropes}
+        for name, rope in ropes.items():
+            changes |= {f"ropes.{name}.elements.{key}": getattr(rope.elements, key) / share for key in LENGTHS}
         simulation = Simulation(load_scenario(lift, changes))
         simulation.command("haul_rope", speed=2.5)
         simulation.advance_to(40.0)
-        highest.append([simulation.cable_tension(np.linspace(10.0, 700.0, 50), rope).max() for rope in names])
-    np.testing.assert_allclose(highest[0], highest[1], rtol=5e-3)
+        return [simulation.cable_tension(places, rope).max() for rope in ropes]
+
+    found = highest("node", 1.0)
+    np.testing.assert_allclose(found, highest("node", 2.0), rtol=2e-4)
+    np.testing.assert_allclose(found, highest("paper", 1.0), rtol=1e-2)
