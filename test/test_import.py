@@ -101,6 +101,14 @@ def test_an_emergency_stop_waits_for_nothing_heavy():
     assert not HEAVY & set(result.stdout.split())
 
 
+def test_a_twin_imports_nothing_that_its_start_does_not_need():
+    """`scipy.stats` takes a second, `scipy.optimize` a third of one; what follows a plant or finds spans loads them."""
+    pytest.importorskip("rclpy")
+    code = "import cable_twin.ros.node, sys; print(*sys.modules)"
+    result = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not {"scipy.stats", "scipy.optimize", "matplotlib", "rerun"} & set(result.stdout.split())
+
+
 def test_mechanics_imports_where_nothing_else_exists(imported):
     assert len(STAGES["mechanics"]) > 5
     assert not imported[0]["mechanics"] & set(OUTSIDE)

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
@@ -445,7 +445,7 @@ class Follower:
             found = {}
             for sensor in sensors:
                 rows = [self._read_as(row, to[sensor]) for row in of[sensor]] if sensor in to else of[sensor]
-                limit = float(chi2.isf(SURE, len(rows)))
+                limit = float(scipy.special.chdtri(len(rows), SURE))
                 found[sensor] = normalised_square(*self._linear(rows), self._belief.covariance) / limit
             return found
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
 from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
@@ -253,7 +253,7 @@ class LineFollower:
                 return {}
             innovation, jacobian, variance = (np.concatenate(part) for part in zip(*terms, strict=True))
             inverse = np.linalg.inv(jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance))
-            alone = (inverse @ innovation) ** 2 / np.diag(inverse) / float(chi2.isf(SURE, 1))
+            alone = (inverse @ innovation) ** 2 / np.diag(inverse) / float(scipy.special.chdtri(1, SURE))
             return dict(zip(sensors, alone.tolist(), strict=True))
 
         contradicting = self.doubts.contradicting([*found], squares)
