@@ -265,11 +265,12 @@ class Workspace(NamedTuple):
         FloatArray, Of("vehicle", 3)
     ]  # eliminated row of the drum: pivot, coefficient of the way, right side
     drum_increment: Annotated[FloatArray, Of("vehicle")]
-    pressed: Annotated[BoolArray, Of("vehicle")]  # others push it
-    pressed_stiffness: Annotated[FloatArray, Of("pair", unit="N/m")]  # tangent of the buffers of each pair
-    foreseen: Annotated[
-        FloatArray, Of("vehicle", 3)
-    ]  # where others push it: N/m and N of its own way along the rope, and that in m
+    touching: Annotated[BoolArray, Of("pair")]  # their buffers are pressed
+    pressed_tangent: Annotated[FloatArray, Of("pair", "dim²", unit="N/m")]  # of their buffers
+    pressed: Annotated[BoolArray, Of("vehicle")]  # others push it, whose displacement is predicted
+    foreseen: Annotated[FloatArray, Of("vehicle", 2)]  # of that, along the rope: stiffness (N/m) and force (N)
+    foreseen_way: Annotated[FloatArray, Of("vehicle", "dim")]  # along the rope
+    foreseen_move: Annotated[FloatArray, Of("vehicle", "dim", unit="m")]  # the displacement
     body_drag: Annotated[FloatArray, Of("body", "dim", unit="N")]  # of the air
     body_drag_tangent: Annotated[FloatArray, Of("body", "dim²", unit="N/m")]  # minus its derivative by the place
     body_drag_turning: Annotated[FloatArray, Of("body", "turn dim", unit="N/rad")]  # minus its derivative by the turn

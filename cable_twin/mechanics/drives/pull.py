@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_twin.mechanics.drives.haul_rope import condense_drum, haul_direction, pull_on_carriage, recover_drum
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store, subtract
 from cable_twin.mechanics.on_rope.buffer import push_on
 from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
@@ -84,7 +84,7 @@ def joint_forces(system, state, carriage):
     elif state.clamp_holds[carriage]:
         pull = load(state.clamp_force[carriage], force)
     if system.buffers.present:
-        force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
+        force = subtract(force, push_on(system, state, carriage))
     return add_scaled(-1.0, pull, force), pull
 
 

@@ -7,22 +7,34 @@ The force between two vehicles on one rope is an internal one: equal, opposite a
 and not on the rope, as a haul rope's pull does; the rope takes λ less the push. Depth d = room - |r_2 - r_1| of both
 joints, so that its potential is that of the buffer, and linear and angular momentum are kept.
 
-In Newton's tangent each vehicle has its own share, F' u uᵀ. That of its neighbour would couple vehicles, which are
-eliminated one by one. Instead, `predict_contacts` solves for their displacements along the rope as if that stood still,
-and each meets its neighbours there; `contact_error` lets the iteration go on for the remainder, the displacement of the
-rope itself.
+Newton's tangent has J = -∂F/∂(p_1 - p_2) of a pair for both joints (`pair_tangent`). Where their nodes follow each
+other, one patch has both, and J is in it whole (`couple_neighbours`). Elsewhere vehicles are eliminated one by one:
+`predict_contacts` solves for their displacements along the rope as if that stood still, each meets its neighbours
+there, and `contact_error` lets the iteration go on for the remainder, the displacement of the rope itself.
 """
 
 from __future__ import annotations
 
 from math import inf, sqrt
+from typing import Any, NamedTuple
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, product, scale, subtract
+from cable_twin.mechanics.language.vectors import (
+    add_scaled,
+    dot,
+    load,
+    outer,
+    product,
+    scale,
+    store,
+    subtract,
+    transpose,
+    unit_matrix,
+)
 from cable_twin.mechanics.on_rope.friction import friction_force
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.rope.patch import at_node, mean_slope
-from cable_twin.mechanics.rope.point import R, point_on, slope, value
+from cable_twin.mechanics.rope.point import R, add_matrix, add_row, point_on, slope, value
 
 CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they are pressed through each other
 
@@ -81,24 +93,36 @@ def place_and_velocity(cable, state, carriage):
     return value(state.nodes.position, point, like), velocity
 
 
+class Contact(NamedTuple):
+    """Buffers of two vehicles: compression d = room - |b|, with b from one joint to the other, and what moves it."""
+
+    depth: float  # d (m), -inf where they are far from each other
+    rate: float  # ḋ (m/s)
+    way: Any  # w = b / |b| (dim,) to the other one; behind it, away from it
+    turning: Any  # ẇ (dim,) in 1/s
+    distance: float  # |b| (m), negative where one is behind the other
+
+
 @kernel
 def press(system, state, carriage, entry):
-    """Compression (m) of the buffers of two vehicles, its rate (m/s), and the direction (dim,) to the other one."""
+    """Contact of a vehicle with one that it may touch."""
     buffers, other = system.buffers, system.buffers.other[entry]
     apart = buffers.side[entry] * (state.joints.position[other] - state.joints.position[carriage])
     still = scale(0.0, system.cable.gravity)
     if not apart < FAR * buffers.room[entry]:
-        return -inf, 0.0, still
+        return Contact(-inf, 0.0, still, still, inf)
     here, velocity = place_and_velocity(system.cable, state, carriage)
     there, other_velocity = place_and_velocity(system.cable, state, other)
     between = subtract(there, here)
     distance = sqrt(dot(between, between))
     if distance == 0.0:
-        return buffers.room[entry], 0.0, still
+        return Contact(buffers.room[entry], 0.0, still, still, inf)
     if apart < 0.0:
         distance = -distance
-    way = scale(1.0 / distance, between)
-    return buffers.room[entry] - distance, dot(way, subtract(velocity, other_velocity)), way
+    way, parting = scale(1.0 / distance, between), subtract(other_velocity, velocity)
+    rate = -dot(way, parting)
+    turning = scale(1.0 / distance, add_scaled(rate, way, parting))
+    return Contact(buffers.room[entry] - distance, rate, way, turning, distance)
 
 
 @inlined_kernel
@@ -108,44 +132,76 @@ def pressed_force(buffers, entry, depth, rate):
 
 
 @kernel
-def push_on(system, state, carriage, rate_factor, stiffness_factor):
-    """Buffer force (dim,) in N of all neighbours on a vehicle at its joint, and its negative tangent (dim²)."""
-    buffers, like = system.buffers, system.cable.gravity
-    force, tangent = scale(0.0, like), outer(0.0, like, like)
+def push_on(system, state, carriage):
+    """Buffer force (dim,) in N of all neighbours on a vehicle at its joint."""
+    buffers, force = system.buffers, scale(0.0, system.cable.gravity)
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
-        depth, rate, way = press(system, state, carriage, entry)
-        size, by_depth, by_rate = pressed_force(buffers, entry, depth, rate)
-        force = add_scaled(-size, way, force)
-        stiff = stiffness_factor * by_depth + rate_factor * by_rate
-        tangent = add_scaled(1.0, outer(stiff, way, way), tangent)
-    return force, tangent
+        contact = press(system, state, carriage, entry)
+        force = add_scaled(-pressed_force(buffers, entry, contact.depth, contact.rate)[0], contact.way, force)
+    return force
+
+
+@kernel
+def pair_tangent(buffers, entry, contact, rate_factor, stiffness_factor):
+    """J (dim²) in N/m of one pair: the force on either joint changes by J Δ(place of the other less its own).
+
+    With F = -N w, N(d, ḋ), and velocities that grow as places do,
+    J = (N_d + N_ḋ ∂/∂t) w wᵀ + N_ḋ w ẇᵀ - N (1 - w wᵀ) / |b|.
+    """
+    size, by_depth, by_rate = pressed_force(buffers, entry, contact.depth, contact.rate)
+    way, across = contact.way, stiffness_factor * size / contact.distance
+    along = stiffness_factor * by_depth + rate_factor * by_rate + across
+    turned = add_scaled(1.0, outer(along, way, way), outer(stiffness_factor * by_rate, way, contact.turning))
+    return add_scaled(-across, unit_matrix(way), turned)
+
+
+@inlined_kernel
+def in_one_patch(system, state, carriage, other):
+    """Return whether the nodes of the joints of two vehicles follow each other, so that one patch has both."""
+    cable = system.cable
+    if at_node(cable, state, carriage) and at_node(cable, state, other):
+        return abs(state.joint_node[carriage] - state.joint_node[other]) == 1
+    return False
 
 
 @kernel
 def predict_contacts(system, state, rate_factor, stiffness_factor, work):
-    """Predict in `foreseen` the displacement of vehicles in buffer contact; needs chains and drives condensed."""
-    buffers, any_pressed = system.buffers, False
+    """Store tangents of buffers in contact, and predict displacements of the vehicles where one patch has not both.
+
+    Needs chains and drives condensed.
+    """
+    buffers, like, apart = system.buffers, system.cable.gravity, False
+    square = outer(0.0, like, like)
     for carriage in range(work.pressed.size):
-        work.pressed[carriage], work.foreseen[carriage, 2] = False, 0.0
+        work.pressed[carriage] = False
+        for axis in range(len(like)):
+            work.foreseen_move[carriage, axis] = 0.0
         if not belongs(system, state, carriage):
             continue
         for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
-            depth, rate, _ = press(system, state, carriage, entry)
-            force, by_depth, by_rate = pressed_force(buffers, entry, depth, rate)
-            work.pressed_stiffness[entry] = stiffness_factor * by_depth + rate_factor * by_rate
-            if force > 0.0:
+            contact = press(system, state, carriage, entry)
+            work.touching[entry] = pressed_force(buffers, entry, contact.depth, contact.rate)[0] > 0.0
+            if work.touching[entry]:
+                tangent = pair_tangent(buffers, entry, contact, rate_factor, stiffness_factor)
+                store(tangent, work.pressed_tangent[entry])
                 work.pressed[carriage] = True
+                apart = apart or not in_one_patch(system, state, carriage, buffers.other[entry])
+            else:
+                store(square, work.pressed_tangent[entry])
+    for carriage in range(work.pressed.size):
+        work.pressed[carriage] = work.pressed[carriage] and apart
         if work.pressed[carriage]:
-            any_pressed = True
             condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
-    for _ in range(SWEEPS if any_pressed else 0):  # Gauss-Seidel
+    for _ in range(SWEEPS if apart else 0):  # Gauss-Seidel
         for carriage in range(work.pressed.size):
             if work.pressed[carriage] and not work.driven[carriage]:
+                way = load(work.foreseen_way[carriage], like)
                 stiff, right = work.foreseen[carriage, 0], work.foreseen[carriage, 1]
                 for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
-                    stiff += work.pressed_stiffness[entry]
-                    right += work.pressed_stiffness[entry] * work.foreseen[buffers.other[entry], 2]
-                work.foreseen[carriage, 2] = right / stiff if stiff > 0.0 else 0.0
+                    by_place = product(way, load(work.pressed_tangent[entry], square))
+                    stiff += dot(by_place, way)
+                    right += dot(by_place, load(work.foreseen_move[buffers.other[entry]], like))
+                store(scale(right / stiff if stiff > 0.0 else 0.0, way), work.foreseen_move[carriage])
 
 
 @kernel
@@ -159,11 +215,11 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
         r_x = slope(state.nodes.position, point_on(state, state.joint_element[carriage], s), like)
     norm = sqrt(dot(r_x, r_x))
     way, first = scale(1.0 / norm, r_x), carriages.body_offset[carriage]
+    store(way, work.foreseen_way[carriage])
     if work.driven[carriage]:
-        work.foreseen[carriage, 2] = norm * work.sliding_increment[carriage]
+        store(scale(work.sliding_increment[carriage], r_x), work.foreseen_move[carriage])
         return
-    push, _ = push_on(system, state, carriage, 0.0, 0.0)
-    force = add_scaled(-1.0, push, load(state.multipliers[first], like))
+    force = subtract(load(state.multipliers[first], like), push_on(system, state, carriage))
     change = load(work.impedance_force[first], like)
     stiff = dot(way, product(load(work.impedance[first], outer(0.0, like, like)), way))
     if work.haul_by_way[carriage] != 0.0:
@@ -183,33 +239,70 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
 def with_neighbours(system, state, carriage, force, impedance, work):
     """Contact force (dim,) in N and impedance D of a carriage, with the buffers of its neighbours added.
 
-    The others are where `predict_contacts` has them, along the way between.
+    Those that are not in its patch are where `predict_contacts` has them.
     """
-    buffers = system.buffers
+    buffers, like = system.buffers, system.cable.gravity
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
-        depth, rate, way = press(system, state, carriage, entry)
-        push, stiff = pressed_force(buffers, entry, depth, rate)[0], work.pressed_stiffness[entry]
-        push -= stiff * buffers.side[entry] * work.foreseen[buffers.other[entry], 2]
-        force = add_scaled(push, way, force)
-        impedance = add_scaled(1.0, outer(stiff, way, way), impedance)
+        if not work.touching[entry]:
+            continue
+        contact, other = press(system, state, carriage, entry), buffers.other[entry]
+        tangent = load(work.pressed_tangent[entry], impedance)
+        push = pressed_force(buffers, entry, contact.depth, contact.rate)[0]
+        force = add_scaled(push, contact.way, force)
+        if not in_one_patch(system, state, carriage, other):
+            force = subtract(force, product(tangent, load(work.foreseen_move[other], like)))
+        impedance = add_scaled(1.0, tangent, impedance)
     return force, impedance
 
 
 @kernel
-def contact_error(system, work, increment, previous):
-    """Residual error (m) of linearly converging vehicles in buffer contact; 0 without contact.
+def couple_neighbours(system, state, carriage, by_normal, work):
+    """Couple a vehicle at a node to neighbours in contact at the next nodes, in the patch that has both.
 
     Args:
         system: parameters.
-        work: with what is pressed.
-        increment: last Newton increment (m).
-        previous: the one before it (m), 0 without.
+        state: where to linearise.
+        carriage: whose rows these are, of its place and along the rope.
+        by_normal: derivative (dim,) of the force in the row along the rope by the contact force; 0 where s is given.
+        work: with the patches.
     """
-    if system.buffers.present:
-        for carriage in range(work.pressed.size):
-            if work.pressed[carriage]:
-                return increment * increment / previous if previous > 0.0 else inf
-    return 0.0
+    buffers, like = system.buffers, system.cable.gravity
+    dim, node = len(like), state.joint_node[carriage]
+    own, square = 5 * dim + 1, outer(0.0, like, like)
+    for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
+        other = buffers.other[entry]
+        if not (work.touching[entry] and in_one_patch(system, state, carriage, other)):
+            continue
+        patch, here, there, along = work.patch[carriage], 2 * dim, own, 5 * dim
+        if state.joint_node[other] < node:  # the patch of the first of them has both
+            patch, here, there, along = work.patch[other], own, 2 * dim, own + 3 * dim
+        tangent = load(work.pressed_tangent[entry], square)
+        add_matrix(scale(-1.0, tangent), patch, here, there)
+        add_row(product(transpose(tangent), by_normal), patch, along, there)
+
+
+@kernel
+def contact_error(system, state, work, increment, previous):
+    """Residual error (m) of vehicles in buffer contact; 0 where the tangent has all of it.
+
+    Args:
+        system: parameters.
+        state: after the increment.
+        work: with what was pressed before it.
+        increment: last Newton increment (m), and the error where a contact has begun or ended with it.
+        previous: the one before it (m), 0 without; with both, the error of vehicles whose displacement is predicted.
+    """
+    buffers, error = system.buffers, 0.0
+    for carriage in range(work.pressed.size if buffers.present else 0):
+        if not belongs(system, state, carriage):
+            continue
+        if work.pressed[carriage]:
+            error = max(error, increment * increment / previous if previous > 0.0 else inf)
+        for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
+            contact = press(system, state, carriage, entry)
+            if (pressed_force(buffers, entry, contact.depth, contact.rate)[0] > 0.0) != work.touching[entry]:
+                error = max(error, increment)
+    return error
 
 
 @kernel
@@ -218,7 +311,7 @@ def buffers_energy(system, state, carriage):
     energy, buffers = 0.0, system.buffers
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
         if buffers.side[entry] > 0.0:
-            depth, _, _ = press(system, state, carriage, entry)
+            depth = press(system, state, carriage, entry).depth
             energy += buffer_energy(buffers.stiffness[entry], 0.0, depth)
     return energy
 
@@ -233,12 +326,12 @@ def settle_buffers(system, state):
         total, closing, speed, partner = 0.0, 0.0, 0.0, -1
         for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
             if buffers.side[entry] > 0.0:
-                depth, rate, _ = press(system, state, carriage, entry)
-                if depth > 0.0:
-                    total += pressed_force(buffers, entry, depth, rate)[0]
-                    partner, speed = buffers.other[entry], rate
-                elif depth > -inf:
-                    closing = max(closing, rate)
+                contact = press(system, state, carriage, entry)
+                if contact.depth > 0.0:
+                    total += pressed_force(buffers, entry, contact.depth, contact.rate)[0]
+                    partner, speed = buffers.other[entry], contact.rate
+                elif contact.depth > -inf:
+                    closing = max(closing, contact.rate)
         push, touch = state.push[carriage], state.touch[carriage]
         clock = state.clock[0] + 1.0
         if partner >= 0 and (push[LAST] == 0.0 or (clock - push[LAST]) * system.solver.step > SAME):

@@ -21,7 +21,7 @@ from cable_twin.mechanics.language.vectors import (
     transpose,
     unit_matrix,
 )
-from cable_twin.mechanics.on_rope.buffer import stop_force
+from cable_twin.mechanics.on_rope.buffer import couple_neighbours, stop_force
 from cable_twin.mechanics.on_rope.friction import along_and_across, friction_force
 from cable_twin.mechanics.on_rope.hinge import Above, hinge, is_hinged
 from cable_twin.mechanics.on_rope.presence import rides
@@ -94,6 +94,8 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
     if is_hinged(carriages, first):
         add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work)
     if work.along_held[carriage]:
+        if system.buffers.present:
+            couple_neighbours(system, state, carriage, scale(0.0, like), work)
         return
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     _, tangential, normal_force, normal = along_and_across(force, r_x)
@@ -107,6 +109,8 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
     patch[along, along] -= passing * stiff
     by_place = product(transpose(vehicle.by_place), direction)
     add_row(scale(-passing * by_normal, by_place), patch, along, place)
+    if system.buffers.present:
+        couple_neighbours(system, state, carriage, scale(passing * by_normal, direction), work)
     if state.clamp_holds[carriage]:
         add_row(scale(passing * by_normal, direction), patch, along, clamp_row(dim))
     turned = scale(tangential * by_normal, direction)

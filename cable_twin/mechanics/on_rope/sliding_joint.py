@@ -240,7 +240,7 @@ def driven_force(system, state, carriage):
     r_x = joint_tangent(cable, state, carriage)
     force = contact_force(system, state, carriage)
     if system.buffers.present:
-        force = add_scaled(-1.0, push_on(system, state, carriage, 0.0, 0.0)[0], force)
+        force = subtract(force, push_on(system, state, carriage))
     norm, tangential, _, normal = along_and_across(force, r_x)
     if at_node(cable, state, carriage):
         tangential = pull_along(system, state, carriage)

@@ -112,8 +112,8 @@ def contact_error_of_all(bundle, system, state, work, increment, previous):
     """Residual error (m) of vehicles in buffer contact on any rope."""
     worst = 0.0
     for rope in range(bundle.records.shape[0]):
-        own, _, room = rope_of(bundle, rope, system, state, work)
-        worst = max(worst, contact_error(own, room, increment, previous))
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        worst = max(worst, contact_error(own, here, room, increment, previous))
     return worst
 
 
