@@ -54,7 +54,7 @@ class Looks(NamedTuple):
 
 
 @kernel
-def advance_members(code, queue, order, first, budget, members, looks, bundles, arguments):
+def advance_members(code, queue, order, first, budget, members, looks, bundles, *arguments):
     """Advance members of an ensemble from a queue until the queue is empty or stopped, or a member needs Python.
 
     Args:
@@ -66,7 +66,8 @@ def advance_members(code, queue, order, first, budget, members, looks, bundles, 
         members: all members.
         looks: occasions on which steps are interrupted.
         bundles: (members,) addresses of the couplings of each, for the memory of this thread.
-        arguments: of the integrator before the number of steps, in the memory of this thread.
+        arguments: of the integrator before the number of steps, in the memory of this thread; one by one, as numba
+            finds the types of a tuple of records in Python, at each call.
 
     Returns:
         The member to begin with next, which may be asking for Python; `NONE_LEFT`, or `ANOTHER` after the budget.

@@ -318,6 +318,11 @@ class Ensemble:
         (row,) = self._rows(member)
         return self._states.read(row).snapshot
 
+    def snapshots(self) -> list[Snapshot]:
+        """Snapshots of the present states of all members, of one rope in a fraction of the time of one by one."""
+        states = self._states
+        return [Snapshot(self.layout, row, states.report(member)) for member, row in enumerate(states.numbers())]
+
     def simulation(self, member: int) -> Simulation:
         """Independent simulation that continues from the present state of a member, bit for bit."""
         (row,) = self._rows(member)

@@ -17,7 +17,8 @@ from cable_twin.simulation import SAMPLES, Simulation
 from cable_twin.simulation.command_handlers import GUST_DURATION, check_ahead
 
 HORIZON, LONGEST = 60.0, 3600.0  # s
-LOOK = 0.1  # s between two looks at the key figures of a future
+LOOK = 0.1  # s between two looks at the key figures of a future, as long as drives stop and what that stirs is new
+EARLY, SELDOM = 10.0, 2  # s from which on there are that many times fewer looks
 CHECK = 2.0  # s between two looks at limits, which take longer
 GUST = 10.0  # m/s, of the announced gust where nothing is announced; assumed: a squall that no wind alarm foretells
 WINDS = ("gust", "operating_gust", "wind")  # kinds of commands that can be announced
@@ -39,7 +40,8 @@ class Forecaster:
     Args:
         scenario: of the twin.
         horizon: length of the futures (s).
-        look: simulated time (s) between two looks at the key figures, to the nearest whole solver step.
+        look: simulated time (s) between two looks at the key figures, to the nearest whole solver step; after 10 s
+            twice as long.
         samples: points of each rope in a snapshot, for clearances and sag.
         threads: of the ensemble; None for one a core.
 
@@ -88,12 +90,15 @@ class Forecaster:
             elif run.name == ANNOUNCED:
                 run.fault = text
         not_run = {member for member, run in enumerate(runs) if run.fault}
-        for number, moment in enumerate(self._moments(now, simulation.step), 1):
+        checked = now
+        for moment in self._moments(now, simulation.step).tolist():
             going = [member for member in range(len(runs)) if member not in not_run | ensemble.faults.keys()]
             ensemble.advance_to([moment if member in going else now for member in range(len(runs))])
+            snapshots, due = ensemble.snapshots(), moment > checked + CHECK - 0.5 * self._look
+            checked = moment if due else checked
             for member in going:
-                runs[member].take(ensemble.snapshot(member))
-                if number % max(round(CHECK / self._look), 1) == 0:
+                runs[member].take(snapshots[member])
+                if due:
                     runs[member].check()
         for member, line in ensemble.faults.items():
             runs[member].fault = line
@@ -125,8 +130,9 @@ class Forecaster:
         """Times (n,) in s of the looks at the futures, the last one at the horizon."""
         steps = max(round(self._look / step), 1)
         total = max(round(self.horizon / step), 1)
-        clocks = np.append(np.arange(steps, total, steps), total)
-        return (round(now / step) + clocks) * step
+        early = min(max(round(EARLY / step) // steps, 1) * steps, total)
+        clocks = np.concatenate([np.arange(steps, early, steps), np.arange(early, total, SELDOM * steps)])
+        return (round(now / step) + np.append(clocks, total)) * step
 
 
 class _Run:

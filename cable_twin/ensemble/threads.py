@@ -99,7 +99,7 @@ class Threads:
             try:
                 while True:
                     member = advance_members(
-                        self._code, queue, order, member, budget, *packed, addresses, lane.arguments
+                        self._code, queue, order, member, budget, *packed, addresses, *lane.arguments
                     )
                     if member == NONE_LEFT:
                         return
