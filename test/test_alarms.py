@@ -9,6 +9,8 @@ from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import load_scenario
 from verification import alarms
+from verification.followed import Step
+from verification.observability import Readings
 
 NONE_RARER = np.zeros(3)
 
@@ -58,14 +60,27 @@ def test_sensors_are_spoiled_from_a_time_on():
     assert alarms.lossy_drive("load", 2.0)(Measurement("load", 2.0, (-10.0,))).values == (-11.5,)
 
 
-def test_a_fault_is_observable_when_samples_weigh_five_deviations():
-    sensors = {"force": {"kind": "drive_force", "of": "cabin", "noise": 100.0}}
-    scenario = load_scenario("aerial_tramway", {"sensors": sensors})
-    times = (0.0, 0.1, 0.2, 0.3, 0.4)
-    plain = {("force", time): Measurement("force", time, (1e3,)) for time in times}
-    found = [Measurement("force", time, (1e3 + (250.0 if time > 0.05 else 0.0),)) for time in times]
-    assert alarms.observable_at(plain, found, scenario) == 0.4  # four samples of 2.5 deviations
-    assert alarms.observable_at(plain, found[:3], scenario) == float("inf")
+def readings_of_a_force():
+    sensors = {"force": {"kind": "drive_force", "of": "cabin", "noise": 100.0, "rate": 10.0}}
+    return Readings(load_scenario("aerial_tramway", {"sensors": sensors}), {}, Step(0.0), 1.0)
+
+
+def test_a_fault_is_observable_when_samples_weigh_the_limit():
+    signal = np.full((20, 1), 2.5)
+    assert readings_of_a_force().time_of(signal, [], 25.0) == 0.3  # four samples of 2.5 deviations
+    assert readings_of_a_force().time_of(signal[:3], [], 25.0) == float("inf")
+    signal[1] = np.nan  # a lost sample
+    assert readings_of_a_force().time_of(signal, [], 25.0) == 0.4
+
+
+def test_what_a_doubt_explains_does_not_make_a_fault_observable():
+    """An unknown constant error explains a constant signal; not one that sets in after a calm time."""
+    constant, later = np.full((400, 1), 2.5), np.full((400, 1), 2.5)
+    later[:200] = 0.0
+    error = [np.full((400, 1), 1e3)]
+    assert readings_of_a_force().time_of(constant, error, 25.0) == float("inf")
+    # 6.25 n less what a mean over 200 + n samples explains, 6.25 n^2 / (200 + n): beyond 25 from n = 5 on
+    assert readings_of_a_force().time_of(later, error, 25.0) == 20.4
 
 
 @pytest.mark.long
@@ -73,6 +88,6 @@ def test_a_fault_is_observable_when_samples_weigh_five_deviations():
 def test_a_fault_under_way_is_told(name):
     twin = alarms.twin_of("aerial_tramway", 1)
     (fault,) = [one for one in alarms.faults(twin, alarms.CASES["aerial_tramway"], alarms.FAULT) if name in one.name]
-    outcome = alarms.trial("aerial_tramway", fault, 1, {}, [])
+    outcome = alarms.trial("aerial_tramway", fault, 1, [])
     assert outcome.alarm is not None
     assert not outcome.others

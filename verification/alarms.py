@@ -1,17 +1,15 @@
-"""Faults of plants that are followed: how soon a twin gives the alarm, and what it says in hours without any fault.
+"""Faults of plants that are followed: how soon a twin gives the alarm, and what it says.
 
 `python -m verification.alarms` lets a twin follow plants of a scenario with another mesh and noisy sensors, into each
-of which a fault is put under way, and prints a table for docs/follow.md: from when on it could be observed, how much
-later the alarm came and what it said, and alarms of anything else. Observable is a fault from when on all samples of
-all sensors, less those of the plant without it, weigh five standard deviations of their noise together: one who knows
-the plant without fault, and how this fault shows, could be sure then. With `--hours` plants without a fault make trips.
+of which a fault is put under way, and prints a table for docs/follow.md: from when on it could be told from the sensors
+(`verification.observability`), how much later the alarm came and what it said, and alarms of anything else.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -19,31 +17,30 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress, track
+from rich.progress import track
+from scipy.stats import chi2
 
 from cable_twin.ensemble.estimate.doubts import Alarm
-from cable_twin.ensemble.estimate.quantities import QUANTISED
-from cable_twin.ensemble.estimate.tracker import News, Tracker
+from cable_twin.ensemble.estimate.follower import CERTAIN, SURE
+from cable_twin.ensemble.estimate.quantities import QUANTISED, slow_quantities
+from cable_twin.ensemble.estimate.tracker import Tracker
 from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import Measurement, standard_sensors
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
-from verification.followed import SCENES, Changed, Plant, Step, measured, news
+from verification.followed import SCENES, Changed, Plant, Step, alarms_of, news
+from verification.observability import Observable, Readings
 
-Found = dict[tuple[str, float], Measurement]  # by sensor and time
 LEFT, SPEED = 20.0, 7.0  # s, m/s: when a trip begins, and how fast it is
 BOARDED, FAULT = 10.0, 50.0  # s, when payload and other faults set in
 WANTED = 10.0  # s after it is observable, for an alarm
 WATCHED = 30.0  # s, for which an alarm is waited for
 BIAS = 5.0  # standard deviations of the noise of a sensor
-OBSERVABLE = 5.0**2  # square of standard deviations
 SHARE = 0.15  # of the force of a drive, that is lost between it and the rope
 ICE, ICING = 1.0, 60  # kg/m, and s in which it comes, in as many steps
 WIND = 3.0  # m/s along the track, of all plants
-GUST, GUST_TIME, BLOWN = 1.0, 50.0, 5.0  # m/s, s in which they change, s from one to the next: gusts of trips
-SLOWING, JERKING = 0.45, 1.2  # m/s^2 and s, with which a drive stops
 
 
 class Fault(NamedTuple):
@@ -55,13 +52,21 @@ class Fault(NamedTuple):
     steps: Sequence[Step] = ()
     spoils: Callable[[], Changed] = lambda: lambda one: one  # sensors, anew for each run
     start: Mapping[str, Any] = {}  # values of the plant, by key
+    about: str = ""  # how the estimate that tells it ends
+    tolerated: Sequence[Step] = ()  # instead of `steps`: as much of it as gives no alarm
+    tolerated_start: Mapping[str, Any] = {}  # likewise
+
+    @property
+    def limit(self) -> float:
+        """Square of the standard deviations beyond which its alarm is given."""
+        return CERTAIN**2 if self.about else float(chi2.isf(SURE, 1))
 
 
 class Outcome(NamedTuple):
     """Alarms of a twin whose plant has a fault."""
 
     fault: Fault
-    observable: float  # s, infinite if never
+    observable: Observable
     alarm: Alarm | None
     others: list[Alarm]
 
@@ -76,8 +81,6 @@ class Case(NamedTuple):
     ice: str  # key; empty where none is estimated
     stuck: Callable[[Snapshot], Mapping[str, Any]]  # values with which a counterweight stays where it is
     sensors: Sequence[str]  # that are spoiled
-    vehicle: str  # that goes from station to station
-    ends: tuple[float, float]  # m, places there
 
 
 def _stuck_at_start(snapshot: Snapshot) -> dict[str, Any]:
@@ -95,8 +98,6 @@ CASES = {
         "cable.ice",
         _stuck_at_start,
         ("encoder_cabin", "force_cabin", "load_start", "load_tower", "load_end", "tilt_cabin"),
-        "cabin",
-        (12.0, 1030.0),
     ),
 }
 
@@ -112,13 +113,25 @@ def value_of(scenario: Scenario, key: str) -> Any:
 def faults(scenario: Scenario, case: Case, at: float) -> Iterator[Fault]:
     """All faults, most of them from a time (s) under way on."""
     mass, rolling = value_of(scenario, case.payload), value_of(scenario, case.rolling[0])
-    yield Fault("payload +5 %", BOARDED, "payload is", [Step(BOARDED, values=lambda _: {case.payload: 1.05 * mass})])
+    tolerance = {one.key: one.tolerance for one in slow_quantities(scenario)}
+
+    def values(key: str, value: float, time: float, *also: str) -> Step:
+        return Step(time, values=lambda _: dict.fromkeys((key, *also), value))
+
+    heavy, borne = (values(case.payload, mass + more, BOARDED) for more in (0.05 * mass, tolerance[case.payload]))
+    yield Fault("payload +5 %", BOARDED, "payload is", [heavy], about="/payload", tolerated=[borne])
     if case.ice:
-        yield Fault(f"ice {ICE:g} kg/m from the start", 0.0, "ice is", start={case.ice: ICE})
-        steps = [Step(at + one, values=_constant(case.ice, ICE * (one + 1) / ICING)) for one in range(ICING)]
-        yield Fault(f"ice {ICE:g} kg/m, in {ICING} s", at, "ice is", steps)
-    rough = dict.fromkeys(case.rolling, 2.0 * rolling)
-    yield Fault("rolling friction doubled", at, "rolling is", [Step(at, values=lambda _: rough)])
+        start, most = {case.ice: ICE}, {case.ice: tolerance[case.ice]}
+        name = f"ice {ICE:g} kg/m from the start"
+        yield Fault(name, 0.0, "ice is", start=start, about="ice", tolerated_start=most)
+        grown = [(at + one, ICE * (one + 1) / ICING) for one in range(ICING)]
+        steps = [values(case.ice, ice, time) for time, ice in grown]
+        less = [values(case.ice, min(ice, tolerance[case.ice]), time) for time, ice in grown]
+        yield Fault(f"ice {ICE:g} kg/m, in {ICING} s", at, "ice is", steps, about="ice", tolerated=less)
+    rough, borne = (
+        values(case.rolling[0], rolling + more, at, *case.rolling[1:]) for more in (rolling, tolerance[case.rolling[0]])
+    )
+    yield Fault("rolling friction doubled", at, "rolling is", [rough], about="/rolling", tolerated=[borne])
     yield Fault("counterweight stuck", at, "counterweight", [Step(at, values=case.stuck)])
     sensors = {name: one for name, one in scenario.sensors.items() if name in case.sensors}
     for name, one in sensors.items():
@@ -133,10 +146,6 @@ def faults(scenario: Scenario, case: Case, at: float) -> Iterator[Fault]:
         if sensors[first].kind == sensors[second].kind:
             said = f"sensors {first} and {second} are swapped"
             yield Fault(f"{first} and {second} swapped", at, said, spoils=partial(swapped, first, second, at))
-
-
-def _constant(key: str, value: float) -> Callable[[Snapshot], Mapping[str, Any]]:
-    return lambda _: {key: value}
 
 
 def lossy_drive(sensor: str, at: float) -> Changed:
@@ -178,130 +187,36 @@ def swapped(first: str, second: str, at: float) -> Changed:
     return lambda one: replace(one, sensor=to.get(one.sensor, one.sensor)) if one.time >= at else one
 
 
-def observable_at(plain: Found, found: Sequence[Measurement], scenario: Scenario) -> float:
-    """Time (s) from when on measurements could tell a fault; infinite for never.
-
-    Args:
-        plain: measurements of the plant without it, by sensor and time.
-        found: those with it.
-        scenario: with the noise of the sensors.
-    """
-    noise = {name: max(one.noise, QUANTISED * one.quantum) for name, one in scenario.sensors.items()}
-    total = 0.0
-    for one in sorted(found, key=lambda one: one.time):
-        before = plain.get((one.sensor, one.time))
-        if before is None:
-            continue
-        width = 1 if scenario.sensors[one.sensor].kind == "encoder" else None
-        sizes = [float(np.linalg.norm(values[:width])) for values in (one.values, before.values)]
-        if len(one.values) == 1:
-            sizes = [one.values[0], before.values[0]]
-        total += ((sizes[0] - sizes[1]) / noise[one.sensor]) ** 2
-        if total >= OBSERVABLE:
-            return one.time
-    return float("inf")
+def readings_of(name: str, at: float, seed: int) -> Readings:
+    """Readings of plants of a scenario without noise, with faults at a time (s)."""
+    values = {**SCENES[name].mesh, **CASES[name].weather}
+    return Readings(twin_of(name, seed), values, _trip(name), max(at, LEFT) + WATCHED)
 
 
-def trial(
-    name: str, fault: Fault, seed: int, plain: dict[tuple[str, float], Measurement], took: list[float]
-) -> Outcome:
-    """Alarms of a twin of a scenario whose plant has a fault, beside measurements of a plant without any.
+def _trip(name: str) -> Step:
+    return Step(LEFT, Command("speed", {SCENES[name].drive: SPEED}))
 
-    Measurements that are still missing there are filled into `plain`.
-    """
-    case, scene = CASES[name], SCENES[name]
-    twin = twin_of(name, seed)
-    values = {**scene.mesh, **case.weather}
-    trip, end = Step(LEFT, Command("speed", {scene.drive: SPEED})), max(fault.at, LEFT) + WATCHED
 
-    def plant(steps: Sequence[Step], start: Mapping[str, Any]) -> Plant:
-        scenario = load_scenario(twin.resolved(), {**values, **start})
-        return Plant(scenario, sorted([trip, *steps], key=lambda one: one.time))
+def observable(fault: Fault, plain: Readings) -> Observable:
+    """Times (s) from when on a fault can be told."""
+    tolerated = plain.of(fault.tolerated, fault.tolerated_start)
+    spoils = fault.spoils() if not fault.about else None
+    signal = plain.of(fault.steps, fault.start, spoils) - tolerated
+    times = [plain.time_of(signal, effects, fault.limit) for effects in ([], plain.effects(fault.about, fault.at))]
+    return Observable(*times)
 
-    if max((time for _, time in plain), default=0.0) < end - 1.0:
-        plain |= {(one.sensor, one.time): one for _, arrived in measured(plant([], {}), end) for one in arrived}
-    found: list[Measurement] = []
-    spoils = fault.spoils()
 
-    def changed(one: Measurement) -> Measurement:
-        found.append(spoiled := spoils(one))
-        return spoiled
-
-    tracker = Tracker(twin)
-    alarms = [*alarms_of(news(plant(fault.steps, fault.start), tracker, end, took, changed))]
+def trial(name: str, fault: Fault, seed: int, took: list[float], plain: Readings | None = None) -> Outcome:
+    """Alarms of a twin of a scenario whose plant has a fault, beside readings of plants without noise."""
+    case, twin, end = CASES[name], twin_of(name, seed), max(fault.at, LEFT) + WATCHED
+    scenario = load_scenario(twin.resolved(), {**SCENES[name].mesh, **case.weather, **fault.start})
+    plant = Plant(scenario, sorted([_trip(name), *fault.steps], key=lambda one: one.time))
+    alarms = [*alarms_of(news(plant, Tracker(twin), end, took, fault.spoils()))]
     right = [one for one in alarms if one.time >= fault.at and fault.said in one.reason]
     alarm = right[0] if right else None
-    return Outcome(fault, observable_at(plain, found, twin), alarm, [one for one in alarms if one is not alarm])
-
-
-def alarms_of(told: Iterable[News]) -> Iterator[Alarm]:
-    """Alarms of a twin, and lines of other kinds but that it follows its plant."""
-    for one in told:
-        yield from (Alarm(one.time, line) for line in one.lines if not line.startswith("follows the plant"))
-        yield from one.correction.alarms if one.correction else ()
-
-
-class Shuttle:
-    """Driver of trips from station to station, in gusts.
-
-    Args:
-        drive: as commands call it.
-        vehicle: whose place tells where it is.
-        ends: m, places at which it stops.
-        wind: m/s along the track, on the average.
-        seed: of speeds, stays and gusts.
-    """
-
-    def __init__(self, drive: str, vehicle: str, ends: tuple[float, float], wind: float, seed: int) -> None:
-        self._drive, self._vehicle, self._ends, self._wind = drive, vehicle, ends, wind
-        self._draws, self._until, self._speed, self._gust, self._blown = (
-            np.random.default_rng(seed),
-            LEFT,
-            0.0,
-            0.0,
-            0.0,
-        )
-        self.trips = 0
-
-    def __call__(self, snapshot: Snapshot) -> list[Command]:
-        """Commands of a frame."""
-        time, given = snapshot.time, list[Command]()
-        if time >= self._blown:
-            self._blown += BLOWN
-            kept = float(np.exp(-BLOWN / GUST_TIME))
-            self._gust = kept * self._gust + GUST * float(np.sqrt(1.0 - kept**2) * self._draws.standard_normal())
-            given.append(Command("wind", {"x": self._wind + self._gust, "z": 0.0}))
-        place = float(snapshot.columns.arc_length[snapshot.layout.vehicle_rows[self._vehicle]])
-        if self._speed == 0.0 and time >= self._until:
-            up = place < 0.5 * sum(self._ends)
-            self._speed = float(self._draws.uniform(4.0, 8.0)) * (1.0 if up else -1.0)
-            given.append(Command("speed", {self._drive: self._speed}))
-            self.trips += 1
-        elif self._speed != 0.0:
-            left = (self._ends[1] - place) if self._speed > 0.0 else (place - self._ends[0])
-            if left <= self._speed**2 / (2.0 * SLOWING) + abs(self._speed) * JERKING:
-                self._speed, self._until = (
-                    0.0,
-                    time + abs(self._speed) / SLOWING + float(self._draws.uniform(30.0, 120.0)),
-                )
-                given.append(Command("speed", {self._drive: 0.0}))
-        return given
-
-
-def season(name: str, hours: float, seed: int, took: list[float]) -> tuple[int, list[Alarm]]:
-    """Trips that a plant without a fault makes in some hours, and the alarms of its twin."""
-    case, scene, twin = CASES[name], SCENES[name], twin_of(name, seed)
-    driver = Shuttle(scene.drive, case.vehicle, case.ends, WIND, seed)
-    plant = Plant(load_scenario(twin.resolved(), {**scene.mesh, **case.weather}), [], driver)
-    alarms: list[Alarm] = []
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("trips", total=3600.0 * hours)
-        for told in news(plant, Tracker(twin), 3600.0 * hours, took):
-            bar.update(task, completed=told.time)
-            for one in alarms_of([told]):
-                alarms.append(one)
-                bar.print(f"{one.time:.1f} s: {one.reason}")
-    return driver.trips, alarms
+    never = Observable(float("inf"), float("inf"))
+    seen = observable(fault, plain) if plain else never
+    return Outcome(fault, seen, alarm, [one for one in alarms if one is not alarm])
 
 
 def twin_of(name: str, seed: int) -> Scenario:
@@ -311,16 +226,18 @@ def twin_of(name: str, seed: int) -> Scenario:
 
 
 def table(outcomes: Sequence[Outcome]) -> list[str]:
-    """Table in Markdown, a row for each fault."""
-    lines = ["| fault | sets in, s | observable after, s | alarm after that, s | said | besides |"]
-    lines.append("| --- | --- | --- | --- | --- | --- |")
-    for fault, observable, alarm, others in outcomes:
-        seen = "never" if observable == float("inf") else f"{observable - fault.at:.1f}"
-        later = "none" if alarm is None else f"{alarm.time - min(observable, alarm.time):.1f}"
+    """Table in Markdown, a row for each fault; times after it set in."""
+    lines = [
+        "| fault | sets in, s | all else known, s | in doubt, s | alarm, s | later than in doubt | said | besides |"
+    ]
+    lines.append("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for fault, seen, alarm, others in outcomes:
+        known, doubted = ("never" if time == float("inf") else f"{time - fault.at:.1f}" for time in seen)
+        came = "none" if alarm is None else f"{alarm.time - fault.at:.1f}"
+        later = "" if alarm is None else f"{max(alarm.time - seen.doubted, 0.0):.1f}"
         besides = "; ".join(f"{one.time:.1f} s: {one.reason}" for one in others)
-        lines.append(
-            f"| {fault.name} | {fault.at:g} | {seen} | {later} | {alarm.reason if alarm else ''} | {besides} |"
-        )
+        said = alarm.reason if alarm else ""
+        lines.append(f"| {fault.name} | {fault.at:g} | {known} | {doubted} | {came} | {later} | {said} | {besides} |")
     return lines
 
 
@@ -331,33 +248,27 @@ def main() -> int:
     parser.add_argument("--at", type=float, default=FAULT, help=f"s, when a fault sets in; default: {FAULT:g}")
     parser.add_argument("--seed", type=int, default=1, help="of the noise of sensors; default: 1")
     parser.add_argument("--only", default="", help="faults whose name has this text; default: all")
-    parser.add_argument("--hours", type=float, default=0.0, help="of trips without a fault, instead; default: none")
     options = parser.parse_args()
     took: list[float] = []
-    if options.hours:
-        trips, alarms = season(options.scenario, options.hours, options.seed, took)
-        print(
-            f"{options.hours:g} h without a fault, {trips} trips: {len(alarms)} alarms, "
-            f"{len(alarms) / options.hours:.2g} an hour; processor time of the twin "
-            f"{sum(took) / options.hours / 36.0:.0f} % of a core",
-            *(f"{one.time:.1f} s: {one.reason}" for one in alarms),
-            sep="\n",
-        )
-        return 0
     chosen = [
         one
         for one in faults(twin_of(options.scenario, options.seed), CASES[options.scenario], options.at)
         if options.only in one.name
     ]
-    plain: Found = {}
+    plain = readings_of(options.scenario, options.at, options.seed)
     outcomes = [
-        trial(options.scenario, fault, options.seed, plain, took)
+        trial(options.scenario, fault, options.seed, took, plain)
         for fault in track(chosen, "faults", console=Console(stderr=True), transient=True)
     ]
     print("\n".join(table(outcomes)))
-    soon = sum(one.alarm is not None and one.alarm.time <= one.observable + WANTED for one in outcomes)
+    for which in Observable._fields:
+        soon = sum(
+            one.alarm is not None and one.alarm.time <= getattr(one.observable, which) + WANTED for one in outcomes
+        )
+        print(f"\n{soon} of {len(outcomes)} alarms within {WANTED:g} s of when it is observable, all else {which}")
     other = sum(len(one.others) for one in outcomes)
-    print(f"\n{soon} of {len(outcomes)} alarms within {WANTED:g} s; {other} alarms of something else")
+    share = sum(took) / sum(max(one.at, LEFT) + WATCHED for one in chosen)
+    print(f"\n{other} alarms of something else; the twin took {share:.0%} of a core")
     return 0
 
 

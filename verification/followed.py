@@ -1,17 +1,18 @@
 """Plants that are followed: with another mesh than the twin, values that change under way, and sensors.
 
-What `verification.following` and `verification.alarms` have in common.
+What `verification.following`, `verification.alarms` and `verification.faultless` have in common.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cable_twin import Ensemble
+from cable_twin.ensemble.estimate.doubts import Alarm
 from cable_twin.ensemble.estimate.follower import Correction, Follower
 from cable_twin.ensemble.estimate.tracker import News, Tracker
 from cable_twin.frame.records import AppliedCommand, Command, FloatArray
@@ -154,3 +155,10 @@ def news(
         took.append(process_time() - begun)
         yield from told
     tracker.follower.close()
+
+
+def alarms_of(told: Iterable[News]) -> Iterator[Alarm]:
+    """Alarms of a twin, and lines of other kinds but that it follows its plant."""
+    for one in told:
+        yield from (Alarm(one.time, line) for line in one.lines if not line.startswith("follows the plant"))
+        yield from one.correction.alarms if one.correction else ()
