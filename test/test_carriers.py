@@ -5,6 +5,7 @@ import pytest
 from strands import one_strand
 from test_scenario_faults import faults_of
 
+from cable_twin.mechanics.drives.stations import RAIL, loop_coordinate
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -145,3 +146,37 @@ def test_a_cabin_that_leaves_the_rope_leaves_no_ringing_behind():
     assert max(forces) < 1.4 * 1600.0 * 9.81  # N
     assert riding[-1] < simulation.scenario.carriers.count  # some are in a station, where no step begins anew
     assert all(part.state.newton_curvature[0] > 0.0 for part in simulation.parts.values())
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_chair_on_the_rail_of_a_station_stays_off_while_the_lift_stands(backwards):
+    """The rope stops with it there, rocks, and takes it on again only as it goes back."""
+    sense = -1.0 if backwards else 1.0
+    data, changes = lift_of({"bodies": CHAIR})
+    simulation = Simulation(load_scenario(data, {**changes, "drives.haul_rope.speed": 2.5 * sense}), samples=2)
+    homes = simulation.system.cable.node_arc_length
+    length, last = homes[-1], homes[1] - homes[0] if backwards else homes[-1] - homes[-2]
+    start = simulation.capture()
+
+    def ahead():
+        """Way (m) of each chair to the end of the mesh that it goes to."""
+        places = [loop_coordinate(simulation.system, simulation.state, chair) for chair in range(28)]
+        return np.array([place if backwards else length - place for place in places])
+
+    def stop_at(time):
+        simulation.restore(start)
+        simulation.advance_to(time)
+        begun = simulation.state.rope.position[0]
+        simulation.command("haul_rope", speed=0.0)
+        simulation.advance_to(time + 20.0)
+        return abs(simulation.state.rope.position[0] - begun)
+
+    to_end = ahead()
+    gone = np.min(to_end[to_end > 40.0]) - stop_at(1.0) - 0.5 * RAIL * last
+    stop_at(round(gone / 2.5, 2))
+    [chair] = np.flatnonzero(np.abs(ahead() - 0.5 * RAIL * last) < 0.5 * RAIL * last)
+    assert not simulation.state.attached[chair]
+    simulation.command("haul_rope", speed=-0.05 * sense)
+    simulation.advance_to(simulation.time + 15.0)
+    assert ahead()[chair] > RAIL * last
+    assert simulation.state.attached[chair]

@@ -29,6 +29,7 @@ from cable_twin.mechanics.rope.point import position_on_cable, slope, value
 
 RAIL = 0.07  # of the element at an end: so far before the end a vehicle leaves the rope
 SLOW = 0.1  # m/s: a rope that is slower may rock, and takes a vehicle off at the end itself
+STEPS_AT_END = 2.0  # from an end of the mesh, within which a vehicle has come from the station
 
 
 @kernel
@@ -47,16 +48,38 @@ def loop_coordinate_after(system, state, carriage, way):
 
 
 @inlined_kernel
+def rail_at(system, end):
+    """Length (m) of the rail of a station along the start (0) or the end (1) of the mesh."""
+    homes, last = system.cable.node_arc_length, system.cable.node_arc_length.size - 1
+    between = 0.5 * max(system.moving_cable.loop_length - homes[last], 0.0)  # stations: a loop may have none
+    first = 0 if end == 0 else last - 1
+    return min(RAIL * (homes[first + 1] - homes[first]), between)
+
+
+@inlined_kernel
 def leaves(system, state, carriage, place):
     """Return whether a vehicle at a place (m) of the mesh is off it in the next step, or on the rail of a station."""
-    length, homes, speed = system.cable.unstrained_length, system.cable.node_arc_length, state.rope.velocity[0]
-    between = 0.5 * max(system.moving_cable.loop_length - length, 0.0)  # stations: a loop may have none
-    last = homes.size - 1
-    if speed > SLOW and place > length - min(RAIL * (homes[last] - homes[last - 1]), between):
+    length, speed = system.cable.unstrained_length, state.rope.velocity[0]
+    if speed > SLOW and place > length - rail_at(system, 1):
         return True
-    if speed < -SLOW and place < min(RAIL * (homes[1] - homes[0]), between):
+    if speed < -SLOW and place < rail_at(system, 0):
         return True
     return loop_coordinate_after(system, state, carriage, system.solver.step * speed) > length
+
+
+@inlined_kernel
+def stays_off(system, state, place):
+    """Return whether a vehicle off the rope at a place (m) of the mesh hangs on a rail that it does not leave inwards.
+
+    As where the rope has stopped with it there. What comes from a station on a rope that is as slow is near the end.
+    """
+    before_end, speed = system.cable.unstrained_length - place, state.rope.velocity[0]
+    near = STEPS_AT_END * system.solver.step * abs(speed)
+    if place < rail_at(system, 0):
+        return not (speed > SLOW or (speed > 0.0 and place < near))
+    if before_end < rail_at(system, 1):
+        return not (speed < -SLOW or (speed < 0.0 and before_end < near))
+    return False
 
 
 @kernel
@@ -109,7 +132,8 @@ def attach_carriers(system, state):
             continue
         if system.number == ALONE or system.moving_cable.carries[carriage]:
             place = loop_coordinate(system, state, carriage)
-            if place <= system.cable.unstrained_length and not leaves(system, state, carriage, place):
+            on_mesh = place <= system.cable.unstrained_length and not stays_off(system, state, place)
+            if on_mesh and not leaves(system, state, carriage, place):
                 attach(system, state, carriage, place)
 
 
