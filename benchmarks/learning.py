@@ -1,4 +1,4 @@
-"""Cost of steps in the environment for learning over the plain Python API, on one core."""
+"""Cost of steps for learning: the environment over the plain Python API, and many environments at once."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from cable_twin.simulation import Simulation
 SCENARIO, DRIVEN, SPEED = "single_span", "cabin", 5.0  # m/s
 PERIOD = 0.01  # s, of a step
 STEPS, QUICK_STEPS = 5000, 500
+ENVIRONMENTS = 16  # at once
 
 
 def run(effort: Effort, progress: Progress) -> Part:
     """Time the same trip through the API and through the environment."""
     try:
-        from cable_twin.gym import RopewayEnv  # noqa: PLC0415 - an extra
+        from cable_twin.gym import RopewayEnv, vector_env  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise BenchmarkError(f"{error}: pip install '.[gym]'") from error
     steps = QUICK_STEPS if effort.quick else STEPS
@@ -72,7 +73,40 @@ def run(effort: Effort, progress: Progress) -> Part:
         }
         for name, timing in measured.items()
     ]
-    notes = [f"{SCENARIO}, steps of {PERIOD * 1e3:g} ms, one core, a trip at {SPEED:g} m/s."]
+    many = {
+        name: vector_env(ENVIRONMENTS, SCENARIO, processes=processes, period=PERIOD, duration=1e6)
+        for name, processes in (("one ensemble, threads on all cores", False), ("a process each", True))
+    }
+    together, actions = steps // ENVIRONMENTS, np.full((ENVIRONMENTS, 1), SPEED)
+
+    def prepare_many(name: str) -> Callable[[], None]:
+        many[name].reset()
+        many[name].step(actions)
+
+        def drive() -> None:
+            for _ in range(together):
+                many[name].step(actions)
+
+        return drive
+
+    try:
+        contestants = {name: (lambda name=name: prepare_many(name)) for name in many}
+        at_once = interleave(contestants, effort.repetitions, progress, "environments at once")
+    finally:
+        for one in many.values():
+            one.close()
+    vectors: list[dict[str, Value]] = [
+        {"environments": name, "steps of one per second of the clock": together * ENVIRONMENTS / timing.wall}
+        for name, timing in at_once.items()
+    ]
+    in_threads, in_processes = (timing.wall for timing in at_once.values())
+    notes = [
+        f"{SCENARIO}, steps of {PERIOD * 1e3:g} ms, a trip at {SPEED:g} m/s; one environment on one core.",
+        f"{ENVIRONMENTS} environments on one ensemble take {in_processes / in_threads:.2f} times the steps of as many "
+        "processes.",
+    ]
     return Part(
-        "Steps for learning", [Table("API and environment", rows)], [*notes, note_on_load(list(measured.values()))]
+        "Steps for learning",
+        [Table("API and environment", rows), Table(f"{ENVIRONMENTS} environments", vectors)],
+        [*notes, note_on_load([*measured.values(), *at_once.values()])],
     )
