@@ -20,6 +20,7 @@ from cable_twin.mechanics.language.traced import (
     lane_of,
     least,
     read_lanes,
+    shuffled,
     size_of,
     write_lanes,
 )
@@ -122,9 +123,18 @@ def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
     """Write the lanes of a group of elements, `rows` (n, WIDTH), as `numbers` (WIDTH, n): a row an element."""
     dim = len(like)
     for first in range(0, 4 * dim + 16 * dim * dim, WIDTH):
-        lanes = [read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)]
-        for number in range(WIDTH):
-            write_lanes(as_lanes([lane_of(one, number) for one in lanes]), numbers, (number, first))
+        lanes = transposed([read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)])
+        for number, own in enumerate(lanes):
+            write_lanes(own, numbers, (number, first))
+
+
+def transposed(rows: Sequence[Any]) -> list[Any]:
+    """Columns of a square matrix of `WIDTH` rows in registers; for formulas."""
+    a, b, c, d = rows
+    even, odd = (0, 4, 2, 6), (1, 5, 3, 7)
+    halves = shuffled(a, b, even), shuffled(a, b, odd), shuffled(c, d, even), shuffled(c, d, odd)
+    low, high = (0, 1, 4, 5), (2, 3, 6, 7)
+    return [shuffled(halves[k], halves[k + 2], half) for half in (low, high) for k in range(2)]
 
 
 def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
@@ -133,19 +143,22 @@ def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
     They are read as they are in memory, and then turned into lanes.
     """
     count = prod(shape)
-    rows = [read_lanes(array, (0,) * len(shape), count) for array in arrays]
-    return [as_lanes([lane_of(row, k) for row in rows]) for k in range(count)]
+    whole = count - count % WIDTH
+    numbers: list[Any] = []
+    for k in range(0, whole, WIDTH):
+        numbers += transposed([read_lanes(array, _place(shape, k), WIDTH) for array in arrays])
+    return numbers + [as_lanes([array[_place(shape, k)] for array in arrays]) for k in range(whole, count)]
 
 
 def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int, ...]) -> None:
     """Write what `read_beside` gives to as many arrays of one shape, for formulas."""
     whole = len(numbers) - len(numbers) % WIDTH
-    for number, array in enumerate(arrays):
-        own = [lane_of(one, number) for one in numbers]
-        for k in range(0, whole, WIDTH):
-            write_lanes(as_lanes(own[k : k + WIDTH]), array, _place(shape, k))
-        for k in range(whole, len(own)):
-            array[_place(shape, k)] = own[k]
+    for k in range(0, whole, WIDTH):
+        for own, array in zip(transposed(numbers[k : k + WIDTH]), arrays, strict=True):
+            write_lanes(own, array, _place(shape, k))
+    for k in range(whole, len(numbers)):
+        for number, array in enumerate(arrays):
+            array[_place(shape, k)] = lane_of(numbers[k], number)
 
 
 def _place(shape: tuple[int, ...], number: int) -> tuple[int, ...]:

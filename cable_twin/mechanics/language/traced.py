@@ -437,6 +437,20 @@ def lane_of(lanes: Any, number: int) -> Any:
     return _Number(types.float64, value, lanes.place)
 
 
+def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
+    """Lanes of two SIMD registers in another order, those of the second one numbered after the first one's.
+
+    For formulas: one instruction, where `lane_of` and `as_lanes` leave the compiler to find one.
+    """
+    if not isinstance(one, _Number):
+        return np.concatenate([one, other])[list(lanes)]
+    kind = LanesType(len(lanes))
+    if one.place is None:
+        return _Number(kind, None, None)
+    chosen = ir.Constant(ir.VectorType(_WORD, len(lanes)), list(lanes))
+    return _Number(kind, one.place[1].shuffle_vector(one.value, other.value, chosen), one.place)
+
+
 def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
     """Read `count` numbers of an array as lanes, consecutive in memory from the entry `index` on; for formulas."""
     if not isinstance(array, _Array):
