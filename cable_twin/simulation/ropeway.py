@@ -217,7 +217,9 @@ class Ropeway:
             (*sizes, "rope_drag", "share", "of_slopes", "increment", "previous", "s", "s_dot", "travel"), 1.0
         )
         like, still = system.cable.gravity, no_turn(system.cable.gravity)
-        vectors: dict[str, Any] = dict.fromkeys(("gravity", "like", "pivot", "moved", "force", "residual"), like)
+        vectors: dict[str, Any] = dict.fromkeys(
+            ("gravity", "like", "pivot", "moved", "force", "by_force", "residual"), like
+        )
         vectors |= {"direction": (0.0, 0.0, 0.0), "turned": still, "impedance": (like,) * len(like)}
         method = {"c": Coefficients(0.0, 0.0, 0.0, 0.0), "above": Above(like, still), "topmost": True}
         return whole | system._asdict() | inner | numbers | vectors | method

@@ -256,14 +256,14 @@ def with_neighbours(system, state, carriage, force, impedance, work):
 
 
 @kernel
-def couple_neighbours(system, state, carriage, by_normal, work):
+def couple_neighbours(system, state, carriage, by_force, work):
     """Couple a vehicle at a node to neighbours in contact at the next nodes, in the patch that has both.
 
     Args:
         system: parameters.
         state: where to linearise.
         carriage: whose rows these are, of its place and along the rope.
-        by_normal: derivative (dim,) of the force in the row along the rope by the contact force; 0 where s is given.
+        by_force: derivative (dim,) of the row along the rope by the contact force; 0 where s is given.
         work: with the patches.
     """
     buffers, like = system.buffers, system.cable.gravity
@@ -278,7 +278,7 @@ def couple_neighbours(system, state, carriage, by_normal, work):
             patch, here, there, along = work.patch[other], own, 2 * dim, own + 3 * dim
         tangent = load(work.pressed_tangent[entry], square)
         add_matrix(scale(-1.0, tangent), patch, here, there)
-        add_row(product(transpose(tangent), by_normal), patch, along, there)
+        add_row(product(transpose(tangent), by_force), patch, along, there)
 
 
 @kernel
