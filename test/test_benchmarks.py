@@ -226,7 +226,8 @@ def test_steps_for_learning_and_parts_that_were_not_run_stay(tmp_path, monkeypat
     records = json.loads(path.read_text())
     assert list(records) == ["frame", "learning"]
     assert records["frame"] == other
-    (table,) = records["learning"]["tables"]
+    table, vectors = records["learning"]["tables"]
+    assert all(row["steps of one per second of the clock"] > 0.0 for row in vectors["rows"])
     alone, read, environment = numbers(table["rows"], "steps per second of the processor")
     assert alone > read
     assert environment > read

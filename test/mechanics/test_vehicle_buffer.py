@@ -136,11 +136,11 @@ def test_it_never_pulls_and_ends_where_they_are_apart():
 
 def test_beyond_each_other_they_are_still_pushed_back():
     system, state, _ = pair(2, damping=0.0)
-    before = np.array(push_on(system, state, 0, 0.0, 0.0)[0])
+    before = np.array(push_on(system, state, 0))
     state.joints.position[:2] = state.joints.position[[1, 0]]
     for carriage in (0, 1):
         place_joint(system.cable, state, carriage)
-    after = np.array(push_on(system, state, 0, 0.0, 0.0)[0])
+    after = np.array(push_on(system, state, 0))
     assert before @ after > 0.0
     assert np.linalg.norm(after) > np.linalg.norm(before)
 

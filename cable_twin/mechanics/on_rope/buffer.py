@@ -36,6 +36,7 @@ from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.rope.patch import at_node, mean_slope
 from cable_twin.mechanics.rope.point import R, add_matrix, add_row, point_on, slope, value
 
+ALMOST_MET = 0.1  # times the room: joints that are nearer are pressed almost through each other
 CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they are pressed through each other
 
 
@@ -146,10 +147,14 @@ def pair_tangent(buffers, entry, contact, rate_factor, stiffness_factor):
     """J (dim²) in N/m of one pair: the force on either joint changes by J Δ(place of the other less its own).
 
     With F = -N w, N(d, ḋ), and velocities that grow as places do,
-    J = (N_d + N_ḋ ∂/∂t) w wᵀ + N_ḋ w ẇᵀ - N (1 - w wᵀ) / |b|.
+    J = (N_d + N_ḋ ∂/∂t) w wᵀ + N_ḋ w ẇᵀ - N (1 - w wᵀ) / |b|. Where the joints have almost met, w is no smooth function
+    of the places any more, and is taken as constant.
     """
     size, by_depth, by_rate = pressed_force(buffers, entry, contact.depth, contact.rate)
-    way, across = contact.way, stiffness_factor * size / contact.distance
+    way = contact.way
+    if abs(contact.distance) < ALMOST_MET * buffers.room[entry]:
+        return outer(stiffness_factor * by_depth + rate_factor * by_rate, way, way)
+    across = stiffness_factor * size / contact.distance
     along = stiffness_factor * by_depth + rate_factor * by_rate + across
     turned = add_scaled(1.0, outer(along, way, way), outer(stiffness_factor * by_rate, way, contact.turning))
     return add_scaled(-across, unit_matrix(way), turned)
