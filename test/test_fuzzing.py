@@ -11,6 +11,7 @@ HOLDING = ("bags", "scenarios", "scripts", "snapshots")  # fuzzers that find not
 LIVE = ("messages", "parameters")  # the same, of a running twin
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LIVE)
 def test_nothing_is_found_in_a_running_twin(name, tmp_path, domain, monkeypatch):
     pytest.importorskip("rclpy")
@@ -18,6 +19,7 @@ def test_nothing_is_found_in_a_running_twin(name, tmp_path, domain, monkeypatch)
     test_nothing_is_found(name, tmp_path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", HOLDING)
 def test_nothing_is_found(name, tmp_path):
     counts = fuzz(f"fuzzing.{name}", seconds=SECONDS, number=1, keep=tmp_path, seeds=SEEDS / name)
