@@ -208,8 +208,8 @@ class Travel:
         if self._offsets is None:
             return found
         turn = snapshot.numbers[places.turns]
-        twice = 2.0 * _cross(turn[:, :3], self._offsets)
-        moved = self._offsets + turn[:, 3:] * twice + _cross(turn[:, :3], twice)
+        twice = 2.0 * np.cross(turn[:, :3], self._offsets)
+        moved = self._offsets + turn[:, 3:] * twice + np.cross(turn[:, :3], twice)
         return found + np.where(self._offsets.any(axis=1, keepdims=True), moved, 0.0)
 
     def _along_rope(self, snapshot: Snapshot) -> FloatArray:
@@ -436,12 +436,6 @@ class _Places(NamedTuple):
         turns = c.body_orientation[[] if bodies is None else bodies]
         found = points, turns, c.attached[vehicles], c.arc_length[vehicles], c.vehicle_rope[vehicles], c.rope_position
         return cls(layout, *(one.astype(np.intp) for one in found))
-
-
-def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Vector products (n, 3), in a fifth of the time of `numpy.cross`."""
-    product: FloatArray = one[:, (1, 2, 0)] * other[:, (2, 0, 1)] - one[:, (2, 0, 1)] * other[:, (1, 2, 0)]
-    return product
 
 
 def _load(vehicle: Carriage) -> tuple[int, FloatArray]:

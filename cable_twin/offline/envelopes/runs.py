@@ -62,16 +62,14 @@ def neighbours(jobs: Sequence[Job], all_jobs: Sequence[Job], cores: int) -> list
         all_jobs: all of the file, which tell the first one of each part on any rerun.
         cores: processes that there will be.
     """
-    firsts: dict[str, LoadCase] = {}
-    for job in all_jobs:
-        firsts.setdefault(mesh_key(job.case.changes), job.case)
+    firsts = first_of_each_mesh([job.case.changes for job in all_jobs])
     groups: dict[str, list[Job]] = {}
     for job in jobs:
         groups.setdefault(mesh_key(job.case.changes), []).append(job)
     found = []
     for key, group in groups.items():
         size = min(max(len(group) // (2 * cores), 1), MOST_OF_PART)
-        found += [Neighbours(firsts[key], group[row : row + size]) for row in range(0, len(group), size)]
+        found += [Neighbours(all_jobs[firsts[key]].case, group[row : row + size]) for row in range(0, len(group), size)]
     return found
 
 
@@ -82,6 +80,18 @@ def mesh_key(changes: Mapping[str, Any]) -> str:
         changes: values by dotted key.
     """
     return repr(sorted((key, repr(one)) for key, one in changes.items() if not OFF_MESH.search(key)))
+
+
+def first_of_each_mesh(changes: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """Number of the first of all cases of a file with each mesh, by `mesh_key`: from its rest the others are found.
+
+    Args:
+        changes: of each case, values by dotted key.
+    """
+    firsts: dict[str, int] = {}
+    for number, one in enumerate(changes):
+        firsts.setdefault(mesh_key(one), number)
+    return firsts
 
 
 # first rests of one part, None where there is none, by its first case, places and place

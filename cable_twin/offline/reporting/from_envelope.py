@@ -14,7 +14,7 @@ import numpy as np
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, supports_of
 from cable_twin.offline.envelopes.cases import case_again
-from cable_twin.offline.envelopes.runs import Bases, mesh_key, rest_again
+from cable_twin.offline.envelopes.runs import Bases, first_of_each_mesh, mesh_key, rest_again
 from cable_twin.offline.export import figure_of_columns
 from cable_twin.offline.lines.at_rest import Line, at_place
 from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
@@ -154,15 +154,13 @@ def _found_again(
         places: of the vehicle in the envelope.
         done: called after each.
     """
-    firsts: dict[str, Mapping[str, Any]] = {}
-    for case in cases:
-        firsts.setdefault(mesh_key(case["changes"]), case)
+    firsts = first_of_each_mesh([case["changes"] for case in cases])
     columns = {str(case["id"]): case for case in cases}
     keys = {one: mesh_key(columns[one.case]["changes"]) for one in states}
     bases: Bases = {}
     found: dict[Governing, Snapshot] = {}
     for key, group in groupby(sorted(states, key=lambda one: (keys[one], one)), key=keys.__getitem__):
-        first = case_again(firsts[key], scenario)
+        first = case_again(cases[firsts[key]], scenario)
         for one in group:
             again = case_again(columns[one.case], scenario)
             found[one] = rest_again(again, first, places, one.place, bases).snapshot
