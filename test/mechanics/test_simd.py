@@ -25,10 +25,16 @@ def formula(a, b):
 
 
 @kernel
+def product_of(a, b):
+    """A scalar product, on floats or lanes."""
+    return dot(a, scale(2.0, b))
+
+
+@kernel
 def formulas(coordinates, first, like, rows):
     """The formula of x, z at both ends of a group of elements."""
     r_a, slope_a, r_b, slope_b = gather(coordinates, first, like)
-    spread((formula(r_a[0], slope_a[1]), formula(r_b[1], slope_b[0]), dot(r_a, scale(2.0, r_b))), rows, 1)
+    spread((formula(r_a[0], slope_a[1]), formula(r_b[1], slope_b[0]), product_of(r_a, r_b)), rows, 1)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -43,7 +49,7 @@ def test_lanes_have_the_bits_of_floats_and_repeat_the_last_element(dim, elements
         start, end = coordinates[element], coordinates[element + 1]
         assert rows[1, lane] == formula(start[0, 0], start[1, 1])
         assert rows[2, lane] == formula(end[0, 1], end[1, 0])
-        assert rows[3, lane] == dot(tuple(start[0]), scale(2.0, tuple(end[0])))
+        assert rows[3, lane] == product_of(tuple(start[0]), tuple(end[0]))
     assert np.isnan(rows[[0, 4]]).all()
 
 

@@ -1,14 +1,64 @@
 """Traced formulas against their plain Python functions, to the last bit."""
 
+from __future__ import annotations
+
+from fractions import Fraction
+from math import inf, isfinite
+
 import numba
 import numpy as np
 import pytest
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.traced import beside, first_of, formula, second_of, square_root
+from cable_twin.mechanics.language.traced import beside, first_of, formula, fuses, second_of, square_root
 from cable_twin.mechanics.language.vectors import load
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+
+
+class Exact(float):
+    """Number of Python with the rounding of compiled formulas: a product and what it is added to are rounded once."""
+
+    factors: tuple[float, float] | None = None
+
+    def __mul__(self, other):
+        product = Exact(float(self) * float(other))
+        if fuses() and not numba.config.DISABLE_JIT:
+            product.factors = float(self), float(other)
+        return product
+
+    __rmul__ = __mul__
+
+    def __neg__(self):
+        negative = Exact(-float(self))
+        if self.factors is not None:
+            negative.factors = -self.factors[0], self.factors[1]
+        return negative
+
+    def __add__(self, other):
+        return Exact(once(self, other, 1))
+
+    def __radd__(self, other):
+        return self if type(other) is int and other == 0 else Exact(once(other, self, 1))
+
+    def __sub__(self, other):
+        return Exact(once(self, other, -1))
+
+    def __rsub__(self, other):
+        return Exact(once(other, self, -1))
+
+
+def once(one, other, sign):
+    """Sum or difference, with the product that the second or else the first number is."""
+    for product, rest, of_product, of_rest in ((other, one, sign, 1), (one, other, 1, sign)):
+        factors = getattr(product, "factors", None)
+        if factors is not None and all(map(isfinite, (*factors, rest))):
+            exact = of_product * Fraction(factors[0]) * Fraction(factors[1]) + of_rest * Fraction(float(rest))
+            try:
+                return float(exact)
+            except OverflowError:
+                return inf if exact > 0 else -inf
+    return float(one) + sign * float(other)
 
 
 @formula
@@ -80,10 +130,11 @@ def flat(values):
 @pytest.mark.parametrize("like", [(0.0, 0.0), (0.0, 0.0, 0.0)], ids=["plane", "space"])
 @pytest.mark.parametrize(("x", "y", "n"), [(0.3, -1.7, 3), (-2.25, 1e-9, 8), (1e300, 1e-300, 1)])
 def test_arithmetic_is_that_of_python(x, y, n, like):
-    here = arithmetic(x, y, n, (x, y), like)
+    here = arithmetic(Exact(x), Exact(y), n, (Exact(x), Exact(y)), like)
     there = compiled_arithmetic(x, y, n, (x, y), like)
     assert flat(there) == flat(here)
-    assert list(map(type, flat(there))) == list(map(type, flat(here)))
+    kinds = [float if isinstance(number, float) else type(number) for number in flat(here)]
+    assert list(map(type, flat(there))) == kinds
 
 
 def test_entries_of_an_array_are_read_and_written_in_their_order():
@@ -118,7 +169,7 @@ def test_pairs_have_the_bits_of_numbers_by_themselves():
     outcome = np.zeros((2, 3))
     in_pairs(one, other, (0.0, 0.0), outcome)
     for row, numbers in zip(outcome, (one, other), strict=True):
-        assert tuple(row) == root_of_sum(*numbers)
+        assert tuple(row) == root_of_sum(*map(Exact, numbers))
 
 
 @compiled

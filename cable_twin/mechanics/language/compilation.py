@@ -1,7 +1,8 @@
 """Compilation of kernels: once, without the interpreter lock, and cached on disk.
 
 No `fastmath`: with the arithmetic of IEEE 754 as written, results do not depend on what the compiler inlines where,
-so that a fresh compilation, a cached one and another process agree to the last bit.
+so that a fresh compilation, a cached one and another process agree to the last bit. Where a product and a sum are
+rounded once is said by the formulas themselves (`traced`).
 
 No memory management either (`_nrt`): a kernel works in the arrays that it is given, and one that would allocate does
 not compile. Counting references to those arrays took three quarters of a step.

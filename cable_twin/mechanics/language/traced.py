@@ -7,6 +7,10 @@ types, took a tenth of a second.
 
 Tuples of numbers come into a formula as vectors (`Vec`), tuples of vectors of one length as matrices (`Mat`, by rows),
 so that it reads as in theory.md: m @ (a - b) + c * d.
+
+A product and what it is added to, or subtracted from, are rounded once, by the one instruction that CPUs have for both.
+Which products are is found as the formula is traced, and not by the compiler, so that a formula has the same bits in
+every kernel.
 """
 
 from __future__ import annotations
@@ -24,6 +28,9 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, ConcreteTemplate, infer_global, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 from numba.np.arrayobj import make_array
+
+from cable_twin.basics.cpu import machine
+from cable_twin.mechanics.language.target import target
 
 _WORD = ir.IntType(32)
 
@@ -201,10 +208,10 @@ def _trace(function: Callable[..., Any]) -> None:
 class _Number:
     """Traced number: its type, and its value in the compiled code once instructions are generated."""
 
-    __slots__ = ("kind", "place", "value")
+    __slots__ = ("factors", "kind", "place", "value")
 
-    def __init__(self, kind: types.Type, value: ir.Value | None, place: Any) -> None:
-        self.kind, self.value, self.place = kind, value, place
+    def __init__(self, kind: types.Type, value: ir.Value | None, place: Any, factors: Any = None) -> None:
+        self.kind, self.value, self.place, self.factors = kind, value, place, factors
 
     def cast(self, kind: types.Type) -> ir.Value | None:
         """Cast a traced number to another type."""
@@ -223,9 +230,12 @@ class _Number:
             kind = types.float64
         if self.place is None:
             return _Number(kind, None, None)
-        instruction = getattr(self.place[1], _INSTRUCTIONS[name][kind != types.int64])
         operands = (other, self) if turned else (self, other)
-        return _Number(kind, instruction(*(operand.cast(kind) for operand in operands)), self.place)
+        if kind != types.int64 and name in ("add", "sub") and (fused := _fused(name, *operands, kind)) is not None:
+            return fused
+        instruction = getattr(self.place[1], _INSTRUCTIONS[name][kind != types.int64])
+        value = instruction(*(operand.cast(kind) for operand in operands))
+        return _Number(kind, value, self.place, operands if name == "mul" and kind != types.int64 else None)
 
     def __add__(self, other: Any) -> Any:
         return self._with("add", other)
@@ -280,7 +290,30 @@ class _Number:
         if self.place is None:
             return self
         negated = self.place[1].neg if self.kind == types.int64 else self.place[1].fneg
-        return _Number(self.kind, negated(self.value), self.place)
+        factors = None if self.factors is None else (-self.factors[0], self.factors[1])
+        return _Number(self.kind, negated(self.value), self.place, factors)
+
+
+def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number | None:
+    """Sum or difference with a product in one instruction, rounded once; None where neither is one."""
+    if not fuses() or (one.factors is None and other.factors is None):
+        return None
+    context, builder = one.place
+    vector, suffix = context.get_value_type(kind), f"v{kind.width}f64" if isinstance(kind, LanesType) else "f64"
+    if other.factors is not None:
+        a, b = (factor.cast(kind) for factor in other.factors)
+        a, rest = (a if name == "add" else builder.fneg(a)), one.cast(kind)
+    else:
+        a, b = (factor.cast(kind) for factor in one.factors)
+        rest = other.cast(kind) if name == "add" else builder.fneg(other.cast(kind))
+    fma = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.{suffix}")
+    return _Number(kind, builder.call(fma, [a, b, rest]), one.place)
+
+
+@functools.cache
+def fuses() -> bool:
+    """Return whether the CPUs that kernels are compiled for multiply and add in one instruction."""
+    return "+fma" in target().features.split(",") or not machine().startswith("x86")
 
 
 class _Array:
