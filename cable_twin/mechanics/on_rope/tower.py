@@ -25,23 +25,14 @@ from typing import Any
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import cross
 from cable_twin.mechanics.language.traced import formula, square_root
-from cable_twin.mechanics.language.vectors import (
-    Vector,
-    add_scaled,
-    block,
-    dot,
-    load,
-    outer,
-    scale,
-    subtract,
-)
+from cable_twin.mechanics.language.vectors import Matrix, Vector, add_scaled, dot, load, outer, scale, subtract
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
-from cable_twin.mechanics.rope.point import add_block, add_force, bend, point_at, slope, value
+from cable_twin.mechanics.rope.point import add_force, add_tangent, bend, point_at, slope, value
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
@@ -199,30 +190,26 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         if stiffness_factor == 0.0:
             continue
 
-        add_groove(stiffness_factor * groove, rate_factor * rub, r_x, normal, moving, point, work)
         r_xx, turning = bend(state.nodes.position, point, like), slope(state.nodes.velocity, point, like)
-        shape, shape_x = point.shape, point.shape_x
         pivot = norm * norm + dot(apart, r_xx)
         bent = dot(normal, r_xx)
-        # ΔN = by_depth n·ΣS Δe + by_turn n·Δr_x + by_way Δs
+        # ΔN = by_depth n·Δr + by_turn n·(Δr_x + r_xx Δs) + by_way Δs
         by_depth = -(n_by_depth + rate_factor * n_by_rate)
         by_turn = n_by_rate * dot(moving, t) / norm
-        by_way = -n_by_rate * dot(normal, turning)
+        by_way = by_turn * bent - n_by_rate * dot(normal, turning)
         pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
         turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
         slide = coefficient * n * z_by_way
         work.contact_slide[contact] = slide / norm
-        for j in range(4):
-            on_s = scale(-1.0 / pivot, add_scaled(shape[j], r_x, scale(shape_x[j], apart)))
-            on_turn = add_scaled(shape_x[j], normal, scale(bent, on_s))
-            on_normal = add_scaled(by_depth * shape[j], normal, add_scaled(by_turn, on_turn, scale(by_way, on_s)))
-            by_force = subtract(
-                outer(1.0, pushed, on_normal), subtract(outer(-1.0, turned, on_turn), outer(slide, t, on_s))
-            )
-            by_place = outer(stiffness_factor, force, on_s)
-            for i in range(4):
-                of_force = block(-stiffness_factor * shape[i], by_force, 0.0)
-                add_block(subtract(of_force, block(shape_x[i], by_place, 0.0)), point.element, i, j, work)
+        on_way = add_scaled(by_way, pushed, add_scaled(bent, turned, scale(slide, t)))  # ∂force/∂s
+        # Δs = -(r_x·Δr + (r - p)·Δr_x) / pivot
+        by_r = add_scaled(1.0, outer(by_depth, pushed, normal), outer(-1.0 / pivot, on_way, r_x))
+        by_r_x = outer(1.0, add_scaled(by_turn, pushed, turned), normal)
+        by_r_x = add_scaled(1.0, by_r_x, outer(-1.0 / pivot, on_way, apart))
+        held = groove_tangent(stiffness_factor * groove, rate_factor * rub, r_x, normal, moving)
+        by_place = add_scaled(-stiffness_factor, by_r, held), scale(-stiffness_factor, by_r_x)
+        share = stiffness_factor / pivot
+        add_tangent(by_place, (outer(share, force, r_x), outer(share, force, apart)), point, work)
 
 
 @kernel
@@ -356,20 +343,14 @@ def to_that_side(across, side):
 
 
 @inlined_kernel
-def add_groove(
-    stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector, point: Any, work: Any
-) -> None:
-    """Add the lateral tangent of a groove to the element in contact; no-op in a plane.
+def groove_tangent(stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector) -> Matrix:
+    """Lateral tangent (dim²) of a groove by the place of the rope; zeros in a plane.
 
     `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
     """
     if len(r_x) == 2:
-        return
+        return outer(0.0, r_x, r_x)
     across = sideways(r_x, normal)
     speed = dot(moving, across)
     squared = speed * speed + CREEP * CREEP
-    stiffness += damping * CREEP * CREEP / (squared * sqrt(squared))
-    for i in range(4):
-        for j in range(4):
-            matrix = outer(stiffness * point.shape[i] * point.shape[j], across, across)
-            add_block(matrix, point.element, i, j, work)
+    return outer(stiffness + damping * CREEP * CREEP / (squared * sqrt(squared)), across, across)

@@ -142,6 +142,52 @@ def add_block(matrix, element, i, j, work):
         accumulate(matrix, work.lower[element, i % 2, j % 2])
 
 
+@inlined_kernel
+def add_tangent(by_place, by_slope, point, work):
+    """Add the tangent of a force at a place, which works on the rope by Δr, and of what works there by Δr_x.
+
+    Args:
+        by_place: derivatives (dim²) of what works by Δr, by r and by r_x.
+        by_slope: the same of what works by Δr_x.
+        point: the place.
+        work: with the tangent blocks, or the patch, of its element.
+    """
+    element = point.element
+    load_number = work.patch_of[element]
+    if load_number >= 0:
+        patch, right = work.patch[load_number], work.patch_right[element]
+        add_tangent_to_patch(by_place, by_slope, point.shape, point.shape_x, patch, right)
+    else:
+        blocks = work.diagonal[element], work.upper[element], work.lower[element], work.diagonal[element + 1]
+        add_tangent_to_nodes(by_place, by_slope, point.shape, point.shape_x, *blocks)
+
+
+@formula
+def add_tangent_to_nodes(by_place, by_slope, shape, shape_x, first, upper, lower, second):
+    """Add a tangent, see `add_tangent`, to the blocks of an element (2, 2, dim²) of nodes without loads."""
+    for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
+        blocks = ((first, upper), (lower, second))[i // 2][j // 2]
+        accumulate(matrix, blocks[i % 2, j % 2])
+
+
+@formula
+def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
+    """Add a tangent, see `add_tangent`, to the patch of a load, of the element before (`right` 0) or after (1) it."""
+    dim = len(by_place[0])
+    rows = [patch_row(right, i, dim) for i in range(4)]
+    for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
+        add_matrix(matrix, patch, rows[i], rows[j])
+
+
+def tangent_blocks(by_place, by_slope, shape, shape_x):
+    """Blocks (dim²) of a tangent, see `add_tangent`, with their coordinates i and j; for formulas."""
+    for j in range(4):
+        moved = shape[j] * by_place[0] + shape_x[j] * by_place[1]
+        turned = shape[j] * by_slope[0] + shape_x[j] * by_slope[1]
+        for i in range(4):
+            yield i, j, shape[i] * moved + shape_x[i] * turned
+
+
 @formula
 def add_matrix(matrix, array, row, column):
     """Add a full matrix to a part of a two-dimensional `array`, from a row and a column on."""

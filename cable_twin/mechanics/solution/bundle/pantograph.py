@@ -11,7 +11,7 @@ from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import along_track
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, outer, scale
-from cable_twin.mechanics.rope.point import add_block, add_force, bend, coordinate, point_at, slope, value
+from cable_twin.mechanics.rope.point import add_force, add_tangent, bend, coordinate, point_at, slope, value
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, WORK
 
 SEARCHES = 4  # Newton steps for the place above the head, from the one before
@@ -102,15 +102,11 @@ def add_push_tangent(nodes, point, push, stiff, force, own):
     """
     level = along_track(push)
     per_x = 1.0 / slope(nodes.position, point, push)[0]
+    turn = per_x * force
     bent = dot(push, bend(nodes.position, point, push))
-    for j in range(4):
-        on_s = scale(-per_x * point.shape[j], level)
-        turned = scale(per_x * force, add_scaled(point.shape_x[j], push, scale(bent, on_s)))
-        by_size = outer(stiff * point.shape[j], push, push)
-        by_turn, by_place = outer(1.0, level, turned), outer(-force, push, on_s)
-        for i in range(4):
-            of_force = scale(point.shape[i], add_scaled(1.0, by_size, by_turn))
-            add_block(add_scaled(point.shape_x[i], by_place, of_force), point.element, i, j, own)
+    by_r = add_scaled(1.0, outer(stiff, push, push), outer(-turn * per_x * bent, level, level))
+    nothing = outer(0.0, push, push)
+    add_tangent((by_r, outer(turn, level, push)), (outer(turn, push, level), nothing), point, own)
 
 
 @kernel
