@@ -14,8 +14,9 @@ from cable_twin.mechanics.language.simd import (
     read_square,
     read_vector,
     spread,
+    turn_lanes,
 )
-from cable_twin.mechanics.language.traced import formula
+from cable_twin.mechanics.language.traced import Vec, formula
 from cable_twin.mechanics.language.vectors import (
     add_scaled,
     block,
@@ -105,6 +106,7 @@ def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
     for first in range(0, count, WIDTH):
         nodal_motion, shifted = gather_motion(system, state, first, work), any_shifted(state, work, first)
         linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_factor, stiffness_factor, work)
+        turn_lanes(work.group, work.elements, system.cable.gravity)
         for lane in range(min(WIDTH, count - first)):
             element = work.patch_elements[first + lane]
             add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work)
@@ -254,17 +256,13 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
     cable, like = system.cable, system.cable.gravity
     dim, square = len(like), outer(0.0, like, like)
     number, right = work.patch_of[element], work.patch_right[element]
-    patch, group, last = work.patch[number], work.group, work.patch.shape[1]
+    patch, last = work.patch[number], work.patch.shape[1]
     length, mass = state.mesh.length[element], cable.mass_per_length * rest_stretch(cable, state)
     e = nodal_vectors(state.nodes.position, element, like)
     rates = nodal_vectors(state.nodes.velocity, element, like)
     k = load(work.patch_motion[dim + 1 :, lane], (0.0, 0.0))
     grows = work.patch_motion[dim + 5, lane]
-    for i in range(4):
-        for j in range(4):
-            matrix = load(group[block_row(i, j, like) :, lane], square)
-            add_matrix(matrix, patch, patch_row(right, i, dim), patch_row(right, j, dim))
-        add_column(load(group[vector_row(i, like) :, lane], like), patch, patch_row(right, i, dim), last)
+    add_numbers(work.elements[lane], patch, right, last, like)
     for end in range(2):  # momentum of rope that passes the node
         sign = 1.0 if end == 0 else -1.0
         flux, slope = sign * mass * k[end] * k[end], e[1] if end == 0 else e[3]
@@ -299,6 +297,20 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
             )
     if shifts(state, work, element) and shifts(state, work, element + 1):
         add_both_shifts(cable, state, element, lane, e, stiffness_factor, work)
+
+
+@formula
+def add_numbers(numbers, patch, right, last, like):
+    """Add residual and tangent of an element, of the `numbers` of a group, to a patch with its residual in `last`."""
+    dim, square = len(like), outer(0.0, like, like)
+    rows = [patch_row(right, i, dim) for i in range(4)]
+    for i in range(4):
+        for j in range(4):
+            first = block_row(i, j, like)
+            matrix = load([numbers[first + k] for k in range(dim * dim)], square)
+            add_matrix(matrix, patch, rows[i], rows[j])
+        first = vector_row(i, like)
+        add_column(Vec(numbers[first + axis] for axis in range(dim)), patch, rows[i], last)
 
 
 @formula
