@@ -70,9 +70,37 @@ def product(a: Vec | Mat, b: Vec | Mat) -> Vec | Mat:
 
 
 @formula
+def less_product(c: Vec | Mat, a: Mat, b: Vec | Mat) -> Vec | Mat:
+    """Difference c - a b of vectors or of matrices, product by product: each takes one instruction with its sum."""
+    if isinstance(b, Mat):
+        columns = b.T
+        return Mat(
+            Vec(_less(x, row, column) for x, column in zip(line, columns, strict=True))
+            for line, row in zip(c, a, strict=True)
+        )
+    return Vec(_less(x, row, b) for x, row in zip(c, a, strict=True))
+
+
+def _less(total: Any, row: Vec, column: Vec) -> Any:
+    """`total` less the scalar product of a row and a column."""
+    for x, y in zip(row, column, strict=True):
+        total = total - x * y
+    return total
+
+
+@formula
+def sum_of_products(a: Mat, x: Vec | Mat, b: Mat, y: Vec | Mat) -> Vec | Mat:
+    """Sum a x + b y of two products of matrices, or of matrices and vectors, product by product."""
+    if isinstance(x, Mat):
+        columns = [Vec((*first, *second)) for first, second in zip(x.T, y.T, strict=True)]
+        return Mat(Vec(Vec((*p, *q)) @ column for column in columns) for p, q in zip(a, b, strict=True))
+    return Vec(Vec((*p, *q)) @ Vec((*x, *y)) for p, q in zip(a, b, strict=True))
+
+
+@formula
 def linear(a: Mat, x: Vec, b: Mat, y: Vec, c: Vec) -> Vec:
     """Linear combination c + a x + b y of vectors."""
-    return c + (a @ x + b @ y)
+    return c + sum_of_products(a, x, b, y)
 
 
 @formula

@@ -10,24 +10,24 @@ A node has two unknown vectors, r and r_x, so its block is a tuple of four matri
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.traced import beside, first_of, formula, second_of
+from cable_twin.mechanics.language.traced import Mat, Vec, beside, first_of, formula, second_of
 from cable_twin.mechanics.language.vectors import (
-    add_scaled,
     adjugate,
     determinant,
+    less_product,
     load,
     outer,
     product,
     scale,
     store,
-    subtract,
+    sum_of_products,
 )
 
 
 @formula
 def no_node(like):
     """Block of zeros for a node."""
-    zero = outer(0.0, like, like)
+    zero = Mat(Vec(0.0 for _ in like) for _ in like)
     return zero, zero, zero, zero
 
 
@@ -50,25 +50,42 @@ def store_node(matrices, array):
 def multiply_nodes(a, b):
     """Product a b of two node blocks."""
     return (
-        add_scaled(1.0, product(a[0], b[0]), product(a[1], b[2])),
-        add_scaled(1.0, product(a[0], b[1]), product(a[1], b[3])),
-        add_scaled(1.0, product(a[2], b[0]), product(a[3], b[2])),
-        add_scaled(1.0, product(a[2], b[1]), product(a[3], b[3])),
+        sum_of_products(a[0], b[0], a[1], b[2]),
+        sum_of_products(a[0], b[1], a[1], b[3]),
+        sum_of_products(a[2], b[0], a[3], b[2]),
+        sum_of_products(a[2], b[1], a[3], b[3]),
     )
 
 
 @formula
-def minus_nodes(a, b):
-    """Difference a - b of two node blocks."""
-    return subtract(a[0], b[0]), subtract(a[1], b[1]), subtract(a[2], b[2]), subtract(a[3], b[3])
+def less_nodes(c, a, b):
+    """Difference c - a b of node blocks."""
+    return (
+        less_product(less_product(c[0], a[0], b[0]), a[1], b[2]),
+        less_product(less_product(c[1], a[0], b[1]), a[1], b[3]),
+        less_product(less_product(c[2], a[2], b[0]), a[3], b[2]),
+        less_product(less_product(c[3], a[2], b[1]), a[3], b[3]),
+    )
+
+
+@formula
+def add_parts(a, b):
+    """Sum a + b of two node blocks, or of two pairs."""
+    return tuple(one + other for one, other in zip(a, b, strict=True))
 
 
 @formula
 def apply_node(a, x):
     """Product of a block and the two vectors of a node."""
+    return sum_of_products(a[0], x[0], a[1], x[1]), sum_of_products(a[2], x[0], a[3], x[1])
+
+
+@formula
+def less_pair(c, a, x):
+    """Difference c - a x of two pairs, with a node block `a`."""
     return (
-        add_scaled(1.0, product(a[0], x[0]), product(a[1], x[1])),
-        add_scaled(1.0, product(a[2], x[0]), product(a[3], x[1])),
+        less_product(less_product(c[0], a[0], x[0]), a[1], x[1]),
+        less_product(less_product(c[1], a[2], x[0]), a[3], x[1]),
     )
 
 
@@ -99,19 +116,13 @@ def store_both(both, one, other):
 
 
 @formula
-def subtract_pair(a, b):
-    """Difference a - b of two pairs of vectors, position and slope of a node."""
-    return subtract(a[0], b[0]), subtract(a[1], b[1])
-
-
-@formula
 def factor_node(block):
     """Schur factors of a node block, and 0, or nan for a singular block."""
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
     a_b, c_a = product(inverse, b), product(c, inverse)
-    schur = subtract(d, product(c, a_b))
+    schur = less_product(d, c, a_b)
     det_of_schur = determinant(schur)
     missing = 0.0 * (det + 1.0 / det) + 0.0 * (det_of_schur + 1.0 / det_of_schur)
     return (inverse, a_b, c_a, adjugate(1.0 / det_of_schur, schur)), missing
@@ -121,16 +132,16 @@ def factor_node(block):
 def solve_pair(factors, x):
     """Solve a factored node block for a right side `x` of two vectors."""
     inverse, a_b, c_a, schur_inverse = factors
-    last = product(schur_inverse, subtract(x[1], product(c_a, x[0])))
-    return subtract(product(inverse, x[0]), product(a_b, last)), last
+    last = product(schur_inverse, less_product(x[1], c_a, x[0]))
+    return less_product(product(inverse, x[0]), a_b, last), last
 
 
 @formula
 def solve_node(factors, block):
     """Solve a factored node block for a right side of another block."""
     inverse, a_b, c_a, schur_inverse = factors
-    last = tuple(product(schur_inverse, subtract(block[2 + j], product(c_a, block[j]))) for j in range(2))
-    first = tuple(subtract(product(inverse, block[j]), product(a_b, last[j])) for j in range(2))
+    last = tuple(product(schur_inverse, less_product(block[2 + j], c_a, block[j])) for j in range(2))
+    first = tuple(less_product(product(inverse, block[j]), a_b, last[j]) for j in range(2))
     return (*first, *last)
 
 
@@ -140,7 +151,7 @@ def invert_node(block):
     (inverse, a_b, c_a, last), missing = factor_node(block)
     upper_right = product(a_b, last)
     lower_left = scale(-1.0, product(last, c_a))
-    return (subtract(inverse, product(a_b, lower_left)), scale(-1.0, upper_right), lower_left, last), missing
+    return (less_product(inverse, a_b, lower_left), scale(-1.0, upper_right), lower_left, last), missing
 
 
 @kernel
@@ -206,7 +217,7 @@ def eliminate_ends(diagonal, upper, lower, right_side, columns, count, first, ke
             column = load_both(columns[k, b], columns[back, b], square)
             if k > 0:
                 before = load_both(columns[k - 1, b], columns[back + 1, b], square)
-                column = subtract_pair(column, apply_node(coupling, before))
+                column = less_pair(column, coupling, before)
             column = solve_pair(factors, column)
             store_both(column, columns[k, b], columns[back, b])
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
@@ -276,12 +287,12 @@ def substitute_ends(upper, lower, right_side, columns, count, first, kept_to, li
         factor = beside(load_node(upper[k], square), load_node(lower[back - 1], square))
         known = load_both(right_side[k + 1], right_side[back - 1], like)
         right = load_both(right_side[k], right_side[back], like)
-        right = subtract_pair(right, apply_node(factor, known))
+        right = less_pair(right, factor, known)
         store_both(right, right_side[k], right_side[back])
         for b in range(count):
             after = load_both(columns[k + 1, b], columns[back - 1, b], square)
             column = load_both(columns[k, b], columns[back, b], square)
-            column = subtract_pair(column, apply_node(factor, after))
+            column = less_pair(column, factor, after)
             store_both(column, columns[k, b], columns[back, b])
 
 
@@ -298,10 +309,10 @@ def substitute_one(right_side, columns, count, node, inner, factor, like):
 @formula
 def less_neighbour(coupling, neighbour, array, like):
     """Subtract the product of a node block and a neighbour's pair from a pair (2, ...), in place; pairs of `like`."""
-    store_pair(subtract_pair(load_pair(array, like), apply_node(coupling, load_pair(neighbour, like))), array)
+    store_pair(less_pair(load_pair(array, like), coupling, load_pair(neighbour, like)), array)
 
 
 @formula
 def without(block, right, coupling, factor, known):
     """Block and right side of a node without its eliminated neighbour, which is `known` - `factor` x the node."""
-    return minus_nodes(block, multiply_nodes(coupling, factor)), subtract_pair(right, apply_node(coupling, known))
+    return less_nodes(block, coupling, factor), less_pair(right, coupling, known)

@@ -12,12 +12,12 @@ from cable_twin.mechanics.language.simd import read_beside, sum_of_lanes, write_
 from cable_twin.mechanics.language.traced import formula, together
 from cable_twin.mechanics.language.vectors import load, outer, scale
 from cable_twin.mechanics.solution.block_tridiagonal import (
-    apply_node,
+    add_parts,
     factor_node,
+    less_nodes,
+    less_pair,
     load_node,
     load_pair,
-    minus_nodes,
-    multiply_nodes,
     no_node,
     solve_node,
     solve_pair,
@@ -25,7 +25,6 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     store_pair,
     substitute_one,
     subtract_node,
-    subtract_pair,
     without,
 )
 
@@ -55,8 +54,8 @@ def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, af
         on, out = load_node(lower[node], square), load_node(upper[before], square)
         subtract_node(diagonal, right_side, columns, count, node, before, out, left, known, like)
         subtract_node(diagonal, right_side, columns, count, node, node + 1, on, factor, known, like)
-        store_node(minus_nodes(no_node(like), multiply_nodes(on, left)), lower[node])
-        store_node(minus_nodes(no_node(like), multiply_nodes(out, factor)), upper[before])
+        store_node(less_nodes(no_node(like), on, left), lower[node])
+        store_node(less_nodes(no_node(like), out, factor), upper[before])
     return -1
 
 
@@ -76,8 +75,8 @@ def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs
         block, right = load_nodes(four(diagonal, at, k), square), load_pairs(four(right_side, at, k), like)
         if k > 1:
             block, right = without(block, right, coupling, factor, known)
-            left = minus_nodes(no_nodes, multiply_nodes(coupling, left))
-            out = minus_nodes(no_nodes, multiply_nodes(out, factor))
+            left = less_nodes(no_nodes, coupling, left)
+            out = less_nodes(no_nodes, out, factor)
         factors, missing = factor_node(block)
         if sum_of_lanes(missing) != 0.0:
             return at[0] + k
@@ -99,10 +98,10 @@ def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs
         store_nodes(block, here)
         store_pairs(right, there)
         here, there = four(diagonal, at, 0), four(right_side, at, 0)
-        store_nodes(minus_nodes(load_nodes(here, square), minus_nodes(no_nodes, on_kept)), here)
-        store_pairs(subtract_pair(load_pairs(there, like), subtract_pair(nothing, right_of_kept)), there)
-        store_nodes(minus_nodes(no_nodes, multiply_nodes(coupling, left)), four(lower, at, shorter))
-        store_nodes(minus_nodes(no_nodes, multiply_nodes(out, factor)), four(upper, at, 0))
+        store_nodes(add_parts(load_nodes(here, square), on_kept), here)
+        store_pairs(add_parts(load_pairs(there, like), right_of_kept), there)
+        store_nodes(less_nodes(no_nodes, coupling, left), four(lower, at, shorter))
+        store_nodes(less_nodes(no_nodes, out, factor), four(upper, at, 0))
     for run in range(number):
         before, after = runs[run, 0], runs[run, 1]
         stopped = eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, shorter, like)
@@ -114,7 +113,7 @@ def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs
 @inlined_kernel
 def subtract_columns(coupling, column, others, square):
     """Subtract the product of four node blocks and their columns from those of four other nodes."""
-    store_pairs(subtract_pair(load_pairs(others, square), apply_node(coupling, column)), others)
+    store_pairs(less_pair(load_pairs(others, square), coupling, column), others)
 
 
 @inlined_kernel
@@ -183,15 +182,15 @@ def substitute_four_runs(upper, lower, right_side, columns, count, runs, number,
     known = load_pairs(four(right_side, at, shorter + 1), like)
     for k in range(shorter, 0, -1):
         factor, left = load_nodes(four(upper, at, k), square), load_nodes(four(lower, at, k - 1), square)
-        known = subtract_pair(load_pairs(four(right_side, at, k), like), apply_node(factor, known))
-        known = subtract_pair(known, apply_node(left, kept))
+        known = less_pair(load_pairs(four(right_side, at, k), like), factor, known)
+        known = less_pair(known, left, kept)
         store_pairs(known, four(right_side, at, k))
         for b in range(count):
             after = load_pairs(four_columns(columns, at, k + 1, b), square)
             column = load_pairs(four_columns(columns, at, k, b), square)
-            column = subtract_pair(column, apply_node(factor, after))
+            column = less_pair(column, factor, after)
             before = load_pairs(four_columns(columns, at, 0, b), square)
-            store_pairs(subtract_pair(column, apply_node(left, before)), four_columns(columns, at, k, b))
+            store_pairs(less_pair(column, left, before), four_columns(columns, at, k, b))
 
 
 @inlined_kernel

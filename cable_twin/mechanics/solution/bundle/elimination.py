@@ -21,15 +21,15 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
     eliminate_ends,
     invert_node,
     less_neighbour,
+    less_nodes,
+    less_pair,
     load_node,
     load_pair,
-    minus_nodes,
     multiply_nodes,
     no_node,
     store_node,
     store_pair,
     substitute_ends,
-    subtract_pair,
 )
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
 from cable_twin.mechanics.solution.node_runs import eliminate_four_runs, substitute_four_runs
@@ -358,7 +358,7 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
         lower = load_node(own.lower[after - 1], square)
         upper = multiply_nodes(inverse, load_node(own.upper[node], square))
         store_node(upper, own.upper[node])
-        less = minus_nodes(load_node(own.diagonal[after], square), multiply_nodes(lower, upper))
+        less = less_nodes(load_node(own.diagonal[after], square), lower, upper)
         store_node(less, own.diagonal[after])
         less_neighbour(lower, own.right_side[node], own.right_side[after], like)
         for b in range(count):
@@ -367,10 +367,9 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
     for other in range(scratch.width[0]):
         if scratch.used[event, other]:
             if follows:
-                on = multiply_nodes(lower, load_node(scratch.side[event, other], square))
-                store_node(minus_nodes(no_node(like), on), scratch.fill[rope, other])
-                on = multiply_nodes(load_node(scratch.fill[other, rope], square), upper)
-                store_node(minus_nodes(no_node(like), on), scratch.fill[other, rope])
+                side, back = load_node(scratch.side[event, other], square), load_node(scratch.fill[other, rope], square)
+                store_node(less_nodes(no_node(like), lower, side), scratch.fill[rope, other])
+                store_node(less_nodes(no_node(like), back, upper), scratch.fill[other, rope])
             else:
                 scratch.linked[rope, other] = scratch.linked[other, rope] = 0
     return True
@@ -415,18 +414,18 @@ def eliminate_beside(bundle, event, member, inverse, right, wheel_columns, count
         if scratch.used[event, other]:
             back = load_node(scratch.fill[other, member], square)
             diagonal, right_side, beside = at_front(bundle, other, scratch, work)
-            store_pair(subtract_pair(load_pair(right_side, like), apply_node(back, right)), right_side)
+            store_pair(less_pair(load_pair(right_side, like), back, right), right_side)
             for b in range(count):
                 less_neighbour(back, wheel_columns[b], beside[b], square)
             for third in range(width):
                 if scratch.used[event, third]:
-                    change = multiply_nodes(back, load_node(scratch.side[event, third], square))
+                    side = load_node(scratch.side[event, third], square)
                     if third == other:
-                        store_node(minus_nodes(load_node(diagonal, square), change), diagonal)
+                        store_node(less_nodes(load_node(diagonal, square), back, side), diagonal)
                     else:
                         if not scratch.linked[other, third]:
                             connect(other, third, scratch, like)
-                        changed = minus_nodes(load_node(scratch.fill[other, third], square), change)
+                        changed = less_nodes(load_node(scratch.fill[other, third], square), back, side)
                         store_node(changed, scratch.fill[other, third])
 
 
