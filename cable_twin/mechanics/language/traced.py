@@ -206,12 +206,23 @@ def _trace(function: Callable[..., Any]) -> None:
 
 
 class _Number:
-    """Traced number: its type, and its value in the compiled code once instructions are generated."""
+    """Traced number: its type, and its value in the compiled code once instructions are generated.
 
-    __slots__ = ("factors", "kind", "place", "value")
+    A product keeps its factors, for the sums that it goes into; it is multiplied out where it is used otherwise.
+    """
+
+    __slots__ = ("_value", "factors", "kind", "place")
 
     def __init__(self, kind: types.Type, value: ir.Value | None, place: Any, factors: Any = None) -> None:
-        self.kind, self.value, self.place, self.factors = kind, value, place, factors
+        self.kind, self._value, self.place = kind, value, place
+        self.factors: tuple[_Number, _Number] | None = factors
+
+    @property
+    def value(self) -> ir.Value | None:
+        """Value of a traced number in the compiled code; None while types are found."""
+        if self._value is None and self.factors is not None and self.place is not None:
+            self._value = self.place[1].fmul(*(factor.cast(self.kind) for factor in self.factors))
+        return self._value
 
     def cast(self, kind: types.Type) -> ir.Value | None:
         """Cast a traced number to another type."""
@@ -231,11 +242,13 @@ class _Number:
         if self.place is None:
             return _Number(kind, None, None)
         operands = (other, self) if turned else (self, other)
-        if kind != types.int64 and name in ("add", "sub") and (fused := _fused(name, *operands, kind)) is not None:
-            return fused
+        if kind != types.int64:
+            if name == "mul" and fuses():
+                return _Number(kind, None, self.place, operands)
+            if name in ("add", "sub") and any(operand.factors is not None for operand in operands):
+                return _fused(name, *operands, kind)
         instruction = getattr(self.place[1], _INSTRUCTIONS[name][kind != types.int64])
-        value = instruction(*(operand.cast(kind) for operand in operands))
-        return _Number(kind, value, self.place, operands if name == "mul" and kind != types.int64 else None)
+        return _Number(kind, instruction(*(operand.cast(kind) for operand in operands)), self.place)
 
     def __add__(self, other: Any) -> Any:
         return self._with("add", other)
@@ -289,25 +302,24 @@ class _Number:
     def __neg__(self) -> Any:
         if self.place is None:
             return self
+        if self.factors is not None:
+            return _Number(self.kind, None, self.place, (-self.factors[0], self.factors[1]))
         negated = self.place[1].neg if self.kind == types.int64 else self.place[1].fneg
-        factors = None if self.factors is None else (-self.factors[0], self.factors[1])
-        return _Number(self.kind, negated(self.value), self.place, factors)
+        return _Number(self.kind, negated(self.value), self.place)
 
 
-def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number | None:
-    """Sum or difference with a product in one instruction, rounded once; None where neither is one."""
-    if not fuses() or (one.factors is None and other.factors is None):
-        return None
+def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number:
+    """Sum or difference with a product, of the second or else the first number, in one instruction."""
     context, builder = one.place
+    product, rest = (other, one) if other.factors is not None else (one, other)
+    assert product.factors is not None
+    a, b = (factor.cast(kind) for factor in product.factors)
+    c = rest.cast(kind)
+    if name == "sub":  # one - a b, or a b - other
+        a, c = (builder.fneg(a), c) if product is other else (a, builder.fneg(c))
     vector, suffix = context.get_value_type(kind), f"v{kind.width}f64" if isinstance(kind, LanesType) else "f64"
-    if other.factors is not None:
-        a, b = (factor.cast(kind) for factor in other.factors)
-        a, rest = (a if name == "add" else builder.fneg(a)), one.cast(kind)
-    else:
-        a, b = (factor.cast(kind) for factor in one.factors)
-        rest = other.cast(kind) if name == "add" else builder.fneg(other.cast(kind))
     fma = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.{suffix}")
-    return _Number(kind, builder.call(fma, [a, b, rest]), one.place)
+    return _Number(kind, builder.call(fma, [a, b, c]), one.place)
 
 
 @functools.cache

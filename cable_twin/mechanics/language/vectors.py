@@ -91,7 +91,7 @@ def _less(total: Any, row: Vec, column: Vec) -> Any:
 @formula
 def sum_of_products(a: Mat, x: Vec | Mat, b: Mat, y: Vec | Mat) -> Vec | Mat:
     """Sum a x + b y of two products of matrices, or of matrices and vectors, product by product."""
-    if isinstance(x, Mat):
+    if isinstance(x, Mat) and isinstance(y, Mat):
         columns = [Vec((*first, *second)) for first, second in zip(x.T, y.T, strict=True)]
         return Mat(Vec(Vec((*p, *q)) @ column for column in columns) for p, q in zip(a, b, strict=True))
     return Vec(Vec((*p, *q)) @ Vec((*x, *y)) for p, q in zip(a, b, strict=True))
