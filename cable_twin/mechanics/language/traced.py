@@ -246,7 +246,7 @@ class _Number:
             if name == "mul" and fuses():
                 return _Number(kind, None, self.place, operands)
             if name in ("add", "sub") and any(operand.factors is not None for operand in operands):
-                return _fused(name, *operands, kind)
+                return _fused(name, operands[0], operands[1], kind)
         instruction = getattr(self.place[1], _INSTRUCTIONS[name][kind != types.int64])
         return _Number(kind, instruction(*(operand.cast(kind) for operand in operands)), self.place)
 
