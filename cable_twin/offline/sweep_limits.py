@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy  # loads `interpolate` where it is used: a fifth of a second, not of each command
 
 from cable_twin.key_figures import FigureId, KeyFigure
 from cable_twin.key_figures.figure import TOLERANCE
@@ -92,8 +92,8 @@ class SweptFigure:
             if one is not None and math.isfinite(beyond := beyond_limit(one))
         )
         low, high = sorted(ends)
-        roots = PchipInterpolator(*np.array(points).T).roots(extrapolate=False) if len(points) > 1 else ()
-        found = [root for root in roots if low <= root <= high]
+        through = scipy.interpolate.PchipInterpolator(*np.array(points).T) if len(points) > 1 else None
+        found = [root for root in through.roots(extrapolate=False) if low <= root <= high] if through else []
         if found:
             return float(found[0])
         here, there = beyond_limit(before), beyond_limit(after)  # a limit is kept to a thousandth: none in between
