@@ -260,9 +260,8 @@ class Follower:
             else:
                 self._doubt_steps()
         lasted, self._since, self._from = time - self._since, time, time
-        hidden = self._hidden(numbers)
+        hidden, slow = self._hidden(numbers), self._slow()
         self._go_on(lasted, numbers)
-        slow = self._slow()
         alarms += self._against_plan(time, slow)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
@@ -523,9 +522,9 @@ class Follower:
 
     def _slow(self) -> dict[str, Estimate]:
         deviations = np.sqrt(np.diag(self._belief.covariance))
-        means = self._belief.mean
         return {
-            one.name: Estimate(float(means[row]), float(deviations[row]), one.unit) for row, one in enumerate(self.slow)
+            one.name: Estimate(float(np.clip(mean, one.low, one.high)), float(deviation), one.unit)
+            for one, mean, deviation in zip(self.slow, self._belief.mean, deviations, strict=False)
         }
 
     def _hidden(self, numbers: FloatArray) -> dict[str, Estimate]:
