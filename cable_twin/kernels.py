@@ -1,7 +1,7 @@
-"""Kernels compiled beforehand, which go with the package into a wheel: `python -m cable_twin.kernels build`.
+"""Compile the solver's kernels ahead of time, into the package's wheel: `python -m cable_twin.kernels build`.
 
-They are those with which Python calls the solver, in the types of the shipped scenarios. The parts of which they are
-linked stay behind: a scenario of other types compiles its own ones at its first start, as it does without these files.
+The wheel holds the kernels that Python calls, in the types of the shipped scenarios, but not the modules they are
+linked from: a scenario of other types compiles its own kernels at its first start, as without these files.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ examples:
 
 
 class BuildError(RuntimeError):
-    """Failure to compile beforehand; in one line."""
+    """Failure to compile kernels ahead of time; the message is one line."""
 
 
 def parser() -> OneLineParser:
-    """Parser of the options of the command."""
+    """Command-line parser of `python -m cable_twin.kernels`."""
     result = OneLineParser(COMMAND, "Compile the solver for the shipped scenarios, into the package.", EPILOG)
     result.add_argument("action", choices=["build"], help="replace what is there")
     result.add_argument("scenarios", nargs="*", metavar="SCENARIO", help="name or path; default: all shipped ones")
@@ -48,16 +48,16 @@ def parser() -> OneLineParser:
 
 
 def build(scenarios: Sequence[str], target: Path = SHIPPED) -> None:
-    """Compile the kernels that Python calls in runs of scenarios, into a directory, in place of those there.
+    """Compile the kernels that Python calls in runs of scenarios into a directory, whose earlier kernels are deleted.
 
     Raises:
-        ScenarioError: a scenario is none.
-        BuildError: one does not run, or kernels of this CPU are of no use elsewhere.
+        ScenarioError: a scenario is invalid.
+        BuildError: a scenario does not run, or the CPU is of no known class, so that no other could use its kernels.
         OSError: the directory cannot be written.
     """
     if class_of(machine(), this_cpu()) is None:
         raise BuildError(
-            f"this CPU ({this_cpu().name}) is of no class that others are of: its kernels serve nobody else"
+            f"CPU: given {this_cpu().name}; allowed: one of a known class, as only its kernels run on other machines"
         )
     for scenario in scenarios:
         load_scenario(scenario)
@@ -72,7 +72,7 @@ def build(scenarios: Sequence[str], target: Path = SHIPPED) -> None:
 
 
 def _run(scenario: str, directory: str) -> None:
-    """Run a scenario as `simulate` does, with its cache in a directory."""
+    """Run a scenario shortly with `simulate`, with numba's cache of compiled kernels in a directory."""
     variables = {name: value for name, value in os.environ.items() if name != VARIABLE}
     command = [sys.executable, "-m", "cable_twin.offline.simulate", "--scenario", scenario, "--record", "off"]
     result = subprocess.run(
@@ -88,7 +88,7 @@ def _run(scenario: str, directory: str) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compile kernels beforehand and report; 0, or 1 where that failed."""
+    """Compile kernels ahead of time and report number and size; returns exit code 0, or 1 after a failure."""
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
     scenarios, began = options.scenarios or scenario_names(), time.monotonic()
     try:

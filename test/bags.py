@@ -116,5 +116,5 @@ NO_BAGS = {
     "foreign": (foreign_bag, "not a bag made by cable_twin"),
     "text": (text_file, "not a bag"),
     "empty": (empty_file, "not a bag"),
-    "directory": (empty_directory, "not a log: 0 .mcap files in it, those of one run are expected"),
+    "directory": (empty_directory, "not a log: given 0 .mcap files; allowed: those of one run"),
 }

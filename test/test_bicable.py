@@ -134,12 +134,12 @@ def test_haul_ropes_have_a_safety_factor_of_their_own_and_limits_name_their_keys
 def test_what_carriers_carry_is_no_command():
     simulation = running()
     with pytest.raises(
-        CommandError, match=r"'cabin_1' is a carrier, loaded in stations as carriers\.payload says; known"
+        CommandError, match=r"payload: given for carrier 'cabin_1', which carriers\.payload loads in stations; allowed"
     ):
         simulation.payload("cabin_1", 0.0)
-    with pytest.raises(CommandError, match="'motor' is a drive and carries nothing; known: none in this scenario"):
+    with pytest.raises(CommandError, match="payload: given for drive 'motor'; allowed: none in this scenario"):
         simulation.payload("motor", 0.0)
-    with pytest.raises(CommandError, match="unknown carriage 'cabin_99'; known: none in this scenario"):
+    with pytest.raises(CommandError, match="payload: given for carriage 'cabin_99'; allowed: none in this scenario"):
         simulation.payload("cabin_99", 0.0)
 
 

@@ -112,7 +112,7 @@ def test_learning_has_them():
     gym = pytest.importorskip("cable_twin.gym.environment")
     scenario = load_scenario("chairlift")
     assert gym._limits(scenario, "force") == {"haul_rope": ("force", pytest.approx(106.45e3, rel=1e-4))}
-    with pytest.raises(ValueError, match="'cabin_1' given; the scenario has: haul_rope"):
+    with pytest.raises(ValueError, match="command: given 'cabin_1'; allowed: haul_rope"):
         gym._limits(load_scenario("jig_back"), {"cabin_1": "speed"})
     assert all(isfinite(limit) for limits in command_limits(scenario).values() for limit in limits)
     assert command_limits(load_scenario("seed_example"))["carriage"] == (inf, inf)

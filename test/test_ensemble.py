@@ -173,11 +173,11 @@ def test_chairs_are_loaded_in_stations_in_each_member_as_in_a_simulation():
 def test_a_refused_command_changes_no_member_and_names_the_one(tramways, tramway):
     tramways.fork(tramway)
     before = tramways.numbers()
-    with pytest.raises(CommandError, match=r"^member 5: speed of 'cabin' is 20 m/s; allowed are -10 to 10 m/s$"):
+    with pytest.raises(CommandError, match=r"^member 5: speed of 'cabin': given 20 m/s; allowed: -10 to 10 m/s$"):
         tramways.command("cabin", speed=[1.0, 2.0, 3.0, 4.0, 5.0, 20.0])
-    with pytest.raises(CommandError, match=r"^member 0: unknown carriage or drive 'nobody'"):
+    with pytest.raises(CommandError, match=r"^member 0: carriage or drive: given 'nobody'"):
         tramways.command("nobody", speed=1.0)
-    with pytest.raises(CommandError, match="a finite number is needed"):
+    with pytest.raises(CommandError, match="allowed: a finite number"):
         tramways.command("cabin", speed=np.nan)
     assert np.array_equal(tramways.numbers(), before, equal_nan=True)
     tramways.emergency_stop()
@@ -194,7 +194,7 @@ def test_a_refused_command_changes_no_member_and_names_the_one(tramways, tramway
         ({"cable.unstrained_length": 1042.3, "cable.ice": 0.1}, "^cable.unstrained_length: .* needs another mesh"),
         ({"solver.step": 0.0025}, "^solver.step: given 0.0025, which needs another solver"),
         ({"cable.elastic_model": "element_frame"}, "^cable.elastic_model: .* needs another elastic model"),
-        ({"cable.ice": [0.1, 0.2]}, r"^parameters: cable.ice: 2 values given; allowed: 6, one for each member"),
+        ({"cable.ice": [0.1, 0.2]}, r"^parameters: cable.ice: given 2 values; allowed: 6, one for each member"),
     ],
 )
 def test_values_that_members_cannot_have_are_refused_in_a_line(tramways, parameters, line):
@@ -298,7 +298,7 @@ def test_a_fork_at_times_is_one_at_each(tramways, tramway):
         tramway.restore(start)
         expected = tramway.advance_to(time).numbers
         assert np.array_equal(tramways.snapshot(member).numbers, expected, equal_nan=True)
-    with pytest.raises(ValueError, match=r"fork: at 0.1 s given for member 0; allowed: a finite time, from 0.4 s"):
+    with pytest.raises(ValueError, match=r"fork: at: given 0.1 s for member 0; allowed: a finite time, from 0.4 s"):
         tramways.fork(tramway, 0, at=0.1)
 
 
@@ -323,11 +323,11 @@ def test_wrong_arguments_are_refused_in_a_line(arguments):
 
 def test_times_and_members_are_checked(tramways, tramway):
     tramways.fork(tramway)
-    with pytest.raises(ValueError, match="nan s given for member 0; allowed: a finite time"):
+    with pytest.raises(ValueError, match="given nan s for member 0; allowed: a finite time"):
         tramways.advance_to(np.nan)
-    with pytest.raises(ValueError, match="members: 6 given; allowed: 0 to 5"):
+    with pytest.raises(ValueError, match="members: given 6; allowed: 0 to 5"):
         tramways.fork(tramway, 6)
     with pytest.raises(ValueError, match="another scenario"):
         tramways.fork(apart("single_span", {}))
-    with pytest.raises(ValueError, match="observations: 'nothing' given"):
+    with pytest.raises(ValueError, match="observations: given 'nothing'"):
         tramways.observe(["nothing"])

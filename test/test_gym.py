@@ -137,14 +137,14 @@ def test_a_seed_gives_the_same_start_and_another_one_another(env):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ({"observations": ["cabin/colour"]}, r"'cabin/colour' given; allowed, with \* for any text: time, cabin/arc_"),
-        ({"command": "torque"}, "'torque' given for 'cabin'; allowed: speed or force"),
-        ({"command": {"bus": "speed"}}, "'bus' given; the scenario has: cabin"),
-        ({"period": 0.0123}, "period: 0.0123 s given; allowed: a whole number of solver steps of 0.005 s"),
-        ({"duration": 0.0}, "duration: 0 s given; allowed: at least the period"),
+        ({"observations": ["cabin/colour"]}, r"given 'cabin/colour'; allowed, with \* for any text: time, cabin/arc_"),
+        ({"command": "torque"}, "command of 'cabin': given 'torque'; allowed: speed or force"),
+        ({"command": {"bus": "speed"}}, "command: given 'bus'; allowed: cabin"),
+        ({"period": 0.0123}, "period: given 0.0123 s; allowed: a whole number of solver steps of 0.005 s"),
+        ({"duration": 0.0}, "duration: given 0 s; allowed: at least the period"),
         (
             {"overrides": {"carriages.cabin.drive.limits.speed": None}},
-            r"drive\.limits\.speed: null given; .* m/s",
+            r"drive\.limits\.speed: given null; allowed: .* m/s",
         ),
     ],
 )

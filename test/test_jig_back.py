@@ -132,7 +132,7 @@ def test_the_next_passengers_get_in_and_out_where_it_stands(trip):
     assert payloads == pytest.approx([0.0, 6400.0])
     simulation.command("haul_rope", speed=-10.0)
     simulation.advance_to(simulation.time + 15.0)
-    with pytest.raises(CommandError, match=r"payload of 'cabin_1', which is at .* allowed within 25 m of an end"):
+    with pytest.raises(CommandError, match=r"payload of 'cabin_1': given at .* allowed: within 25 m of an end"):
         simulation.payload("cabin_1", 6400.0)
     simulation.restore(there)
 

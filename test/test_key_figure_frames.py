@@ -61,7 +61,7 @@ def test_frames_without_places_leave_accelerations_to_those_that_have_some():
 
 
 def test_frames_of_another_scenario_are_refused():
-    with pytest.raises(ValueError, match="another scenario"):
+    with pytest.raises(ValueError, match="snapshot: given other names"):
         KeyFigures(scenario()).update(supported(0.0))
 
 
@@ -111,7 +111,11 @@ def test_a_figure_comes_back_from_what_is_told_to_the_last_bit(limit):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"value": "much"}, "could not convert"), ({"bound": "about"}, "bound 'about'"), ({"unit": None}, "unit is miss")],
+    [
+        ({"value": "much"}, "could not convert"),
+        ({"bound": "about"}, "bound: given 'about'"),
+        ({"unit": None}, "unit: given nothing"),
+    ],
 )
 def test_values_that_are_no_figure_are_refused(change, message):
     values = values_of(named("swing", 0.1, "rad", 1.0, limit=0.2)) | change

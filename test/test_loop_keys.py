@@ -130,11 +130,11 @@ def test_sensors_of_a_loop_and_a_force_that_friction_cannot_carry():
     assert np.linalg.norm(measured["cell"]) == pytest.approx(c.sheave_tension[0, 0], rel=1e-3)
     assert measured["drive"][0] == pytest.approx(0.5)
     assert measured["chair"][0] == simulation.layout.on_loop(c)[19] > 818.5
-    with pytest.raises(CommandError, match=r"force of 'haul_rope' is 1e\+12 N; allowed are -106453 to 106453 N"):
+    with pytest.raises(CommandError, match=r"force of 'haul_rope': given 1e\+12 N; allowed: -106453 to 106453 N"):
         simulation.apply(Command("force", {"haul_rope": 1e12}))
     simulation.command("haul_rope", force=0.0)
     assert simulation.advance_to(3.0).drives["haul_rope"].speed < 0.5  # the weight of those going up is the greater one
-    with pytest.raises(ValueError, match="of one rope alone; this scenario has 2"):
+    with pytest.raises(ValueError, match="given a scenario of 2 ropes; allowed: one rope"):
         simulation.natural_frequencies(1)
 
 

@@ -116,11 +116,11 @@ def test_a_carriage_of_its_own_may_be_clamped_beside_the_carriers():
 def test_a_drive_takes_speeds_and_its_carriers_nothing():
     simulation = short_lift()
     refusals = [
-        ({"name": "haul_rope", "force": 10.0}, "'haul_rope' moves the cable and takes no force; give it a speed"),
-        ({"name": "haul_rope", "speed": 5.5}, "speed of 'haul_rope' is 5.5 m/s; allowed are -5 to 5 m/s"),
-        ({"name": "haul_rope", "speed": nan}, "speed of 'haul_rope' is nan m/s; a finite number is needed"),
+        ({"name": "haul_rope", "force": 10.0}, "force of 'haul_rope': given 10 N; allowed: none, as this drive"),
+        ({"name": "haul_rope", "speed": 5.5}, "speed of 'haul_rope': given 5.5 m/s; allowed: -5 to 5 m/s"),
+        ({"name": "haul_rope", "speed": nan}, "speed of 'haul_rope': given nan m/s; allowed: a finite number"),
         ({"name": "chair_1", "speed": 1.0}, "'chair_1' moves with the cable and takes no command; drive: haul_rope"),
-        ({"name": "chair_9", "speed": 1.0}, "unknown carriage or drive 'chair_9'; known: haul_rope"),
+        ({"name": "chair_9", "speed": 1.0}, "carriage or drive: given 'chair_9'; allowed: haul_rope"),
     ]
     for command, text in refusals:
         with pytest.raises(CommandError, match=text):

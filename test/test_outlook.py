@@ -70,7 +70,7 @@ def test_a_future_that_cannot_be_says_why():
     twin.emergency_stop()
     outlook = twin.outlook(horizon=0.5)
     assert outlook[EMERGENCY_STOP].assumed == "emergency stop, already in force"
-    assert outlook[ANNOUNCED].fault.startswith("gust given while another one lasts; allowed: in 1 s")
+    assert outlook[ANNOUNCED].fault.startswith("gust: given while another one lasts; allowed: in 1 s")
     assert outlook[ANNOUNCED].last is None
     assert not outlook[ANNOUNCED].figures
     unfelt = under_way(TRAMWAY, {"cable.diameter": None, "carriages.cabin.bodies.cabin.drag_area": 0.0}).outlook(
@@ -82,8 +82,8 @@ def test_a_future_that_cannot_be_says_why():
 @pytest.mark.parametrize(
     ("command", "line"),
     [
-        (Command("release", {}), "announced 'release' given; allowed: gust, operating_gust, wind"),
-        (Command("wind", {"x": 300.0, "z": 0.0}), "wind x is 300 m/s; allowed are -100 to 100 m/s"),
+        (Command("release", {}), "announced: given 'release'; allowed: gust, operating_gust, wind"),
+        (Command("wind", {"x": 300.0, "z": 0.0}), "wind x: given 300 m/s; allowed: -100 to 100 m/s"),
     ],
 )
 def test_a_wind_that_cannot_come_is_refused(command, line):
@@ -92,5 +92,5 @@ def test_a_wind_that_cannot_come_is_refused(command, line):
 
 
 def test_a_horizon_that_is_none_is_refused():
-    with pytest.raises(ValueError, match="outlook: horizon: nan s given; allowed: more than 0 to 3600 s"):
+    with pytest.raises(ValueError, match="outlook: horizon: given nan s; allowed: more than 0 to 3600 s"):
         Forecaster(load_scenario(TRAMWAY), horizon=float("nan"))

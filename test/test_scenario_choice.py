@@ -25,7 +25,7 @@ def test_both_forms_name_it_and_together_they_are_refused(command, capsys):
         parser.given_scenario(parser.parse_args(["chairlift", "--scenario", "gondola"]))
     assert ended.value.code == (1 if command == "sim" else 2)
     (line,) = capsys.readouterr().err.splitlines()
-    assert "scenario 'chairlift' and --scenario 'gondola' are given; one is allowed" in line
+    assert "SCENARIO: given 'chairlift' and --scenario 'gondola'; allowed: one of both" in line
 
 
 def test_sim_hands_either_form_to_the_node():

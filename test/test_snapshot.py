@@ -244,7 +244,7 @@ def test_a_rope_that_there_is_not_is_named():
     np.testing.assert_array_equal(simulation.cable_positions(places, CABLE), simulation.cable_positions(places))
     np.testing.assert_array_equal(simulation.cable_tension(places, CABLE), simulation.cable_tension(places))
     for ask in (simulation.cable_positions, simulation.cable_tension):
-        with pytest.raises(ValueError, match="rope 'haul' is unknown; known: cable"):
+        with pytest.raises(ValueError, match="rope: given 'haul'; allowed: cable"):
             ask(places, "haul")
 
 
@@ -252,7 +252,7 @@ def test_a_rope_that_there_is_not_is_named():
 def test_a_place_that_is_not_on_the_rope_is_named(beyond):
     simulation = two_bodies()
     for ask in (simulation.cable_positions, simulation.cable_tension):
-        with pytest.raises(ValueError, match=rf"arc length {beyond:.9g} m given; allowed: 0 to [\d.]+ m, on the rope"):
+        with pytest.raises(ValueError, match=rf"arc length: given {beyond:.9g} m; allowed: 0 to [\d.]+ m, on the rope"):
             ask(np.array([0.0, beyond]))
 
 

@@ -272,13 +272,13 @@ def change_arrays(**changes):
         ),
         (
             change_arrays(**{"state/reference.velocity": np.zeros(2)}),
-            "state/reference.velocity is float64 of shape (2,); its scenario needs float64 of shape (1,)",
+            "state/reference.velocity: given float64 of shape (2,); allowed: float64 of shape (1,)",
         ),
         (
             change_arrays(**{"state/clock": np.zeros(1)}),
-            "state/clock is float64 of shape (1,); its scenario needs int64 of shape (1,)",
+            "state/clock: given float64 of shape (1,); allowed: int64 of shape (1,)",
         ),
-        (change_header(commands={"gondola": ["speed", 1.0]}), "command for gondola; its scenario has: cabin"),
+        (change_header(commands={"gondola": ["speed", 1.0]}), "command: given for gondola; allowed: cabin"),
         (
             change_header(scenario={"gravity": "strong"}),
             "scenario: mapping: ",

@@ -131,7 +131,7 @@ def test_the_counterweight_of_a_loop_follows_it_under_way():
 @pytest.mark.parametrize("degrees", [float("nan"), float("inf"), 283.15, -273.15])
 def test_a_temperature_that_no_rope_has_is_refused(degrees):
     simulation = Simulation(load_scenario("single_span"), samples=2, on_demand=True)
-    with pytest.raises(CommandError, match=rf"temperature is {degrees:g} degC; allowed are -100 to 100 degC"):
+    with pytest.raises(CommandError, match=rf"temperature: given {degrees:g} degC; allowed: -100 to 100 degC"):
         simulation.temperature(degrees)
     assert simulation.snapshot.columns.temperature[0] == 20.0
 

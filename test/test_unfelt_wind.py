@@ -34,7 +34,7 @@ def test_a_command_says_so(name, changes):
     scenario = load_scenario(name, changes)
     for kind, check in (("wind", check_wind), ("gust", check_gust), ("operating_gust", check_gust)):
         check(Command(kind, {"x": 0.0, "z": 0.0}), scenario)
-        with pytest.raises(CommandError, match=kind.replace("_", " ") + " x 0, z -2 m/s, but nothing feels the wind"):
+        with pytest.raises(CommandError, match=kind.replace("_", " ") + ": given x 0, z -2 m/s: nothing feels the"):
             check(Command(kind, {"x": 0.0, "z": -2.0}), scenario)
 
 

@@ -122,16 +122,16 @@ def test_eddies_in_a_plane_are_one_line():
 def test_gusts_that_are_refused():
     simulation = Simulation(load_scenario(TRAMWAY))
     for values, said in (
-        ({"x": 120.0, "z": 0.0}, "gust x is 120 m/s; allowed are -100 to 100 m/s"),
-        ({"x": 1.0, "z": 0.0, "y": 2.0}, "gust y is 2 m/s; allowed is 0: the twin moves in the plane"),
-        ({"x": 1.0, "z": 0.0, "duration": -1.0}, "gust duration is -1 s; allowed are more than 0 to 600 s"),
-        ({"x": 1.0}, "gust given with x; needed are x and z, in m/s"),
+        ({"x": 120.0, "z": 0.0}, "gust x: given 120 m/s; allowed: -100 to 100 m/s"),
+        ({"x": 1.0, "z": 0.0, "y": 2.0}, "gust y: given 2 m/s; allowed: 0 m/s, as the twin moves in the plane"),
+        ({"x": 1.0, "z": 0.0, "duration": -1.0}, "gust duration: given -1 s; allowed: more than 0 to 600 s"),
+        ({"x": 1.0}, "gust: given x; allowed: x, z or x, y, z, m/s"),
     ):
         with pytest.raises(CommandError, match=said):
             simulation.apply(Command("gust", values))
     simulation.gust(5.0, duration=2.0)
     simulation.advance_to(0.5)
-    with pytest.raises(CommandError, match=r"gust given while another one lasts; allowed: in 1\.5 s"):
+    with pytest.raises(CommandError, match=r"gust: given while another one lasts; allowed: in 1\.5 s"):
         simulation.gust(5.0)
     simulation.advance_to(2.0)
     simulation.gust(5.0)

@@ -1,6 +1,6 @@
-"""Fingerprint of the arithmetic of this process: rounding errors of numpy, of the libraries below it, and of libm.
+"""Fingerprint of this process's floating-point arithmetic: rounding of numpy, of the libraries below it, and of libm.
 
-Equal inputs give equal bits only where these round alike, which depends on the CPU and on how they were built.
+Equal inputs give equal bits only where these libraries round alike, which depends on the CPU and on their build.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ OF_NUMBERS = math.exp, math.sin, math.cos, math.atan, math.tanh, math.asinh, mat
 
 @cache
 def arithmetic() -> str:
-    """Fingerprint of results of elementary functions, scalar products, products of matrices and linear equations."""
+    """Fingerprint (8 hex digits) of the rounding of elementary functions, matrix products and linear solves."""
     results = hashlib.sha256()
     for size in SIZES:
         for start in (0.3, 1.7, 2.9):

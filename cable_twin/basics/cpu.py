@@ -1,7 +1,7 @@
-"""Classes of CPUs with equal bits of results on every CPU of a class.
+"""Instruction-set classes of CPUs (as x86-64-v3): every CPU of a class gives bit-equal results.
 
 Kernels are compiled for a class (`mechanics/language/target`). numpy, and BLAS and LAPACK below it, choose their code
-by the CPU at hand and round otherwise with AVX-512 than without; a command holds them to the class.
+by the CPU at hand and round differently with AVX-512; a command limits them to the class.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ VARIABLE, NATIVE = "CABLE_TWIN_CPU", "native"
 
 
 class Target(NamedTuple):
-    """CPU or class of CPUs that kernels are compiled for."""
+    """Compilation target of kernels: a CPU, or an instruction-set class of CPUs."""
 
     name: str
     cpu: str  # name that LLVM has for it
@@ -25,7 +25,7 @@ class Target(NamedTuple):
 
 
 class CpuClass(NamedTuple):
-    """Class of CPUs, and the environment variables that hold numpy and OpenBLAS to the class before their import."""
+    """Instruction-set class of CPUs, with the environment values that limit numpy and OpenBLAS to the class."""
 
     target: Target
     beyond: str  # features that numpy uses where it finds them
@@ -51,33 +51,33 @@ CLASSES["arm64"] = CLASSES["aarch64"]  # as macOS calls it
 
 
 def machine() -> str:
-    """Kind of this machine, as `x86_64`."""
+    """Architecture of this machine, as `x86_64`."""
     return str(llvm.get_process_triple().partition("-")[0])
 
 
 def this_cpu() -> Target:
-    """CPU of this machine."""
+    """Compilation target for exactly the CPU of this machine."""
     name = llvm.get_host_cpu_name()
     return Target(name, name, llvm.get_host_cpu_features().flatten())
 
 
 def class_of(kind: str, host: Target) -> CpuClass | None:
-    """Class of a CPU on a kind of machine; None without a known class."""
+    """Instruction-set class (as x86-64-v3) of a CPU, by machine architecture; None for a CPU of no known class."""
     known = CLASSES.get(kind)
     has = known is not None and set(known.target.features.split(",")) <= set(host.features.split(","))
     return known if has else None
 
 
 def choose(wanted: str, kind: str, host: Target) -> Target:
-    """Target of compilation for a machine.
+    """Choose the compilation target of kernels for a machine: its CPU's instruction-set class, or the CPU itself.
 
     Args:
         wanted: empty for the class of its CPU where it has one, `native` for that CPU itself, or the name of the class.
-        kind: of the machine, as `x86_64`.
-        host: its CPU.
+        kind: architecture of the machine, as `x86_64`.
+        host: CPU of the machine.
 
     Raises:
-        ValueError: there is no such target here; in one line.
+        ValueError: this CPU has no such target; the message is one line.
     """
     known = class_of(kind, host)
     if wanted and wanted not in (NATIVE, *([known.target.name] if known else [])):
@@ -88,7 +88,7 @@ def choose(wanted: str, kind: str, host: Target) -> Target:
 
 @cache
 def chosen(host: Target) -> Target:
-    """Target of compilation from the environment; an unknown one gives the default, with a message."""
+    """Compilation target by the variable CABLE_TWIN_CPU; an unknown name gives the default target, with a warning."""
     try:
         return choose(os.environ.get(VARIABLE, "").strip(), machine(), host)
     except ValueError as error:
@@ -98,9 +98,9 @@ def chosen(host: Target) -> Target:
 
 
 def hold_numpy_to_the_class() -> None:
-    """Hold numpy and OpenBLAS to the class of this CPU, unless told otherwise; for a command, before either is loaded.
+    """Limit numpy and OpenBLAS to this CPU's instruction-set class, for a command, before either is imported.
 
-    Other programs that it starts inherit that.
+    The limits are environment variables, which child processes inherit; values that the user has set are kept.
     """
     known = class_of(machine(), this_cpu())
     if known is None or os.environ.get(VARIABLE, "").strip() == NATIVE:

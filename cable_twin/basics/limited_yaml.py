@@ -1,6 +1,6 @@
-"""YAML of files and messages, read within limits of bytes, depth, and values with all aliases expanded; YAML of data.
+"""YAML of files and messages, read within limits of bytes, depth and values; data written as YAML.
 
-A few lines of aliases stand for a great many values: they are counted before any of these is made.
+A few lines of aliases can stand for very many values: values are counted, aliases expanded, before any is made.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class UnreadableYamlError(ValueError):
 
 
 class Double(NamedTuple):
-    """Key given twice in a mapping of a YAML text, with both lines."""
+    """Duplicate key in a mapping of a YAML text: path of the key, and both lines."""
 
     path: tuple[str | int, ...]
     first: int  # line
@@ -57,9 +57,9 @@ def limited_text(file: Path, largest: int = LARGEST) -> str:
     """Read a file of limited size in bytes as UTF-8 text.
 
     Raises:
-        OSError: It cannot be read.
-        UnicodeDecodeError: It is no such text.
-        UnreadableYamlError: It is larger.
+        OSError: the file cannot be read.
+        UnicodeDecodeError: the file is not UTF-8 text.
+        UnreadableYamlError: the file is larger.
     """
     with file.open("rb") as stream:
         content = stream.read(largest + 1)
@@ -71,7 +71,7 @@ def read_yaml(text: str) -> Document:
     """Parse a text as YAML 1.2, in which 1e6 is a number.
 
     Raises:
-        UnreadableYamlError: It is none, or beyond a limit.
+        UnreadableYamlError: the text is not YAML, or exceeds a limit.
     """
     _check_size(len(text), LARGEST)
     yaml = YAML(typ="safe", pure=True)
@@ -93,13 +93,13 @@ def read_yaml(text: str) -> Document:
 
 
 def read_mapping(file: Path, error: Callable[[str], Exception], what: str, keys: Iterable[str]) -> Mapping[Any, Any]:
-    """Mapping in a YAML file.
+    """Read the mapping that a YAML file consists of.
 
     Args:
         file: its path; `~` stands for the home of the user.
         error: makes the exception that is raised, from a text with one line per fault.
-        what: a YAML file of that is allowed, as "load cases".
-        keys: of the mapping, for the message of a file with something else.
+        what: allowed contents of the file, as "load cases", for messages.
+        keys: allowed keys of the mapping, for the message about a file with something else.
 
     Raises:
         error: the file cannot be read, is no YAML, gives a key twice, or holds no mapping.

@@ -127,7 +127,7 @@ def advance_member(code, queue, member, budget, members, looks, bundles, argumen
 
 @inlined_kernel
 def take_outcome(members, member, outcome):
-    """Add the outcome of a call of the integrator to that of a member; returns if it converged, and its steps."""
+    """Add the outcome of an integrator call to the counts of a member; returns whether it converged, and its steps."""
     converged, steps, iterations, halvings, gap, increment, element, lost, moved = outcome
     counts, sums = members.counts, members.sums
     counts[member, STEPS] += steps
@@ -146,7 +146,7 @@ def take_outcome(members, member, outcome):
 
 @kernel
 def are_pressed(looks, state):
-    """Return whether any two vehicles that can meet are pressed through each other."""
+    """Return whether any two vehicles that can meet have passed through each other."""
     for pair in range(looks.before.size):
         if state.joints.position[looks.after[pair]] - state.joints.position[looks.before[pair]] < CLOSEST:
             return True
@@ -155,9 +155,9 @@ def are_pressed(looks, state):
 
 @kernel
 def changed_places(members, member, state):
-    """Which changes there are since the last look: `CAME` of a vehicle to a station or rope, else `LEFT`, or `NOBODY`.
+    """Vehicle changes between ropes and stations since the last look: `CAME` to one, else `LEFT` one, or `NOBODY`.
 
-    The integrator ends a call with the step of each of them.
+    The integrator ends its call at the step of each change.
     """
     found = NOBODY
     for vehicle in range(state.attached.size):
@@ -173,7 +173,7 @@ def changed_places(members, member, state):
 
 @kernel
 def note_stations(members, member, state):
-    """Record the present rope and station of each vehicle."""
+    """Record the present rope and station of each vehicle of a member."""
     for vehicle in range(state.attached.size):
         on_rope = state.attached[vehicle]
         members.stations[member, vehicle] = np.nan if on_rope else state.joints.position[vehicle]
@@ -182,7 +182,7 @@ def note_stations(members, member, state):
 
 @kernel
 def observe_members(code, members, system, state, read, rests, lateral, columns, numbers, rows):
-    """Read the numbers of snapshots of all members of one rope.
+    """Compute the snapshot numbers of all members of an ensemble with one rope.
 
     Args:
         code: address of `columns.observe`.

@@ -1,4 +1,4 @@
-"""Weighted sums of the states of members, by which a filter carries its corrections over to the fast motion."""
+"""Weighted sums of the states of ensemble members, by which a filter applies its corrections to the fast motion."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TOPOLOGY = (
 
 
 class Turn(NamedTuple):
-    """Rotation of one body of a vehicle, by which a member gets another swing."""
+    """Rotation (angle and rate) of one body of a vehicle, which changes the swing of an ensemble member."""
 
     vehicle: int  # row
     body: int  # row of all bodies
@@ -49,8 +49,8 @@ def are_alike(states: MemberStates) -> bool:
 def blend(states: MemberStates, weights: FloatArray) -> None:
     """Replace the state of each member by a weighted sum of the states of all, at equal payloads.
 
-    Payloads, wind, temperature and friction stay those of the member. Bodies turn, so that joints between the sums are
-    open to second order: they are closed, else the first step does it, with forces beyond those of any drive.
+    Payloads, wind, temperature and friction stay those of the member. As bodies rotate, joints of the summed states are
+    open to second order: they are closed here, else the first step would close them with forces beyond any drive's.
 
     Args:
         states: of members that `are_alike`.
@@ -67,7 +67,7 @@ def blend(states: MemberStates, weights: FloatArray) -> None:
 
 
 def _sum_up(block: Any, weights: FloatArray) -> None:
-    """Replace the numbers of each member in a block by weighted sums of those of all."""
+    """Replace the blended arrays of each member in a block of states by weighted sums over all members."""
     for name in block.dtype.names:
         if block[name].dtype != np.float64 or any(word in name for word in OWN):
             continue
@@ -81,7 +81,7 @@ def _sum_up(block: Any, weights: FloatArray) -> None:
 
 
 def turn(states: MemberStates, member: int, turns: Sequence[Turn]) -> None:
-    """Turn bodies of a member, and hang their vehicles together below their joints with the rope."""
+    """Rotate bodies of a member, and close the joints of their vehicles below the joint with the rope."""
     simulation = states.enter(member)
     part = simulation.engine.parts[0]
     for row in dict.fromkeys(one.vehicle for one in turns):
@@ -94,7 +94,7 @@ def turn(states: MemberStates, member: int, turns: Sequence[Turn]) -> None:
 
 
 def _turn_body(state: State, dim: int, one: Turn) -> None:
-    """Turn a body, whose joints are open afterwards."""
+    """Rotate a body of a vehicle in place; its joints are open afterwards."""
     place, velocity = state.bodies.position[one.body, dim:], state.bodies.velocity[one.body, dim:]
     if dim == 2:
         place += one.angle
@@ -123,7 +123,7 @@ def _hang(states: MemberStates, member: int, tops: FloatArray) -> None:
 
 
 def _put_in(states: MemberStates, payloads: FloatArray) -> None:
-    """Give the members payloads (members, vehicles) in kg."""
+    """Set the payloads (members, vehicles) in kg of all members."""
     names = [*states.base.layout.vehicles]
     for member in range(states.size):
         present = states.block["payload"][member]

@@ -32,18 +32,18 @@ Chosen = int | slice | Sequence[int] | None
 
 
 class Ensemble:
-    """Members of one scenario that share its compiled system, and differ in state, commands and parameters.
+    """Ensemble of simulations of one scenario that share its compiled system, and differ in state and parameters.
 
-    Each member moves with the bits of a `Simulation` of its scenario, at any number of threads. It is one row of
-    memory; parameters are common to all members but where they differ. Methods are for one thread alone.
+    Each member is bit-equal to a `Simulation` of its scenario, at any number of threads, and is one row of memory;
+    members with equal values share their parameters. Methods are for one thread alone.
 
     Args:
         scenario: name, path, mapping, or loaded scenario.
         members: number of members, at least 1.
         parameters: values by dotted key of the scenario, such as "carriages.cabin.payload.mass": a sequence with one
             for each member, or one for all.
-        rest: let each member begin at the rest of its own parameters; else all begin at the rest of the scenario, and
-            parameters change there.
+        rest: let each member begin at the static equilibrium of its own parameters; else all begin at that of the
+            scenario, and parameters change there.
         samples: points (at least 2) at which snapshots hold each rope; None for both ends, and for as many as a
             `Simulation` has where key figures are gathered, which are of these points.
         figures_period: simulated time (s) between two looks at the key figures; None for none.
@@ -52,7 +52,7 @@ class Ensemble:
 
     Raises:
         ScenarioError: the scenario or a value is invalid.
-        EquilibriumError: a member finds no rest.
+        EquilibriumError: a member has no static equilibrium.
         ValueError: an argument does not fit; the message is one line.
     """
 
@@ -70,7 +70,7 @@ class Ensemble:
     ) -> None:
         for name, number in (("members", members), ("threads", 1 if threads is None else threads)):
             if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1:
-                raise ValueError(f"{name}: {number!r} given; allowed: a whole number from 1")
+                raise ValueError(f"{name}: given {number!r}; allowed: a whole number from 1")
         if samples is None:
             samples = ENDS_OF_CABLE if figures_period is None else SAMPLES
         self._source: Source = scenario.resolved() if isinstance(scenario, Scenario) else scenario
@@ -107,7 +107,7 @@ class Ensemble:
     def faults(self) -> Mapping[int, str]:
         """Reason for the end of each member, in a line: a failed step, or vehicles pressed through each other.
 
-        It stays at its last good state, until it is forked or reset.
+        An ended member stays at its last good state, until it is forked or reset.
         """
         return dict(self._faults)
 
@@ -122,7 +122,7 @@ class Ensemble:
         return sum(array.nbytes for array in self._states.arrays) // len(self)
 
     def change(self, parameters: Values, members: Chosen = None, *, rest: bool = False) -> None:
-        """Change parameters of members, at their present state or at a new rest.
+        """Change parameters of members, at their present state or at a new static equilibrium.
 
         At the present state, payloads change with the state, and so do wind and temperature where their keys are given;
         joints keep the compliance of the rest of the scenario.
@@ -130,11 +130,11 @@ class Ensemble:
         Args:
             parameters: values by dotted key: a sequence with one for each of these members, or one for all.
             members: number of a member, slice or sequence of numbers; None for all.
-            rest: begin at the rest of the new values, at time 0.
+            rest: begin at the static equilibrium of the new values, at time 0.
 
         Raises:
             ScenarioError: a value is refused, as `load_scenario` does.
-            EquilibriumError: there is no rest; the line names the member.
+            EquilibriumError: there is no static equilibrium; the message names the member.
             ValueError: a value needs another mesh, other parts or another solver; one line with the key.
         """
         rows = self._rows(members)
@@ -161,8 +161,8 @@ class Ensemble:
         """Start a member from the equilibrium of another scenario with equal ropes, meshes, vehicles and solver.
 
         Raises:
-            EquilibriumError: there is no rest; the member stays what it was.
-            OtherModelError: the scenario is of another mesh, other parts or another solver.
+            EquilibriumError: there is no static equilibrium; the member stays as it was.
+            OtherModelError: the scenario has another mesh, other parts or another solver.
         """
         (row,), states, engine = self._rows(member), self._states, self._states.base.engine
         engine.go_to_start()
@@ -172,7 +172,7 @@ class Ensemble:
         self._threads.forget([one.engine.bundle for one in states.variants])
 
     def fork(self, simulation: Simulation, members: Chosen = None, *, at: Any = None) -> None:
-        """Copy the state of a simulation, at present or at given times, into members with parameters of their own.
+        """Copy the state of a simulation, at present or at given times, into members, which keep their own parameters.
 
         Args:
             simulation: of the scenario of this ensemble.
@@ -181,7 +181,7 @@ class Ensemble:
                 copied; None for the present state.
 
         Raises:
-            ValueError: it is of another scenario, or beyond a time.
+            ValueError: the simulation is of another scenario, or already beyond a time.
             SolverError: the simulation fails on its way to a time; members of earlier times have been forked.
         """
         if at is not None:
@@ -189,7 +189,7 @@ class Ensemble:
             return
         states, base = self._states, self._states.base
         if simulation.scenario is not self._alike and simulation.scenario.resolved() != base.scenario.resolved():
-            raise ValueError(f"fork: a simulation of other values or another scenario than '{base.scenario.name}'")
+            raise ValueError(f"fork: given a simulation of another scenario or values; allowed: '{base.scenario.name}'")
         self._alike = simulation.scenario  # known to be: comparing takes longer than all that follows
         rows, settings = self._rows(members), simulation.engine.settings()
         states.arrays.states[rows] = simulation.engine.memory
@@ -217,11 +217,11 @@ class Ensemble:
             ValueError: members are not `alike`.
         """
         if not self.alike:
-            raise ValueError("blend: vehicles are in other elements, or drives in other modes; allowed: alike members")
+            raise ValueError("blend: given members unlike in elements or drive modes; allowed: members that are alike")
         blend(self._states, weights)
 
     def swing(self, member: int, turns: Sequence[Turn]) -> None:
-        """Turn bodies of a member and move all bodies below along; the rope and its joint keep their state."""
+        """Rotate bodies of a member and move all bodies below along; the rope and its joint keep their state."""
         (row,) = self._rows(member)
         turn(self._states, row, turns)
 
@@ -235,10 +235,13 @@ class Ensemble:
             members: number of a member, slice or sequence of numbers; None for all.
 
         Raises:
-            CommandError: it is refused for a member, which the line names; no member is commanded then.
+            CommandError: the command is refused for a member, which the message names; no member is commanded then.
         """
         if (speed is None) == (force is None):
-            raise CommandError(f"command for '{name}': give either speed (m/s) or force (N), one of them")
+            raise CommandError(
+                f"command for '{name}': given {'nothing' if speed is None else 'both'}; "
+                "allowed: either speed (m/s) or force (N)"
+            )
         rows, kind = self._rows(members), "force" if speed is None else "speed"
         given = np.broadcast_to(np.asarray(force if speed is None else speed, dtype=np.float64), (len(rows),))
         if not self._drive_alike(rows, name, kind, given):
@@ -252,12 +255,12 @@ class Ensemble:
         """Apply a command of any kind to members, or one command to each.
 
         Raises:
-            CommandError: it is refused for a member, which the line names; no member is commanded then.
+            CommandError: the command is refused for a member, which the message names; no member is commanded then.
         """
         rows = self._rows(members)
         each = [command] * len(rows) if isinstance(command, Command) else list(command)
         if len(each) != len(rows):
-            raise ValueError(f"apply: {len(each)} commands given; allowed: one, or {len(rows)}, one for each member")
+            raise ValueError(f"apply: given {len(each)} commands; allowed: one, or {len(rows)}, one for each member")
         self._apply_each(rows, each)
 
     def advance_to(self, time: Any) -> None:
@@ -273,7 +276,7 @@ class Ensemble:
         targets = np.round(np.where(np.isfinite(times), times, -1.0) / step).astype(np.int64)
         for member in np.flatnonzero(self._alive & (targets < clocks)).tolist():
             raise ValueError(
-                f"advance_to: {times[member]:.9g} s given for member {member}; allowed: a finite time, from "
+                f"advance_to: given {times[member]:.9g} s for member {member}; allowed: a finite time, from "
                 f"{self.times[member]:.9g} s on"
             )
         total = int(np.maximum(targets - clocks, 0).sum())
@@ -300,7 +303,7 @@ class Ensemble:
             names: of quantities, with * for any text, such as ["cabin/*", "end/tension"]; None for all.
 
         Raises:
-            ValueError: a name fits none; the line has those that there are.
+            ValueError: a name matches no quantity; the message lists the known names.
         """
         numbers = self.numbers()
         known = quantities(self.scenario, self.layout)
@@ -319,7 +322,7 @@ class Ensemble:
         return self._states.read(row).snapshot
 
     def snapshots(self) -> list[Snapshot]:
-        """Snapshots of the present states of all members, of one rope in a fraction of the time of one by one."""
+        """Snapshots of the present states of all members; with one rope much faster than one by one."""
         states = self._states
         return [Snapshot(self.layout, row, states.report(member)) for member, row in enumerate(states.numbers())]
 
@@ -338,7 +341,7 @@ class Ensemble:
             ValueError: the ensemble was made without `figures_period`.
         """
         if not self._figures_steps:
-            raise ValueError("figures: none are gathered; allowed: with figures_period (s), such as 0.05")
+            raise ValueError("figures: given an ensemble without figures; allowed: with figures_period (s), as 0.05")
         return figure_columns([one.figures() for one in self._figures])
 
     def close(self) -> None:
@@ -348,7 +351,7 @@ class Ensemble:
     def _made(
         self, member: int, values: Mapping[str, Any], rest: bool
     ) -> tuple[Simulation, NDArray[np.uint8], NDArray[np.uint8], Settings]:
-        """Simulation with other scenario values, and its state, couplings and settings at its start."""
+        """Simulation of a member with values of its own, and its state, couplings and settings at the start."""
         base, engine = self._states.base, self._states.base.engine
         engine.go_to_start()
         try:
@@ -364,7 +367,7 @@ class Ensemble:
         for member, time in zip(rows, times.tolist(), strict=True):
             if not math.isfinite(time) or time < simulation.time - 0.5 * simulation.step:
                 raise ValueError(
-                    f"fork: at {time:.9g} s given for member {member}; allowed: a finite time, from "
+                    f"fork: at: given {time:.9g} s for member {member}; allowed: a finite time, from "
                     f"{simulation.time:.9g} s of the simulation on"
                 )
         with self._bar("members", len(rows)) as show:
@@ -400,7 +403,7 @@ class Ensemble:
         states.leave(member, simulation)
 
     def _advance(self, targets: NDArray[np.int64], on_part: Callable[[], object]) -> None:
-        """Take the steps of members up to clocks (members,), and record failed ones."""
+        """Advance members to clocks (members,) in steps, and record the faults of those that end."""
         states, arrays, clocks = self._states, self._states.arrays, self._states.clocks.copy()
         arrays.left[:] = np.where(self._alive, np.maximum(targets - clocks, 0), 0)
         order = np.flatnonzero(arrays.left > 0)
@@ -414,7 +417,7 @@ class Ensemble:
                 self._faults[member] = line
 
     def _see_to(self, member: int) -> None:
-        """Stop a member after a rollback, and continue its loading and its payload changes in stations."""
+        """Handle an interruption of a member's steps: stop after a rollback, loading, payload changes in stations."""
         states, looks = self._states, self._looks
         simulation = states.enter(member)
         simulation.engine.stop_rolled_back()
@@ -471,13 +474,13 @@ class Ensemble:
         steps = round(period / step) if math.isfinite(period) else 0
         if steps < 1 or abs(steps * step - period) > 1e-9:
             raise ValueError(
-                f"figures_period: {period:g} s given; allowed: a whole number of solver steps of {step:g} s"
+                f"figures_period: given {period:g} s; allowed: a whole number of solver steps of {step:g} s"
             )
         self._figures_steps = steps
         self._revive(range(len(self)))
 
     def _revive(self, rows: Sequence[int]) -> None:
-        """Reset ended members and their key figures to a new beginning."""
+        """Clear the faults of members that begin anew, and restart their counts and key figures."""
         states = self._states
         for member in rows:
             self._faults.pop(member, None)
@@ -495,7 +498,7 @@ class Ensemble:
         return alive
 
     def _rows(self, members: Chosen) -> list[int]:
-        """Numbers of the members that an argument names.
+        """Numbers of the members selected by a number, a slice, a sequence of numbers, or None for all.
 
         Raises:
             ValueError: there is no such member.
@@ -507,7 +510,7 @@ class Ensemble:
         given = [members] if isinstance(members, int | np.integer) else list(members)
         for one in given:
             if not isinstance(one, int | np.integer) or not 0 <= one < len(self):
-                raise ValueError(f"members: {one!r} given; allowed: 0 to {len(self) - 1}")
+                raise ValueError(f"members: given {one!r}; allowed: 0 to {len(self) - 1}")
         return [int(one) for one in given]
 
     def _bar(self, things: str, count: int) -> Any:

@@ -1,4 +1,4 @@
-"""State, settings and parameters of the members of an ensemble, entered one at a time by one simulation's memory."""
+"""State, settings and parameters of ensemble members, loaded one at a time into one simulation's memory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from cable_twin.simulation.twin import PART, PERIOD, penetration_of, step_failur
 class MemberStates:
     """Present states of all members with their settings, and the simulation with the parameters of each.
 
-    Simulations take turns in the memory of the first one: `enter` writes a member there, `leave` takes it back.
+    Simulations take turns in the memory of the first one: `enter` writes a member's state there, `leave` reads it back.
 
     Attributes:
         base: simulation of the scenario, whose compiled system and memory all share.
@@ -47,7 +47,7 @@ class MemberStates:
         variants: simulation that has the parameters of each member.
         settings: of each member, beside its state.
         block: states of all members by the names of their arrays, such as "drives.mode", each (members, ...).
-        motions: of bullwheels and what couples ropes, likewise.
+        motions: states of bullwheels and rope couplings, likewise.
 
     Args:
         base: simulation at its start, at which all members begin.
@@ -95,7 +95,7 @@ class MemberStates:
         return variant
 
     def read(self, member: int) -> Simulation:
-        """Load the present state of a member into a simulation, for its snapshot alone."""
+        """Load the present state of a member into a simulation, for reading its snapshot only."""
         settings, variant = self.settings[member], self.variants[member]
         if not is_same((variant, settings.parameters, settings.start), self._entered):
             return self.enter(member)
@@ -110,7 +110,7 @@ class MemberStates:
         self.take([member], simulation.engine.settings())
 
     def take(self, rows: Sequence[int], settings: Settings) -> None:
-        """Store settings beside the state of some members."""
+        """Store settings of a simulation beside the state of some members."""
         arrays, self._entered = self.arrays, (None, None, None)
         for member in rows:
             self.settings[member] = settings
@@ -156,7 +156,7 @@ class MemberStates:
         return times
 
     def reset_counts(self, rows: Any) -> None:
-        """Begin to count the steps of some members from zero."""
+        """Reset the counted steps and solver outcomes of some members to zero."""
         self.arrays.counts[rows], self.arrays.sums[rows] = 0, 0.0
 
     def report(self, member: int) -> SolverReport:
@@ -187,7 +187,7 @@ class MemberStates:
 
 
 def is_same(one: Any, other: Any) -> bool:
-    """Whether both are one object, or tuples of the same objects."""
+    """Whether two values are one object, or tuples of the same objects."""
     if one is other:
         return True
     if not isinstance(one, tuple) or not isinstance(other, tuple) or len(one) != len(other):
@@ -196,7 +196,7 @@ def is_same(one: Any, other: Any) -> bool:
 
 
 def looks_of(base: Simulation) -> Looks:
-    """Conditions for interrupting the steps of a simulation."""
+    """Conditions for interrupting the steps of members: loading, stations and vehicles that can meet."""
     before, after = base.meeting_pairs
     nodes = sum(len(part.state.nodes.position) for part in base.engine.parts)
     return Looks(

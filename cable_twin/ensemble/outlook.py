@@ -27,7 +27,7 @@ SOURCE = "outlook"  # of assumed commands
 
 
 def standard_gust(scenario: Scenario, speed: float = GUST) -> Command:
-    """Gust of one minus cosine with an amplitude (m/s), across the track in space, along the track in a plane."""
+    """Command of a 1 - cosine gust with an amplitude (m/s), across the track in space, along the track in a plane."""
     along, across = (0.0, speed) if scenario.dim == 3 else (speed, 0.0)
     return Command("gust", {"x": along, "y": across, "z": 0.0, "duration": GUST_DURATION})
 
@@ -35,7 +35,7 @@ def standard_gust(scenario: Scenario, speed: float = GUST) -> Command:
 class Forecaster:
     """Futures of a twin from any of its states: emergency stop now, as commanded, and an announced gust or wind.
 
-    Each future has the bits of a simulation that goes on from the same state with the same commands.
+    Each future is bit-equal to a simulation that goes on from the same state with the same commands.
 
     Args:
         scenario: of the twin.
@@ -60,7 +60,7 @@ class Forecaster:
     ) -> None:
         for name, value in (("horizon", horizon), ("look", look)):
             if not 0.0 < value <= LONGEST:
-                raise ValueError(f"outlook: {name}: {value!r} s given; allowed: more than 0 to {LONGEST:g} s")
+                raise ValueError(f"outlook: {name}: given {value!r} s; allowed: more than 0 to {LONGEST:g} s")
         self.horizon, self._look, self._scenario = horizon, look, scenario
         self._ensemble = Ensemble(scenario, len(NAMES), samples=samples, threads=threads, progress=False)
 
@@ -72,7 +72,7 @@ class Forecaster:
             announced: gust, operating gust or wind that is assumed to come now; None for a gust of 10 m/s.
 
         Raises:
-            CommandError: the announced wind is none, or beyond what a command may ask for.
+            CommandError: the announced command is no wind, or beyond what a command may ask for.
             ValueError: the simulation is of another scenario.
         """
         begun, now, ensemble = time.perf_counter(), simulation.time, self._ensemble
@@ -110,7 +110,7 @@ class Forecaster:
         self._ensemble.close()
 
     def _commands(self, simulation: Simulation, announced: Command | None) -> list[tuple[Command | None, str]]:
-        """Command and assumption of each future."""
+        """Command of each future (None for none), and its assumption in words."""
         stop: tuple[Command | None, str] = Command("emergency_stop", {}), "emergency stop now"
         if simulation.emergency_stopped:
             stop = None, "emergency stop, already in force"
@@ -120,7 +120,7 @@ class Forecaster:
                 return [*commands, (None, f"no gust is looked at: {unfelt}")]
             announced = standard_gust(self._scenario)
         if announced.kind not in WINDS:
-            raise CommandError(f"announced {announced.kind!r} given; allowed: {', '.join(WINDS)}")
+            raise CommandError(f"announced: given {announced.kind!r}; allowed: {', '.join(WINDS)}")
         check_ahead(self._scenario, announced, stopped=False)
         values = ", ".join(f"{key} {value:g}" for key, value in announced.values.items())
         kind = announced.kind.replace("_", " ")
@@ -149,7 +149,7 @@ class _Run:
         self._rows: tuple[IntArray, IntArray] | None = None  # of both in a frame
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take in the next snapshot."""
+        """Add the next snapshot of the future to its key figures and extreme tensions."""
         self.figures.update(snapshot)
         if self._rows is None:
             places = snapshot.layout.places
@@ -168,7 +168,7 @@ class _Run:
         return found
 
     def future(self, *, run: bool) -> Future:
-        """Future as a result; without figures where it was not run."""
+        """Result of the future: key figures, times of exceeded limits, tensions; no figures where it was not run."""
         found = self.check() if run else []
         shown = tuple(one for one in found if one.id.quantity in SHOWN or one.id in self._passed)
         times, highest, lowest = (np.array(one) for one in (self._times, self._highest, self._lowest))

@@ -1,4 +1,4 @@
-"""Threads that advance members of an ensemble, each in a memory of its own."""
+"""Threads that advance the members of an ensemble, each thread in a memory of its own."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Lane:
     """Memory of one thread: state, workspace and copies for a step, of all ropes and couplings.
 
     Args:
-        engine: whose ropes and couplings they are.
+        engine: engine with these ropes and couplings.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -40,21 +40,21 @@ class Lane:
         self._bundles: dict[int, int] = {}
 
     def bundle_of(self, bundle: Bundle) -> int:
-        """Address of the parameters of couplings, with the ropes of this lane."""
+        """Address of the parameters of rope couplings, with the rope records of this thread's memory."""
         if id(bundle) not in self._bundles:
             own = Addresses([(bundle._replace(records=self._assembly.bundle.records),)])
             self._tables[id(bundle)], self._bundles[id(bundle)] = own, int(own.table[0, 0])
         return self._bundles[id(bundle)]
 
     def forget(self, kept: Sequence[Bundle]) -> None:
-        """Release parameters of couplings, except those of present members."""
+        """Release parameters of rope couplings, except those of present members."""
         alive = {id(one) for one in kept}
         for number in self._bundles.keys() - alive:
             del self._bundles[number], self._tables[number]
 
 
 class Threads:
-    """Threads of an ensemble, the calling one among them.
+    """Pool of threads that advance the members of an ensemble, the calling thread among them.
 
     Args:
         engine: of all members.
@@ -84,7 +84,7 @@ class Threads:
             looks: occasions on which steps are interrupted.
             order: (n,) members to be advanced.
             bundles: couplings of each member.
-            see_to: called for a member whose loading, stations or rollback are to be seen to, one at a time.
+            see_to: called for a member whose loading, stations or rollback need handling, one member at a time.
             on_part: called by the calling thread every some tenths of a second; what it raises ends the call, each
                 member at a whole step.
         """
@@ -128,7 +128,7 @@ class Threads:
             other.result()
 
     def forget(self, bundles: Sequence[Bundle]) -> None:
-        """Release parameters of couplings, except those of present members."""
+        """Release parameters of rope couplings, except those of present members."""
         for lane in self._lanes:
             lane.forget(bundles)
 

@@ -22,7 +22,7 @@ ALLOWED = (
 
 
 def values_of(members: int, parameters: Values, kept: Sequence[int] | None = None) -> list[dict[str, Any]]:
-    """Scenario values of each member, by key.
+    """Scenario values of each member of an ensemble, by dotted key.
 
     Args:
         members: number of members.
@@ -30,7 +30,7 @@ def values_of(members: int, parameters: Values, kept: Sequence[int] | None = Non
         kept: numbers of the members, for messages.
 
     Raises:
-        ValueError: a sequence of another length; one line.
+        ValueError: a sequence has another length than the ensemble; one line.
     """
     found: list[dict[str, Any]] = [{} for _ in range(members)]
     for key, given in parameters.items():
@@ -38,7 +38,7 @@ def values_of(members: int, parameters: Values, kept: Sequence[int] | None = Non
         if isinstance(each, list | tuple | range):
             if len(each) != members:
                 raise ValueError(
-                    f"parameters: {printable(key)}: {len(each)} values given; allowed: {members}, one for each member, "
+                    f"parameters: {printable(key)}: given {len(each)} values; allowed: {members}, one for each member, "
                     "or one value for all, a list as [[...]] * members"
                 )
         else:
@@ -55,12 +55,12 @@ def with_values(base: Simulation, source: Source, values: Mapping[str, Any], *, 
         base: the simulation.
         source: its scenario, as `load_scenario` takes it.
         values: by dotted key.
-        rest: begin at an own rest, else at that of the base.
+        rest: begin at an own static equilibrium, else at that of the base.
 
     Raises:
         ScenarioError: a value is refused, as `load_scenario` does.
         ValueError: a value needs another mesh, other parts or another solver; one line with the key.
-        EquilibriumError: there is no rest.
+        EquilibriumError: there is no static equilibrium.
     """
     scenario = load_scenario(source, dict(values))
     try:
@@ -74,7 +74,7 @@ def _refusal(base: Simulation, source: Source, values: Mapping[str, Any], error:
     for key, value in values.items():
         if needed := _needed(base, source, key, value):
             return f"{printable(key)}: given {value!r}, which needs {needed}; allowed: {ALLOWED}"
-    return f"{', '.join(map(printable, values))}: together they need {error}; allowed: {ALLOWED}"
+    return f"{', '.join(map(printable, values))}: given values that together need {error}; allowed: {ALLOWED}"
 
 
 def _needed(base: Simulation, source: Source, key: str, value: Any) -> str:

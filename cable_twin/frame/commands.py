@@ -1,7 +1,7 @@
 """Table of command kinds: quantities, topics, services and message fields of each.
 
 Node, terminal, scripts, bags and replay read this table. What a kind does to the twin stands in
-`cable_twin.simulation.command_handlers`: a new kind is a row here and an effect there.
+`cable_twin.simulation.command_handlers`: a new kind is a row here and a handler there.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ TEMPERATURE = "sensor_msgs/msg/Temperature"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One kind of command: a number for each name of a carriage or drive, a number for each axis, or no number.
+    """Kind of command, such as speed, wind or reset: its quantity by vehicle, drive or axis, its topic or service.
 
     Attributes:
         name: in records, bags and scripts.
         help: description of the command for users.
         quantity: quantity of its numbers; empty without numbers.
         unit: of its numbers.
-        axes: those of x, y, z, or else, that it has numbers for instead of names.
+        axes: names of its numbers, x, y, z or others, where it has them by axis and not by carriage or drive.
         needed: axes that the command always has, 0 where not given.
-        topic: that brings it, below the node; kinds of one topic differ by their field.
+        topic: name of its topic, below the node; kinds of one topic differ by their field.
         message: type of the messages of that topic.
-        field: of sensor_msgs/JointState that holds its numbers: on its topic, where they are by name, and in the bag.
-        service: that brings it where it has no numbers, below the node.
+        field: of sensor_msgs/JointState with its numbers: on its topic, where they are by name, and in the bag.
+        service: name of its service, below the node, where it has no numbers.
         switch: boolean in the call of a std_srvs/SetBool service; None for std_srvs/Trigger.
         done: answer of the service.
-        drives: it holds until the time-out of the node only, and is refused while an emergency stop is in force.
-        halts: nothing that was told to move is under way any more.
-        level: of its line in the view.
-        units: of axes that have another one.
+        drives: whether it moves carriages or drives: ends at the node's time-out, refused in an emergency stop.
+        halts: whether it ends all motions commanded before.
+        level: severity of its line in the view.
+        units: units by axis, where they differ from `unit`.
     """
 
     name: str
@@ -60,16 +60,16 @@ class Kind:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def unit_of(self, name: str) -> str:
-        """Unit of the number that a command of this kind has for a name or an axis."""
+        """Unit of a command's number for a carriage, drive or axis, by name."""
         return self.units.get(name, self.unit)
 
     def by_axis(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Numbers by axis, with 0 for a missing required axis."""
+        """Complete a command's numbers by axis with 0 for each required axis without a number."""
         return dict.fromkeys(self.needed, 0.0) | dict(given)
 
     @property
     def keys(self) -> Mapping[str, str]:
-        """Keys of the numbers in a script by axis: the first one has the name of the kind."""
+        """Keys of a command's numbers in a script, by axis: the kind's name for the first axis, then KIND_AXIS."""
         return {axis: f"{self.name}_{axis}" if number else self.name for number, axis in enumerate(self.axes or ("",))}
 
 
@@ -178,7 +178,7 @@ INPUTS: Mapping[str, str] = {kind.topic: kind.message for kind in KINDS.values()
 
 
 def kinds_on(topic: str) -> dict[str, Kind]:
-    """Command kinds of a topic, by message field."""
+    """Command kinds that a topic accepts, by message field."""
     return {kind.field: kind for kind in KINDS.values() if kind.topic == topic}
 
 
@@ -192,7 +192,7 @@ def kinds_by_service() -> dict[str, dict[bool | None, Kind]]:
 
 
 def describe_command(applied: AppliedCommand) -> str:
-    """Return a command in one line: kind, names and values with unit, source."""
+    """Describe an applied command in one line: kind, names and values with unit, source."""
     command = applied.command
     unit_of = KINDS[command.kind].unit_of
     values = ", ".join(f"{name} {value:g} {unit_of(name)}" for name, value in command.values.items())

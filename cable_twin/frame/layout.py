@@ -1,4 +1,4 @@
-"""Layout of a frame: names and places of all numbers in the row of a frame."""
+"""Layout of a frame: names of all objects, and index of each number in the row of a frame."""
 
 from __future__ import annotations
 
@@ -25,41 +25,42 @@ DERAILED = ("", "outward to the left", "outward to the right", "by lifting off")
 
 
 class Layout:
-    """Layout of the frames of one scenario: names and places of all numbers.
+    """Layout of the frames of one scenario: names of all objects, and columns with their indices in a frame.
 
     Attributes:
         vehicles: names of the bodies by name of their vehicle, in the order of the scenario: carriages, then carriers.
-        carriages: names of the vehicles that are named one by one.
-        carriers, hauled: names of those of which there are many of one kind, and of those that a haul rope pulls.
-        supports: names of what holds the cable: start, end, towers.
+        carriages: names of the vehicles that the scenario names one by one.
+        carriers: names of the vehicles of one kind that the scenario gives by their count.
+        hauled: names of the vehicles that a haul rope pulls, or that are clamped to a second rope.
+        supports: names of the supports of the ropes: start, end, towers.
         drives: names of the drives that move a cable.
-        commanded: names of what takes a speed or a force: carriages that drive themselves, then drives.
-        towers: names of those of them that are between the ends of a rope.
-        space: whether it is one in space.
+        commanded: names of the objects that take speed and force commands: self-driven carriages, then drives.
+        towers: names of the supports between the ends of a rope.
+        space: whether the system is in space, not in a plane.
         grooves: places (3,) in m of the towers that hold a rope sideways, in space, by name.
-        arc_lengths: (samples,) m, unstrained, where the ropes are shown, one after the other.
+        arc_lengths: (samples,) m, unstrained, of the samples of all ropes, one rope after the other.
         ropes: slice of the samples of each rope, by name.
         sheaves: names of the bullwheels that join ropes.
-        connectors, pantographs: names of what hangs between ropes, and of what pushes one from below.
+        connectors, pantographs: names of the connectors between ropes, and of the pantographs below a rope.
         several: whether ropes have names in the scenario.
         tower_rows: numbers of the towers among the supports.
         end_samples: number of the sample at each end of each rope, by the name of the support.
         sample_ropes: number of the rope of each sample (samples,).
         vehicle_ropes: (vehicles,) number of the rope of each vehicle, of one that goes round a loop the first.
-        joints: (joints, 2) numbers of a rope and of a vehicle that may be on it: of carriers, one a strand.
+        joints: (joints, 2) number of a rope and of a vehicle that may be on it; a carrier has one row a strand.
         rope_supports: rows of the supports of each rope.
-        tensioned: names of the bullwheels that something tensions.
+        tensioned: names of the bullwheels with a tensioning device.
         arms: (drives,) m, radius of the bullwheel of each drive.
         drive_limits: (drives,) N, force of each at which the rope slips on its bullwheel; NaN of a moving cable.
-        grips: (sheaves,) friction times wrap of each, which the logarithm of the ratio of its tensions cannot exceed.
-        laterals: m, by which a plane shows each rope to the left, with what is on it, by name.
-        loop_offsets: (ropes,) m, place on its loop of the start of each rope that is a strand of one, else 0.
-        rope_offsets: (ropes,) m, by which arc lengths of each rope are more than those of the ropes before it.
+        grips: (sheaves,) friction times wrap of each bullwheel: highest logarithm of the ratio of its tensions.
+        laterals: m by name, offset to the left of each rope and of its vehicles in views of a planar system.
+        loop_offsets: (ropes,) m, arc length on its loop of the start of each rope that is a strand, else 0.
+        rope_offsets: (ropes,) m, added to the arc lengths of each rope to put all ropes one after the other.
         bodies: names of all bodies, VEHICLE/BODY.
         first_body: (vehicles + 1,) number of the first body of each vehicle.
         vehicle_rows, support_rows, drive_rows: number by name.
-        body_rows: the same of the bodies of each vehicle, from its first one on.
-        size: numbers of a frame.
+        body_rows: number by name of the bodies of each vehicle, from its first one on.
+        size: count of the numbers of a frame.
     """
 
     def __init__(
@@ -113,7 +114,7 @@ class Layout:
         self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
 
     def _lay_out(self) -> tuple[list[tuple[int, int, tuple[int, ...]]], int]:
-        """First and last number and shape of each column, and the total count of numbers."""
+        """Index range and shape of each column in the row of a frame, and the total count of numbers."""
         counts: dict[str | int, int] = {
             "vehicles": len(self.vehicles),
             "carriages": len(self.carriages),
@@ -195,9 +196,9 @@ class Layout:
         return bool(self.several and self.carriers)
 
     def columns_of(self, rope: int, columns: Columns) -> Columns:
-        """Views of the columns of a frame with the samples, supports and tension range of one rope, by its number.
+        """Views of a frame's columns, reduced to the samples, supports and tension range of one rope, by its number.
 
-        Columns of vehicles and bodies stay whole; drives of several ropes are those of bullwheels, on no rope.
+        Columns of vehicles and bodies stay whole; drives of several ropes belong to bullwheels and to no rope.
         """
         rows = {
             "samples": [*self.ropes.values()][rope],
@@ -209,7 +210,7 @@ class Layout:
         return Columns(*(field[part] for field, part in zip(columns, own, strict=True)))
 
     def on_loop(self, columns: Columns) -> FloatArray:
-        """Places (..., vehicles) in m along the cable; of carriers on a loop, along its strands one after the other."""
+        """Arc lengths (..., vehicles) in m of vehicles; of carriers on a loop, along its strands joined end to end."""
         if not self.rides_loop:
             return columns.arc_length
         places, ropes = columns.arc_length.copy(), columns.vehicle_rope[..., len(self.carriages) :]
@@ -218,12 +219,12 @@ class Layout:
         return places
 
     def of_commanded(self, of_carriages: FloatArray, of_drives: FloatArray) -> FloatArray:
-        """Values (..., names) of commanded objects, from a column of carriages and one of drives."""
+        """Values (..., names) of all commanded objects, gathered from a column of carriages and one of drives."""
         rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
         return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
 
     def force_used(self, c: Columns) -> FloatArray:
-        """Used share (..., names) of the force limit: 1 in saturation, NaN without a limit."""
+        """Utilisation (..., names) of the force limits of commanded objects: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
         return self.of_commanded(share, np.abs(c.moving_cable_force) / self.drive_limits)
 
@@ -233,7 +234,7 @@ class Layout:
         return self.columns(np.arange(self.size))
 
     def columns(self, numbers: NDArray[Any]) -> Columns:
-        """Views of the columns of a frame (size,), or of several frames (..., size) with leading axes."""
+        """Columns as views of the row of a frame (size,), or of the rows of several frames (..., size)."""
         leading = numbers.shape[:-1]
         if not leading:  # made for each frame
             return Columns(
@@ -246,7 +247,7 @@ class Layout:
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:
-    """Row number of each name of a column."""
+    """Row numbers by name, for names in the order of the rows of a column."""
     return {name: number for number, name in enumerate(names)}
 
 

@@ -34,7 +34,7 @@ AXES = ("x", "y", "z")
 
 
 class Driven(NamedTuple):
-    """State of the driven objects, see `driven_names`."""
+    """Place, speed and force of the driven objects: drives of moving cables, else all vehicles."""
 
     place: FloatArray  # (..., names) m
     speed: FloatArray  # (..., names) m/s
@@ -42,19 +42,19 @@ class Driven(NamedTuple):
 
 
 def driven_names(layout: Layout) -> tuple[str, ...]:
-    """Return the driven objects: drives of moving cables with all clamped vehicles, else each vehicle."""
+    """Names of the driven objects: drives of moving cables, which move all clamped vehicles, else each vehicle."""
     return layout.drives or tuple(layout.vehicles)
 
 
 def driven(layout: Layout, c: Columns) -> Driven:
-    """Return the state of the driven objects in one frame, or in several."""
+    """Place, speed and force of the driven objects in one frame, or in several."""
     if layout.drives:
         return Driven(c.drive_position, c.drive_speed, c.moving_cable_force)
     return Driven(c.arc_length, c.speed, c.drive_force)
 
 
 def _told(kind: str, of_carriages: str, of_drives: str) -> Callable[[Layout, Columns], FloatArray]:
-    """Reader of commanded values: NaN under a command of another kind; an emergency stop is a speed of 0."""
+    """Make a reader of commanded speeds or forces: NaN under a command of another kind; an emergency stop is 0 m/s."""
     taken = [COMMANDED.index(one) for one in ((kind, "emergency stop") if kind == "speed" else (kind,))]
 
     def read(layout: Layout, c: Columns) -> FloatArray:
@@ -67,7 +67,7 @@ def _told(kind: str, of_carriages: str, of_drives: str) -> Callable[[Layout, Col
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One quantity over time, with a line for each object that has the quantity.
+    """Signal for plots: one quantity over time, with a line for each object that has the quantity.
 
     Attributes:
         name: of the quantity; a line is NAME/WHOSE.
@@ -76,11 +76,11 @@ class Signal:
         read: values (..., names) out of the columns of one frame, or of several.
         label: of its panel in a plot of `review`, without unit.
         plot: the plot with that panel, of `PLOTS`; signals of a plot are compared as well.
-        view: title of its plot in rerun, without unit; none where it is not in the view.
-        legend: of its lines there, where they are not called after what has it.
-        everywhere: whether each of them has it; where not, NaN is no gap.
-        space: whether there is none of it in a plane.
-        beside: the signal in whose panel of a plot it is drawn, each line with the label behind its name.
+        view: title of its plot in rerun, without unit; empty where the signal is not in the view.
+        legend: names of its lines in rerun, where they differ from the names of the objects.
+        everywhere: whether each of these objects has the quantity; where not, NaN is no gap.
+        space: whether only systems in space have the signal.
+        beside: name of the signal in whose panel it is drawn, each line with the label behind its name.
     """
 
     name: str
@@ -96,11 +96,11 @@ class Signal:
     beside: str = ""
 
     def names(self, layout: Layout) -> Sequence[str]:
-        """Names of the objects with the signal."""
+        """Names of the objects that have the plotted signal, in the order of its values."""
         return () if self.space and not layout.space else NAMES[self.whose](layout)
 
     def values(self, layout: Layout, c: Columns) -> FloatArray:
-        """Values (..., names) in one frame, or in several; NaN is a gap, such as off the cable."""
+        """Values (..., names) of the signal in one or several frames; NaN is a gap, such as a vehicle off the cable."""
         if self.space and not layout.space:
             return np.empty((*c.time.shape[:-1], 0))
         values = self.read(layout, c)
@@ -138,7 +138,7 @@ def _tension(layout: Layout, c: Columns) -> FloatArray:
 
 
 def _adhesion(layout: Layout, c: Columns) -> FloatArray:
-    """Adhesion utilisation: logarithm of the tension ratio over friction times wrap; the rope slips at 1."""
+    """Adhesion utilisation of bullwheels: log of the tension ratio over friction times wrap; the rope slips at 1."""
     tension = np.maximum(c.sheave_tension, 1.0)  # N: of a slack strand there is no ratio
     used: FloatArray = np.abs(np.log(tension[..., 0] / tension[..., 1])) / layout.grips
     return used

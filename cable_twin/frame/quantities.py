@@ -14,7 +14,7 @@ from cable_twin.scenario import Scenario
 
 
 class Quantity(NamedTuple):
-    """Observable number: unit, column in a row of a frame, and bounds."""
+    """Observable quantity of the twin: unit, index in the row of a frame, and bounds."""
 
     unit: str
     column: float  # a whole number
@@ -82,7 +82,7 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
 
 
 def by_default(layout: Layout) -> tuple[str, ...]:
-    """Default quantities: motion of driven objects, and pitch of the bodies of carriages, with their rates."""
+    """Names of the default observations: motion of drives and carriages, pitch and pitch rate of carriages' bodies."""
     return (
         *(f"{name}/{signal}" for name in layout.drives for signal in ("position", "speed")),
         *(f"{name}/{signal}" for name in layout.carriages for signal in ("arc_length", "speed")),
@@ -96,7 +96,7 @@ def by_default(layout: Layout) -> tuple[str, ...]:
 
 
 def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapshot) -> dict[str, Quantity]:
-    """Quantities with names that match the patterns (`*` for any text), in the order of the patterns.
+    """Observable quantities whose names match the patterns (`*` for any text), in the order of the patterns.
 
     Raises:
         ValueError: a pattern matches no quantity of this scenario.
@@ -106,8 +106,8 @@ def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapsh
     for pattern in patterns:
         fitting = {name: one for name, one in has.items() if fnmatchcase(name, pattern)}
         if not fitting:
-            raise ValueError(f"observations: {pattern!r} given; allowed, with * for any text: {', '.join(has)}")
+            raise ValueError(f"observations: given {pattern!r}; allowed, with * for any text: {', '.join(has)}")
         found |= {name: one for name, one in fitting.items() if name not in found}
     if not found:
-        raise ValueError(f"observations: none given; allowed, with * for any text: {', '.join(has)}")
+        raise ValueError(f"observations: given none; allowed, with * for any text: {', '.join(has)}")
     return found

@@ -1,4 +1,4 @@
-"""Rates of topic groups, and frames from one due frame to the next; a module without imports of the package."""
+"""Rates (Hz) of topic groups, published and logged, and frame counts between due frames; imports no other module."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROUNDING = 1e-5  # of a rate that somebody types with six digits, as messages ha
 
 
 def frames_between(frame_rate: float, rate: float) -> int:
-    """Frames from one due frame to the next, as often as a rate (Hz) allows; 1 for every frame."""
+    """Count of frames from one due frame to the next at a rate (Hz) or just below it; 1 for every frame."""
     if rate == EVERY_FRAME or rate >= frame_rate:
         return 1
     count = frame_rate / rate
@@ -32,7 +32,7 @@ def frames_between(frame_rate: float, rate: float) -> int:
 
 
 def divides(frame_rate: float, rate: float) -> bool:
-    """Whether a rate (Hz) can be kept exactly: every frame, or one in a whole number of frames."""
+    """Whether a rate (Hz) divides the frame rate exactly: every frame, or one in a whole number of frames."""
     if rate == EVERY_FRAME:
         return True
     if rate * MOST_FRAMES < frame_rate:
@@ -41,10 +41,10 @@ def divides(frame_rate: float, rate: float) -> bool:
 
 
 def fault(called: str, rate: float, frame_rate: float) -> str | None:
-    """Message about an invalid rate (Hz), named as `called`, in a line; None for a valid one."""
+    """Error line about a rate (Hz), named `called`, that does not divide the frame rate; None for a valid rate."""
     if divides(frame_rate, rate):
         return None
     return (
-        f"{called} is {rate:g} Hz; allowed are whole fractions of the frame rate, as {frame_rate:g}, "
+        f"{called}: given {rate:g} Hz; allowed: whole fractions of the frame rate, as {frame_rate:g}, "
         f"{frame_rate / 2:g} or {frame_rate / 5:g} Hz, and 0 for every frame"
     )

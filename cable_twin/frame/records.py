@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Named(Mapping[str, T], Generic[T]):
-    """Mapping by name whose values are made on access."""
+    """Mapping from object names to records that are made on access."""
 
     __slots__ = ("_make", "_names")
 
@@ -48,14 +48,14 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Target places to stop at; the speeds on the way are left to the executing frame loop."""
+    """Target places of carriages and drives to stop at; the frame loop chooses the speeds on the way."""
 
     places: Mapping[str, float]  # m: arc length for a carriage, travel of the cable for a drive
     at_most: Mapping[str, float]  # m/s, highest speeds on the way, where below the limits
 
 
 class CommandError(ValueError):
-    """Command refused whole: one line with the given value, the allowed range and the unit."""
+    """Refusal of a whole command: one line with the given value, the allowed range and the unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class RefusedCommand:
 
 
 class TensionAhead(NamedTuple):
-    """Lowest and highest tension that an outlook foresees along each rope."""
+    """Lowest and highest tension along each rope that an outlook predicts until its horizon."""
 
     time: float  # s, simulated, of the present state
     lowest: FloatArray  # (ropes,) N, in all futures until the horizon
@@ -168,7 +168,7 @@ class CarriageState:
 
 @dataclass(frozen=True, slots=True)
 class DriveState:
-    """State of the drive of a moving cable."""
+    """State of the drive of a moving cable: travel of the cable, speed, force."""
 
     position: float  # m, travel of the unstrained cable towards its end
     speed: float  # m/s
@@ -189,7 +189,7 @@ class TowerState:
 
     @property
     def margin(self) -> float:
-        """Ratio of the load to the load at rest (-): 0 where the cable lifts off."""
+        """Ratio (-) of the normal load of a tower to its load at rest: 0 where the cable lifts off."""
         return self.normal_load / self.rest_load if self.rest_load > 0.0 else 0.0
 
 
@@ -220,7 +220,7 @@ class Derailment:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Contact of two vehicles on a rope."""
+    """Contact of two vehicles on a rope: names, time, place, closing speed."""
 
     vehicle: str
     other: str  # next vehicle on the rope
@@ -238,7 +238,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class HaulRopeState:
-    """State of the haul rope of one carriage, and of its drive sheave."""
+    """State of the haul rope of one carriage: travel, speed at its drive, force on the carriage."""
 
     travel: float  # m, arc length of the carriage on an inextensible haul rope
     speed: float  # m/s, of the rope at the drive sheave
@@ -247,7 +247,7 @@ class HaulRopeState:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Point of a rope or vehicle with its height above the ground."""
+    """Lowest point of a rope or vehicle, with its height above the ground."""
 
     height: float  # m, negative below the ground
     x: float  # m
@@ -293,7 +293,7 @@ class SolverReport:
     energy_moved: float = 0.0  # J, sum of all changes of kinetic energy from step to step, as magnitudes
 
     def then(self, later: SolverReport) -> SolverReport:
-        """Statistics of both periods, this one and a later one."""
+        """Merge the solver statistics of this period with those of a later one."""
         return SolverReport(
             self.steps + later.steps,
             self.iterations + later.iterations,

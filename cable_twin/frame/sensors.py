@@ -1,7 +1,7 @@
 """Simulated sensors: quantised, noisy, biased and delayed measurements of frames, reproducible from a seed.
 
 The noise of a sample is a function of the seed, the name of the sensor and the number of the sample (a counter-based
-generator, Salmon and others 2011), so neither pacing, nor other sensors, nor where a run begins have a part in it.
+generator, Salmon and others 2011), so it depends neither on pacing, nor on other sensors, nor on where a run begins.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ EARLY = 1e-6  # of a sample period, by which a frame may come before a sample is
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Measurement by one sensor at one time.
+    """Measurement of one sensor: name, time and values.
 
     Attributes:
         sensor: its name.
         time: s, simulated, of the frame that was measured.
         values: m and m/s of an encoder; N of a drive force; (3,) N of a load cell, in space; rad of an inclinometer;
-            (6,) rad/s and m/s^2 of an IMU in the axes of its body, with what gravity is to it.
+            (6,) rad/s and m/s^2 of an IMU in the axes of its body, the latter as specific force, with gravity in it.
     """
 
     sensor: str
@@ -43,10 +43,10 @@ class Measurement:
 
 
 class Sensors:
-    """Simulated sensors of a scenario.
+    """Simulated sensors of a scenario, which measure its frames.
 
     Args:
-        scenario: which they are.
+        scenario: with the parameters of all sensors.
         layout: of its frames.
     """
 
@@ -54,7 +54,7 @@ class Sensors:
         self._all = [_Running(name, one, scenario.gravity, layout) for name, one in scenario.sensors.items()]
 
     def take(self, snapshot: Snapshot) -> list[Measurement]:
-        """Measure a frame where a sample is due; returns arrived measurements in the order of arrival."""
+        """Sample all due sensors in a frame; returns the measurements that have arrived, in the order of arrival."""
         arrived = [item for sensor in self._all for item in sensor.take(snapshot)]
         return [measurement for _, measurement in sorted(arrived, key=lambda item: item[0])]
 
@@ -65,7 +65,7 @@ class Sensors:
 
 
 class _Running:
-    """Running sensor with its delay line."""
+    """One simulated sensor in a run, with its measurements that have not arrived yet."""
 
     def __init__(self, name: str, sensor: Sensor, gravity: float, layout: Layout) -> None:
         self._name, self._sensor, self._gravity = name, sensor, gravity
@@ -89,7 +89,7 @@ class _Running:
         self._before = None
 
     def take(self, snapshot: Snapshot) -> list[tuple[float, Measurement]]:
-        """Measurements that have arrived up to a frame, with their times."""
+        """Sample the sensor where due; returns measurements arrived up to the frame, with their times of arrival."""
         time, sensor = snapshot.time, self._sensor
         sample = floor(time * sensor.rate + EARLY)
         if sample != self._last_sample:
@@ -108,7 +108,7 @@ class _Running:
         return arrived
 
     def _wait(self, sample: int) -> float | None:
-        """Time (s) from a sample to its arrival; None where it never arrives."""
+        """Delay (s) from a sample to its arrival, by sample number; None for a lost sample."""
         sensor = self._sensor
         if sensor.lost == 0.0 and sensor.jitter == 0.0:
             return sensor.delay
@@ -116,13 +116,13 @@ class _Running:
         return None if fate[0] < sensor.lost else sensor.delay + sensor.jitter * float(fate[1])
 
     def _spoiled(self, value: float, draw: float) -> float:
-        """Measured value: a true one with added bias and noise, quantised."""
+        """Measured value of a true one: bias, drift and noise added, then quantised."""
         sensor = self._sensor
         value += sensor.bias + sensor.drift * self._time / HOUR + sensor.noise * draw
         return value if sensor.quantum == 0.0 else round(value / sensor.quantum) * sensor.quantum
 
     def _encoder(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        """Measured place, and speed as the difference of two measured places."""
+        """Reading of an encoder: measured place, and speed as the difference quotient of two measured places."""
         columns = snapshot.columns
         places = columns.drive_position if self._driven else self._layout.on_loop(columns)
         place = self._spoiled(float(places[self._row]), draws[0])
@@ -136,7 +136,7 @@ class _Running:
         return (self._spoiled(float(forces[self._row]), draws[0]),)
 
     def _load_cell(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        """Force of the support on the cable: magnitude as measured, in the true direction."""
+        """Reading of a load cell: force of the support on the cable, of measured magnitude in the true direction."""
         force = snapshot.columns.support_force[self._row]
         size = float(np.linalg.norm(force))
         share = self._spoiled(size, draws[0]) / size if size > 0.0 else 0.0
@@ -146,7 +146,7 @@ class _Running:
         return (self._spoiled(float(snapshot.columns.body_angles[self._row, ANGLES[self._sensor.axis]]), draws[0]),)
 
     def _imu(self, snapshot: Snapshot, draws: FloatArray) -> tuple[float, ...]:
-        """Angular velocity, and mean specific force (acceleration minus gravity) since the previous sample."""
+        """Reading of an IMU: angular velocity; mean specific force (acceleration less gravity) since last sample."""
         columns, sensor = snapshot.columns, self._sensor
         velocity, time = columns.body_velocity[self._row].copy(), snapshot.time
         before, self._before = self._before, (time, velocity)
@@ -167,7 +167,7 @@ def _in_axes(vector: FloatArray, turn: FloatArray) -> FloatArray:
 
 
 def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:
-    """Row of a sensor's object in its column, and whether the object is a drive of the cable."""
+    """Row of a sensor's measured object in its column, and whether the object is a drive of the cable."""
     if sensor.kind == "load_cell":
         return layout.support_rows[sensor.of], False
     if sensor.kind in ("encoder", "drive_force"):
@@ -178,7 +178,7 @@ def _row(sensor: Sensor, layout: Layout) -> tuple[int, bool]:
 
 
 def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[str, dict[str, Any]]:
-    """Sensors that a ropeway usually has, as a mapping for `sensors` of a scenario.
+    """Standard sensors of a ropeway, as a mapping for `sensors` of a scenario.
 
     An encoder of 1 cm and the force of each drive, a load cell at each end and tower with 0.2 % of its load at rest as
     standard deviation, and an inclinometer of 0.3 degrees on the last body of each carriage, in space another one for
@@ -186,8 +186,8 @@ def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[
 
     Args:
         scenario: of the plant.
-        rest: snapshot of it at rest.
-        seed: of all noise.
+        rest: snapshot of the plant at rest.
+        seed: of the noise of all sensors.
     """
     layout, limits = rest.layout, command_limits(scenario)
     common = {"rate": 10.0, "jitter": 0.05, "lost": 0.02, "seed": seed}
@@ -209,7 +209,7 @@ def standard_sensors(scenario: Scenario, rest: Snapshot, seed: int = 0) -> dict[
 
 
 def body_of(sensor: Sensor, layout: Layout) -> str:
-    """Body VEHICLE/BODY of an inclinometer or IMU: the last body where none is given."""
+    """Name VEHICLE/BODY of the body of an inclinometer or IMU: the vehicle's last body where none is given."""
     return sensor.of if "/" in sensor.of else f"{sensor.of}/{layout.vehicles[sensor.of][-1]}"
 
 

@@ -1,7 +1,7 @@
 """Snapshot of the twin: one frame as a row of numbers, with named columns and views of single objects.
 
-Whoever takes every number (messages, logs, key figures) works on the columns; `snapshot.carriages["cabin"]` is made
-when somebody asks. All is in space: position (3,) x, y, z, orientation (4,) x, y, z, w; a planar system has y = 0.
+Code that takes every number (messages, logs, key figures) works on the columns; `snapshot.carriages["cabin"]` is made
+on access. Vectors are in space: position (3,) x, y, z, orientation (4,) x, y, z, w; a planar system has y = 0.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Snapshot:
     """State of the twin at one simulated time, source of all published, recorded and drawn data.
 
     Attributes:
-        layout: which number is what.
-        numbers: (size,), which cannot be written.
+        layout: names and indices of the numbers.
+        numbers: (size,), read-only.
         solver: report of the solver since the previous snapshot.
     """
 
@@ -59,7 +59,7 @@ class Snapshot:
 
     @property
     def vehicles(self) -> VehicleColumns:
-        """Columns of all vehicles."""
+        """Columns of the states of all vehicles."""
         c = self.columns
         names = (*self.layout.carriages, *self.layout.carriers)
         return VehicleColumns(
@@ -68,7 +68,7 @@ class Snapshot:
 
     @property
     def bodies(self) -> BodyColumns:
-        """Columns of all bodies."""
+        """Columns of the states of all bodies of vehicles."""
         c = self.columns
         places, turns = (c.body_position, c.body_orientation), (c.body_velocity, c.body_angular_velocity)
         return BodyColumns(self.layout.bodies, *places, *turns, c.body_angles)
@@ -90,12 +90,12 @@ class Snapshot:
 
     @property
     def cable(self) -> CableSamples:
-        """Samples of the first rope."""
+        """Samples of the first rope: arc lengths, positions, tensions."""
         return next(iter(self.ropes.values()))
 
     @property
     def ropes(self) -> Mapping[str, CableSamples]:
-        """Samples of all ropes by name."""
+        """Samples of all ropes by name: arc lengths, positions, tensions."""
         arc_lengths, c = self.layout.arc_lengths, self.columns
         return {
             name: CableSamples(arc_lengths[part], c.rope_position[part], c.rope_tension[part])

@@ -29,7 +29,7 @@ def body_outlines(scenario: Scenario) -> dict[str, dict[str, FloatArray]]:
 def body_outline(body: Body) -> FloatArray:
     """Outline (n, 2) in m of a body in its axes, from its centre of mass without payload.
 
-    With a size it is that box around the centre of mass, and a line from it to each pivot. Without one, see
+    A body with a size is that box around the centre of mass, with a line to each pivot; for a body without a size see
     `outline_from_pivots`.
     """
     upper = body.upper_pivot[:: len(body.upper_pivot) - 1]
@@ -116,7 +116,7 @@ class Solid(NamedTuple):
 
 
 def body_bars(body: Body) -> list[Bar]:
-    """Bars of a body from its box, or from its centre of mass without a box, to its pins."""
+    """Straight bars of a body from its box (without a box: from its centre of mass) to its pivots."""
     box = body_box(body)
     height = 0.0 if box is None else 0.5 * float(box[2])
     top, low = ((v[0], v[-1]) if v else None for v in (body.upper_pivot, body.lower_pivot))
@@ -129,7 +129,7 @@ def body_bars(body: Body) -> list[Bar]:
 
 
 def body_solids(scenario: Scenario) -> Mapping[str, Mapping[str, Solid]]:
-    """Solids of all bodies, by name of the vehicle and of the body."""
+    """Triangle meshes of all bodies, by name of the vehicle and of the body."""
     return {
         name: {body_name: body_solid(body) for body_name, body in vehicle.bodies.items()}
         for name, vehicle in scenario.vehicles.items()

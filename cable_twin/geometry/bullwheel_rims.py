@@ -19,7 +19,7 @@ def wheel_rims(scenario: Scenario) -> dict[str, FloatArray]:
 
 
 def wheel_centre(scenario: Scenario, name: str) -> FloatArray:
-    """Middle (3,) in m of a bullwheel without travel."""
+    """Centre (3,) in m of a bullwheel at zero tensioning travel."""
     sheave = scenario.sheaves[name]
     ends = _ends(scenario, name)
     middle: FloatArray = ends.mean(axis=0)

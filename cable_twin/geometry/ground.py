@@ -1,4 +1,4 @@
-"""Ground of a scenario: height of rope and vehicles above it, and a line drawn where there is no terrain."""
+"""Terrain of a scenario: heights and clearances above the ground, and a ground line for drawings without terrain."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from cable_twin.scenario import Scenario, masts
 
 
 def surroundings_of(scenario: Scenario) -> Surroundings:
-    """Ground, masts and vehicles of a scenario for `look_around`; masts rope by rope, no profile without terrain."""
+    """Terrain, masts and vehicle outlines of a scenario, as the record that the clearance kernel `look_around` takes.
+
+    Masts are listed rope by rope; without terrain its profiles are empty.
+    """
     sides, in_space = scenario.terrain_sides, scenario.dim == 3
     middle, left, right = (
         np.array(points, dtype=np.float64).reshape(-1, 2)
@@ -47,7 +50,7 @@ def first_rows(counts: Iterable[int]) -> IntArray:
 
 
 def clearance_seen(around: Surroundings, rope: str, names: Iterable[str], attached: FloatArray) -> Clearance:
-    """Clearance of a rope and its vehicles as last measured by `look_around`.
+    """Clearance over ground of a rope and its vehicles, as last computed by the kernel `look_around`.
 
     `names` and `attached` (vehicles,) are those of the vehicles on the rope; vehicles off the rope are left out.
     """
@@ -71,9 +74,9 @@ def heights_over_ground(scenario: Scenario, points: FloatArray) -> FloatArray:
 
 
 def default_ground(cable: FloatArray, carriages: Sequence[FloatArray]) -> FloatArray:
-    """Return a ground line below the reach of every carriage along its way, parallel to the chord of the cable.
+    """Ground line for drawings without terrain: parallel to the cable's chord, below the lowest path of all vehicles.
 
-    A load that travels along a taut rope draws a parabola: its sag, and that of the bodies, is scaled to midspan.
+    A load that travels along a taut rope follows a parabola: the sag of rope and bodies is scaled to midspan.
 
     Args:
         cable: (n, 2) m.

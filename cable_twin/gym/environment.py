@@ -68,12 +68,12 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
 
     Attributes:
         simulation: the twin.
-        action_names: of the numbers of an action.
-        observation_names: of the numbers of an observation.
-        observation_units: of these.
-        columns: of them in the numbers of a snapshot.
+        action_names: names of the numbers of an action.
+        observation_names: names of the numbers of an observation.
+        observation_units: units of the numbers of an observation.
+        columns: columns of the observed numbers in the numbers of a snapshot.
         period: simulated time (s) of a step.
-        steps: in an episode.
+        steps: number of steps in an episode.
 
     Raises:
         ScenarioError: the scenario is invalid.
@@ -103,7 +103,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         self._start = self.simulation.capture()
         self.period, self._steps_left = _whole_steps(period, self.simulation.step), 0
         if not duration >= self.period or not math.isfinite(duration):
-            raise ValueError(f"duration: {duration:g} s given; allowed: at least the period of {self.period:g} s")
+            raise ValueError(f"duration: given {duration:g} s; allowed: at least the period of {self.period:g} s")
         self.steps = math.ceil(round(duration / self.period, 6))
         limits = _limits(self.simulation.scenario, command)
         self.action_names = tuple(limits)
@@ -143,7 +143,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
-        """Begin an episode; `options` are not used."""
+        """Begin an episode; returns its first observation and its simulated time; `options` are not used."""
         super().reset(seed=seed)
         self.go_to_start(self.np_random)
         self._steps_left = self.steps
@@ -151,18 +151,18 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         return self._before.array.copy(), {"time": self.simulation.time}
 
     def go_to_start(self, generator: np.random.Generator) -> None:
-        """Put the simulation at the start of an episode, as `prepare` makes it with a random generator."""
+        """Restore the initial state of the simulation, and let `prepare` change it with a random generator."""
         self.simulation.restore(self._start)
         self.prepare(self.simulation, generator)
 
     @property
     def actions_by_kind(self) -> list[tuple[str, dict[str, int]]]:
-        """Kinds of commands, each with its names and the numbers of these in an action."""
+        """Kinds of commands, each with the names of its carriages or drives and their columns in an action."""
         return [(kind, {self.action_names[row]: row for row in rows}) for kind, rows in self._by_kind]
 
     @property
     def judges(self) -> bool:
-        """Whether steps have a reward or an end of their own."""
+        """Whether the user has given a reward or an end of episodes, by argument or by an overriding method."""
         own = type(self).reward is not RopewayEnv.reward or type(self).ended is not RopewayEnv.ended
         return own or self._reward is not None or self._ended is not None
 
@@ -177,7 +177,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
             raise RuntimeError("step: no episode under way; call reset first")
         numbers = np.asarray(action, dtype=np.float64).tolist()
         if not isinstance(numbers, list) or len(numbers) != len(self._highest) or not all(map(_is_finite, numbers)):
-            raise ValueError(f"action: {action} given; allowed: finite numbers for {', '.join(self.action_names)}")
+            raise ValueError(f"action: given {action}; allowed: finite numbers for {', '.join(self.action_names)}")
         # floats and no arrays, which cost more for a few numbers in thousands of steps a second
         numbers = [min(max(number, -high), high) for number, high in zip(numbers, self._highest, strict=True)]
         simulation, names = self.simulation, self.action_names
@@ -208,32 +208,28 @@ def _whole_steps(period: float, step: float) -> float:
     """Period (s) rounded to whole solver steps; raises ValueError where the given one is not a multiple."""
     count = round(period / step) if math.isfinite(period) else 0
     if count < 1 or abs(count * step - period) > 1e-9:
-        raise ValueError(f"period: {period:g} s given; allowed: a whole number of solver steps of {step:g} s")
+        raise ValueError(f"period: given {period:g} s; allowed: a whole number of solver steps of {step:g} s")
     return count * step
 
 
 def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, tuple[str, float]]:
-    """Kind of command and its limit, by name of carriage or drive."""
+    """Kind of command and its limit (m/s or N), by name of carriage or drive."""
     known = command_limits(scenario)
     wanted = dict.fromkeys(known, command) if isinstance(command, str) else dict(command)
     kinds = [name for name, kind in KINDS.items() if kind.drives]
     found: dict[str, tuple[str, float]] = {}
     for name, kind in wanted.items():
         if name not in known:
-            raise ValueError(
-                f"command: '{name}' given; the scenario has: {', '.join(known) or 'nothing that is driven'}"
-            )
+            raise ValueError(f"command: given '{name}'; allowed: {', '.join(known) or 'none, as nothing is driven'}")
         if kind not in kinds or known[name].of(kind) == 0.0:
             allowed = "speed, for it moves the cable" if known[name].force == 0.0 else " or ".join(kinds)
-            raise ValueError(f"command: {kind!r} given for '{name}'; allowed: {allowed}")
+            raise ValueError(f"command of '{name}': given {kind!r}; allowed: {allowed}")
         limit = known[name].of(kind)
         if limit == math.inf:
             owner = f"drives.{name}" if name in scenario.drives else f"carriages.{name}.drive"
             unit = KINDS[kind].unit
-            raise ValueError(
-                f"{owner}.limits.{kind}: null given; an action needs a limit, in {unit}: overrides set one"
-            )
+            raise ValueError(f"{owner}.limits.{kind}: given null; allowed: a limit in {unit}, which overrides can set")
         found[name] = (kind, limit)
     if not found:
-        raise ValueError(f"command: the scenario '{scenario.name}' has nothing that is driven")
+        raise ValueError(f"scenario: given '{scenario.name}'; allowed: one with a driven carriage or drive")
     return found

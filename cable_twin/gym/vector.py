@@ -1,4 +1,4 @@
-"""Vector of environments as one ensemble of twins, advanced by threads of one process."""
+"""Gymnasium vector environment: one ensemble of twins, advanced by threads of one process."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from cable_twin.gym.environment import RopewayEnv
 
 
 class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
-    """Environments of one scenario that go as `RopewayEnv` does, each with the bits of one by itself.
+    """Vector of `RopewayEnv` environments of one scenario, each bit-equal to a single environment.
 
-    One that has ended begins its next episode in the step after, as in `gymnasium.vector.AsyncVectorEnv`.
+    An environment whose episode has ended begins the next one in the step after, as in
+    `gymnasium.vector.AsyncVectorEnv`.
 
     Args:
         count: number of environments.
-        environment: one of them, with scenario, names, spaces, reward, end and start of an episode.
+        environment: pattern of all, with scenario, names, spaces, reward, end and start of an episode.
         threads: number of threads; None for one a core.
     """
 
@@ -46,7 +47,7 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
-        """Begin an episode of each; with a whole number as seed, environment n has seed + n."""
+        """Begin an episode in every environment; with a whole number as seed, environment n has seed + n."""
         seeds = [seed + row for row in range(self.num_envs)] if isinstance(seed, int) else seed
         for row, own in enumerate(seeds or []):
             if own is not None:
@@ -56,7 +57,7 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
         return self._before.copy(), self._times()
 
     def step(self, actions: FloatArray) -> tuple[FloatArray, FloatArray, Any, Any, dict[str, Any]]:
-        """Apply actions (count, n) for one period; those whose episode has ended begin another one instead.
+        """Apply actions (count, n) for one period; environments whose episode has ended begin the next one instead.
 
         Raises:
             ValueError: actions are not one finite number for each of `action_names` of each environment.
@@ -69,7 +70,7 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
         if given.shape != self.action_space.shape or not np.all(np.isfinite(given)):
             shown = " ".join(str(actions).split())
             raise ValueError(
-                f"actions: {shown} given; allowed: finite numbers ({self.num_envs}, {len(self.action_names)}) for "
+                f"actions: given {shown}; allowed: finite numbers ({self.num_envs}, {len(self.action_names)}) for "
                 f"{', '.join(self.action_names)}"
             )
         given = np.clip(given, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
@@ -103,11 +104,11 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
         return after.copy(), rewards, terminated, truncated, infos
 
     def close_extras(self, **_: Any) -> None:
-        """End the threads."""
+        """End the threads of the ensemble."""
         self.ensemble.close()
 
     def _begin(self, rows: Any) -> None:
-        """Begin an episode of some environments."""
+        """Begin an episode in the environments of some rows."""
         one = self.environment
         for row in rows:
             one.go_to_start(self._generators[row])
@@ -129,13 +130,13 @@ def vector_env(
     threads: int | None = None,
     **named: Any,
 ) -> VectorEnv[Any, Any, Any]:
-    """Vector of `count` environments on one ensemble of twins, or each in its own process.
+    """Make a Gymnasium vector of `count` environments, on one ensemble of twins or each in its own process.
 
     Args:
         count: number of environments.
         arguments: arguments of `RopewayEnv`.
         processes: run each in its own process, for rewards and starts of episodes that take long in Python.
-        context: start method of `multiprocessing` of these; None for the default of the system.
+        context: start method of `multiprocessing` for these processes; None for the default of the system.
         threads: number of threads of an ensemble; None for one a core.
         named: keyword arguments of `RopewayEnv`.
     """

@@ -1,8 +1,8 @@
 """Key figures of a run, gathered from snapshot to snapshot: live in the node, or afterwards from a log.
 
-Each has an identity, its standard name, value, unit, limit and the source of the limit, and says when and where it was
-reached. Carriers of one kind share their figures, which are of the worst carrier, named in the place. The cost and the
-memory of an update do not grow with the run.
+A key figure has an identity, a standard name, value, unit, limit, the limit's source, and time and place at which the
+value was reached. Carriers of one kind share their figures, which are those of the worst carrier, named in the place.
+The cost and the memory of an update do not grow with the run.
 """
 
 from cable_twin.key_figures.extremes import supports_of

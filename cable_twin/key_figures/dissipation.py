@@ -31,7 +31,7 @@ class Block(NamedTuple):
 
 
 class Dissipation:
-    """Sums of energy lost and moved in blocks of 5 s, and the block of highest relative loss.
+    """Numerical dissipation of a run: energy lost and moved in blocks of 5 s, and the block of highest relative loss.
 
     A shock loses its energy at once, before the motion that follows it. So a block is judged 10 s after its start, when
     the next block is complete, against the larger energy moved in either block. A judged block is not judged again, so
@@ -51,7 +51,7 @@ class Dissipation:
         self._judged = False  # whether any block has been
 
     def update(self, time: float, report: SolverReport) -> None:
-        """Take in the energy balance of the solver up to `time` (s)."""
+        """Add the energy balance of the solver up to `time` (s)."""
         self._lost += report.energy_lost
         self._moved += 0.5 * report.energy_moved  # a gain of one part is a loss of another one: half of the changes
         if isnan(self._start):

@@ -1,4 +1,4 @@
-"""Extremes over a run, declared once, and the constants of a scenario for their calculation."""
+"""Extremes of a run for its key figures, and the constants of the scenario for their calculation."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Extremes(NamedTuple):
 
 @by_reference
 class Constants(NamedTuple):
-    """Constants of a scenario that its extremes are taken with."""
+    """Constants of a scenario from which the extremes of its runs are calculated."""
 
     in_space: bool
     arc_length: FloatArray  # (samples,) m, unstrained, rope by rope
@@ -127,7 +127,7 @@ class Boxes(NamedTuple):
 
 
 def passes(scenario: Scenario) -> bool:
-    """Whether vehicles on different ropes in space pass each other."""
+    """Whether a scenario has vehicles on different ropes in space, which can pass each other."""
     return scenario.dim == 3 and len(scenario.ropes) > 1 and len(scenario.vehicles) > 1
 
 
@@ -152,7 +152,7 @@ def masts_of(scenario: Scenario) -> list[str]:
 
 
 def constants_of(scenario: Scenario, layout: Layout) -> Constants:
-    """Constants of a scenario for its extremes, of frames in a layout."""
+    """Calculate the constants of a scenario for the extremes of its runs, for frames of a layout."""
     ropes, vehicles = ropes_of(scenario), scenario.vehicles
     rows = {name: row for row, name in enumerate(vehicles)}
     rope_of, clamped = np.full(len(vehicles), NO_ROPE), np.zeros(len(vehicles), np.int64)
@@ -187,7 +187,7 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
 
 
 def no_extremes(scenario: Scenario) -> Extremes:
-    """Extremes of a scenario before its first frame."""
+    """Allocate the extremes of a run of a scenario, without values before its first frame."""
     ropes = ropes_of(scenario)
     sizes = {
         "rope": len(ropes),
@@ -230,7 +230,7 @@ def hull_of(body: Body) -> Hull:
 
 
 def boxes_of(scenario: Scenario) -> Boxes:
-    """Bounding boxes of the bodies of a scenario."""
+    """Bounding boxes of the bodies of a scenario, for the clearances of passing vehicles."""
     vehicles = list(scenario.vehicles.values())
     hulls = [hull_of(body) for one in vehicles for body in one.bodies.values()]
     return Boxes(

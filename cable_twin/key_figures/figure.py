@@ -35,12 +35,12 @@ class FigureId(NamedTuple):
         """Identity of a key figure from its text quantity/subject/statistic.
 
         Raises:
-            ValueError: it is no such text; one line.
+            ValueError: the text has another form; one line.
         """
         quantity, _, rest = text.partition("/")
         subject, _, statistic = rest.rpartition("/")
         if not (quantity and subject and statistic):
-            raise ValueError(f"id {text!r} is no quantity/subject/statistic")
+            raise ValueError(f"id: given {text!r}; allowed: quantity/subject/statistic")
         return cls(quantity, subject, statistic)
 
 
@@ -137,7 +137,7 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
     """Key figure of a name from the text values written by `values_of`.
 
     Raises:
-        ValueError: something is missing or no number; one line.
+        ValueError: a value is missing or no number; one line.
     """
     try:
         id_ = FigureId.of_text(values["id"])
@@ -147,9 +147,9 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
             return figure
         bound, limit = values["bound"], float(values["limit"])
         if bound not in get_args(Bound):
-            raise ValueError(f"bound {bound!r} is none of {', '.join(get_args(Bound))}")
+            raise ValueError(f"bound: given {bound!r}; allowed: {', '.join(get_args(Bound))}")
         return replace(figure, limit=limit, bound=cast(Bound, bound), source=values.get("source", ""))
     except KeyError as error:
-        raise ValueError(f"key figure {name!r}: {error.args[0]} is missing") from None
+        raise ValueError(f"key figure {name!r}: {error.args[0]}: given nothing; allowed: a value") from None
     except ValueError as error:
         raise ValueError(f"key figure {name!r}: {error}") from None

@@ -1,4 +1,4 @@
-"""Key figures of a run from frame to frame: of ropes, supports, drives, vehicles, bullwheels and couplings."""
+"""Key figures of a run, updated frame by frame: ropes, supports, drives, vehicles, bullwheels and couplings."""
 
 from __future__ import annotations
 
@@ -118,14 +118,14 @@ class KeyFigures:
             self._wind = wind, time
 
     def _take_layout(self, layout: Layout) -> None:
-        """Allocate the columns that each frame of a layout is copied into."""
+        """Allocate the columns into which every frame of a layout is copied, and the constants of the scenario."""
         scenario = self._scenario
         names = {name: tuple(vehicle.bodies) for name, vehicle in scenario.vehicles.items()}
         others = [*scenario.pantographs, *scenario.connectors]
         own = names, [one.name for one in self._supports], self._drives, self._sheaves, others
         theirs = layout.vehicles, [*layout.supports], [*layout.drives], [*layout.sheaves]
         if own != (*theirs, [*layout.pantographs, *layout.connectors]):
-            raise ValueError("snapshots of another scenario: its vehicles, supports or drives have other names")
+            raise ValueError("snapshot: given other names of vehicles, supports or drives; allowed: the scenario's")
         self._layout, self._constants = layout, constants_of(scenario, layout)
         self._packed = pack(self._extremes), pack(self._constants)
         self._numbers = np.empty(layout.size)
@@ -236,7 +236,7 @@ class KeyFigures:
             yield extreme("counterweight_travel", subject, "lowest", extremes.lowest_travel[row]).limited(low, source)
 
     def _of_groove(self, subject: Subject, row: int, scenario: Scenario) -> Iterator[KeyFigure]:
-        """Key figures of the groove of a tower in space."""
+        """Key figures of the rope in the groove of a tower in space: lateral force and ratio, derailment."""
         extremes, name = self._extremes, subject.name
         tower = scenario.towers[name]
         yield extreme("lateral_force", subject, "highest", extremes.lateral[row])
@@ -261,7 +261,7 @@ class KeyFigures:
     def _of_motion(
         self, subject: Subject, row: int, limits: Limits, source: str, at: str = "arc length"
     ) -> Iterator[KeyFigure]:
-        """Figures of a driven vehicle or a drive against its limits; `at` names the coordinate of the place."""
+        """Key figures of the motion of a driven vehicle or a drive; `at` names the coordinate of the place."""
         extremes, least = self._extremes, None if limits.power is None else -limits.power
         yield extreme("speed", subject, "highest", extremes.speed[row], at).limited(limits.speed, f"{source}.speed")
         force = extreme("drive_force", subject, "highest", extremes.force[row], at)
@@ -272,14 +272,14 @@ class KeyFigures:
         yield braking.limited(least, f"{source}.power")
 
     def _reported_with(self, group: Group, rope: int) -> bool:
-        """Whether a rope reports a group: a carriage with its own rope, carriers with their last rope."""
+        """Whether a vehicle group is listed with a rope: a carriage with its own rope, carriers with their last one."""
         name = group.subject.name
         if group.subject.key == "carriers":
             return rope == max(number for number, one in enumerate(self._ropes) if one.carriers is not None)
         return name in self._ropes[rope].carriages
 
     def _of_vehicles(self, group: Group, rope: int) -> Iterator[KeyFigure]:
-        """Figures of a carriage, or of the worst vehicle of a group."""
+        """Key figures of a carriage, or of the worst vehicle of a group."""
         scenario, subject, extremes = self._ropes[rope], group.subject, self._extremes
         carriage = scenario.carriages.get(subject.name)
         if carriage is None or carriage.joint == "clamped":
@@ -306,7 +306,7 @@ class KeyFigures:
     def _worst(
         self, quantity: str, group: Group, statistic: str, extremes: FloatArray, at: str = "arc length"
     ) -> KeyFigure:
-        """Figure of the worst vehicle of a group, with its name in a group of several and its rope among several."""
+        """Key figure of the worst vehicle of a group, with its name if there are several, and its rope likewise."""
         row = worst_of(extremes, group.rows, statistic)
         found, mast = extreme(quantity, group.subject, statistic, extremes[row], at), extremes[row, PLACE]
         if isnan(found.value):
@@ -452,7 +452,7 @@ def wind_at(row: FloatArray) -> str:
 
 
 def worst_of(extremes: FloatArray, rows: Sequence[int], statistic: str) -> int:
-    """Row with the most extreme value; among equal values, on the first rope, then first in `rows`."""
+    """Row of the vehicle with the most extreme value; among equal ones, on the first rope, then first in `rows`."""
     among = np.asarray(rows, np.intp)
     values = extremes[among, VALUE] * (1.0 if statistic == "lowest" else -1.0)
     return int(among[np.lexsort((extremes[among, ROPE], values))[0]])

@@ -1,4 +1,4 @@
-"""Extremes from a frame, in a single kernel call of a few microseconds; clearances in another one, less often."""
+"""Kernels that update the extremes of a run by a frame: all in one call, clearances in another one, less often."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ SLACK = 1.0  # N, least tension of a strand in the ratio of both, so that it is 
 
 @inlined_kernel
 def store(extremes, index, value, time, place, rope):
-    """Write an extreme: value, time (s), place and number of the rope."""
+    """Write an extreme into its row: value, time (s), place and number of the rope."""
     row = extremes[index]
     row[VALUE], row[TIME], row[PLACE], row[ROPE] = value, time, place, rope
 
 
 @inlined_kernel
 def highest(extremes, index, value, time, place, rope):
-    """Take in a value of one object for its highest value; the first of equal values is kept, NaN is ignored."""
+    """Update the highest value of an object by a value; the first of equal values is kept, NaN is ignored."""
     if value > extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
         store(extremes, index, value, time, place, rope)
 
 
 @inlined_kernel
 def lowest(extremes, index, value, time, place, rope):
-    """Take in a value of one object for its lowest value; the first of equal values is kept, NaN is ignored."""
+    """Update the lowest value of an object by a value; the first of equal values is kept, NaN is ignored."""
     if value < extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
         store(extremes, index, value, time, place, rope)
 
 
 @kernel
 def highest_in_wind(extremes, index, value, time, place, rope, wind):
-    """Take in a value for a highest value with the wind (3,) in m/s at its time; NaN in a plane."""
+    """Update the highest value of an object by a value, with the wind (3,) in m/s at that time; NaN in a plane."""
     if value > extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
         store(extremes, index, value, time, place, rope)
         for axis in range(3):
@@ -48,7 +48,7 @@ def highest_in_wind(extremes, index, value, time, place, rope, wind):
 
 @kernel
 def lowest_in_wind(extremes, index, value, time, place, rope, wind):
-    """Take in a value for a lowest value with the wind (3,) in m/s at its time; NaN in a plane."""
+    """Update the lowest value of an object by a value, with the wind (3,) in m/s at that time; NaN in a plane."""
     if value < extremes[index, VALUE] or (isnan(extremes[index, VALUE]) and not isnan(value)):
         store(extremes, index, value, time, place, rope)
         for axis in range(3):
@@ -57,12 +57,12 @@ def lowest_in_wind(extremes, index, value, time, place, rope, wind):
 
 @kernel
 def take_frame(extremes, constants, columns):
-    """Take in the columns of a frame, in order of time.
+    """Update the extremes of a run by the columns of a frame, in order of time.
 
     Args:
-        extremes: result.
-        constants: of the scenario.
-        columns: the frame.
+        extremes: extremes of the run, which are updated.
+        constants: constants of the scenario.
+        columns: columns of the frame.
     """
     time = columns.time[0]
     if constants.in_space:
@@ -87,7 +87,7 @@ def take_frame(extremes, constants, columns):
 
 @inlined_kernel
 def rope_of(constants, columns, vehicle):
-    """Number of the rope on which a vehicle is; NO_ROPE if missing in the frame."""
+    """Number of the rope on which a vehicle is; NO_ROPE if the frame does not have it."""
     rope = constants.vehicle_rope[vehicle]
     if rope != NO_ROPE or isnan(columns.vehicle_rope[vehicle]):
         return rope
@@ -96,9 +96,9 @@ def rope_of(constants, columns, vehicle):
 
 @kernel
 def take_sag(extremes, constants, time, rope, columns):
-    """Take in the sag of one rope below the chord of each span between supports; an upright rope has no sag.
+    """Update the sag of one rope below the chord of each span between supports; an upright rope has no sag.
 
-    The sag is largest at a vehicle, between points. A span without a point takes the next one.
+    The sag is largest at a vehicle, between sample points. A span without a sample point takes the next point.
     """
     points, corner = columns.rope_position, extremes.corner
     first, last = constants.first_sample[rope], constants.first_sample[rope + 1] - 1
@@ -127,14 +127,14 @@ def take_sag(extremes, constants, time, rope, columns):
 
 @inlined_kernel
 def below_chord(corner, span, x, z):
-    """Depth (m) of a point below the chord of a span."""
+    """Depth (m) of a point x, z (m) of a rope below the chord of a span."""
     rise = (corner[span + 1, 1] - corner[span, 1]) / (corner[span + 1, 0] - corner[span, 0])
     return corner[span, 1] + rise * (x - corner[span, 0]) - z
 
 
 @kernel
 def take_supports(extremes, constants, time, columns):
-    """Take in loads and margins of all supports, travel of counterweights, and grooves in space."""
+    """Update loads and margins of all supports, travel of counterweights, and lateral forces in space."""
     for support in range(columns.support_travel.size):
         load, travel = size(columns.support_force[support]), columns.support_travel[support]
         highest(extremes.load, support, load, time, nan, NO_ROPE)
@@ -159,7 +159,7 @@ def take_supports(extremes, constants, time, columns):
 
 @inlined_kernel
 def take_drive(extremes, index, time, place, rope, speed, force):
-    """Take in place (m), speed (m/s) and force (N) of a driven vehicle or a drive."""
+    """Update speed, force and power of a driven vehicle or a drive by its place (m), speed (m/s) and force (N)."""
     highest(extremes.speed, index, abs(speed), time, place, rope)
     highest(extremes.force, index, abs(force), time, place, rope)
     highest(extremes.power, index, force * speed, time, place, rope)
@@ -168,7 +168,7 @@ def take_drive(extremes, index, time, place, rope, speed, force):
 
 @kernel
 def take_vehicles(extremes, constants, time, columns):
-    """Take in speed, swing, forces, acceleration and touches of all vehicles."""
+    """Update speed, swing, forces, acceleration and touches of all vehicles by a frame."""
     looks, wind = begin_look(extremes, time, columns), extremes.wind
     for vehicle in range(columns.arc_length.size):
         body, place = constants.first_body[vehicle + 1] - 1, columns.arc_length[vehicle]  # the last body
@@ -201,7 +201,7 @@ def take_vehicles(extremes, constants, time, columns):
 
 @kernel
 def take_touch(extremes, vehicle, time, columns):
-    """Take in the last touch of a vehicle with a vehicle after it, and the highest force between their buffers."""
+    """Update the last touch of a vehicle with the one after it, and the highest force between their buffers."""
     touch = extremes.touch[vehicle]
     touch[0], touch[1] = columns.touched[vehicle] - 1.0, columns.touch_place[vehicle]
     touch[2], touch[3] = columns.touch_speed[vehicle], columns.touch_time[vehicle]
@@ -213,7 +213,7 @@ def take_touch(extremes, vehicle, time, columns):
 
 @kernel
 def begin_look(extremes, time, columns):
-    """Store the time of a frame for accelerations once a measuring period has passed; returns whether it did."""
+    """Store the time of a frame for accelerations if a measuring period has passed; returns whether it was stored."""
     newest = extremes.passed_last[0]
     if time < extremes.passed_time[newest] + LOOK * (1.0 - 1e-6):
         return False
@@ -227,7 +227,7 @@ def begin_look(extremes, time, columns):
 
 @kernel
 def take_acceleration(extremes, vehicle):
-    """Take in the acceleration of a vehicle: difference of mean velocities over two successive times `MEAN`."""
+    """Update a vehicle's acceleration: difference of mean velocities over two successive times `MEAN`."""
     newest = extremes.passed_last[0]
     middle = latest(extremes, extremes.passed_time[newest] - MEAN)
     if middle < 0:
@@ -253,7 +253,7 @@ def take_acceleration(extremes, vehicle):
 
 @kernel
 def latest(extremes, time):
-    """Index of the newest stored position up to a time (s); -1 without one."""
+    """Index of the newest stored frame of positions up to a time (s); -1 without one."""
     found = -1
     for number in range(PLACES):
         at = extremes.passed_time[number]
@@ -294,7 +294,7 @@ def tension_ratio(constants, rope, columns, place, force):
 
 @kernel
 def take_sheaves(extremes, constants, time, columns):
-    """Take in tensions, adhesion, slip and travel of all bullwheels, and the load of carriers on each strand."""
+    """Update tensions, adhesion, slip and travel of all bullwheels, and the load of carriers on each strand."""
     for sheave in range(constants.radius.size):
         tensions, travel = columns.sheave_tension[sheave], columns.sheave_travel[sheave]
         for side in range(2):
@@ -320,7 +320,7 @@ def take_sheaves(extremes, constants, time, columns):
 
 @kernel
 def take_couplings(extremes, time, columns):
-    """Take in forces of pantographs and connectors."""
+    """Update forces of pantographs and connectors, loss of contact and slack, by a frame."""
     elapsed = time - extremes.last_time[0]
     for number in range(columns.pantograph_force.size):
         force, x = columns.pantograph_force[number], columns.pantograph_position[number, 0]
@@ -342,7 +342,7 @@ def take_couplings(extremes, time, columns):
 
 @kernel
 def take_surroundings(extremes, constants, around, columns):
-    """Take in the clearances of ropes and vehicles over the ground, and in space from masts of their rope."""
+    """Update the clearances of ropes and vehicles over the ground, and in space from masts of their rope."""
     time, least, wind = columns.time[0], around.lowest[0], extremes.wind
     for rope in range(constants.length.size if around.middle.shape[0] > 0 else 0):
         first, last = constants.first_sample[rope], constants.first_sample[rope + 1]
@@ -362,7 +362,7 @@ def take_surroundings(extremes, constants, around, columns):
 
 @kernel
 def take_passing(extremes, boxes, columns):
-    """Take in the columns of a frame for the clearances of passing vehicles, in order of time."""
+    """Update the least clearances of passing vehicles by the columns of a frame, in order of time."""
     time = columns.time[0]
     joints, groups = columns.joint_position, boxes.group[-1] + 1
     for one in range(columns.attached.size):

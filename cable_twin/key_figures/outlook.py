@@ -26,7 +26,7 @@ LEFT_OUT = "energy_lost"  # of the solver, and no matter of the ropeway
 
 @dataclass(frozen=True, slots=True)
 class Future:
-    """One future: assumption, key figures, tension over time, and the limits that would be passed.
+    """Future of a twin in an outlook: assumption, key figures, tensions over time, limits that would be passed.
 
     Attributes:
         name: one of `EMERGENCY_STOP`, `AS_COMMANDED`, `ANNOUNCED`.
@@ -36,8 +36,8 @@ class Future:
         times: (n,) s, simulated.
         highest: (n, ropes) N, highest tension along each rope.
         lowest: (n, ropes) N, lowest tension along each rope.
-        last: snapshot of its end; None for one that was not run.
-        fault: why it was not run, or ended early; empty otherwise.
+        last: snapshot of the future's end; None for a future that was not run.
+        fault: why the future was not run, or ended early; empty otherwise.
     """
 
     name: str
@@ -60,13 +60,13 @@ class Future:
 
     @property
     def warnings(self) -> list[str]:
-        """Lines about limits that would be passed, the first to be passed first."""
+        """Lines about limits that would be passed in this future, in the order of time."""
         beyond = [one for one in self.figures if one.id in self.passed]
         beyond.sort(key=lambda one: self.passed[one.id])
         return [self.warning(one) for one in beyond]
 
     def warning(self, one: KeyFigure) -> str:
-        """Line about a figure that would pass its limit."""
+        """Line about a key figure that would pass its limit in this future."""
         assert one.limit is not None
         unit, scale = shown_unit(one.unit, max(abs(one.value), abs(one.limit)))
         unit = "" if unit == "-" else f" {unit}"
@@ -86,7 +86,7 @@ class Outlook:
         horizon: s, length of the futures.
         futures: emergency stop now, go on as commanded, announced gust or wind.
         ropes: names of the ropes, for the columns of tensions.
-        effort: s by the clock that it took.
+        effort: s by the clock that the calculation took.
     """
 
     time: float

@@ -183,7 +183,7 @@ QUANTITIES = {row.quantity: row for row in _ROWS}
 
 
 def usual_limit(scenario: Scenario, key: str, *, clamped: bool = False) -> float | None:
-    """Limit of a key of `limits` where the scenario gives none, for some keys by the kind of rope or vehicle."""
+    """Usual limit for a key of `limits` that a scenario does not give; for some keys by kind of rope or vehicle."""
     if key == "rope_safety_factor":
         return HAUL_ROPE_SAFETY_FACTOR if scenario.drives or scenario.strand else TRACK_ROPE_SAFETY_FACTOR
     if key == "tension_per_transverse_load":

@@ -48,7 +48,7 @@ def is_carried(scenario: Scenario, vehicle: Carriage) -> bool:
 
 
 def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
-    """Kind of stop that a command orders of an object with given drives; NO_STOP to move or to reset, else None."""
+    """Kind of stop that a command orders for given drives; NO_STOP for a command to move or reset, else None."""
     kind, values = applied.command.kind, applied.command.values
     named = movers & set(values)
     if kind == "emergency_stop":
@@ -61,7 +61,7 @@ def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
 def stop_figures(
     subject: Subject, speed: float, values: tuple[float, float], time: float, places: tuple[str, str]
 ) -> list[KeyFigure]:
-    """Distance (m), time (s) and mean deceleration of a stop from a speed (m/s) ordered at a time (s)."""
+    """Key figures of a stop from a speed (m/s) ordered at a time (s): distance, time and mean deceleration."""
     pairs = zip(("stopping_distance", "stopping_time"), values, places, strict=True)
     found = [figure(quantity, subject, "highest", value, time, place) for quantity, value, place in pairs]
     if values[0] > 0.0:
@@ -102,7 +102,7 @@ class DriveStops:
         self._time = nan  # s, of the last frame
 
     def update(self, time: float) -> None:
-        """Evaluate the last frame for the stops of drives, at a time (s)."""
+        """Update the stops of drives by the last frame, of a time (s)."""
         self._time = time
         for name, stop in [*self._braking.items()]:
             place, speed = self._motion(name)
@@ -115,7 +115,7 @@ class DriveStops:
             self._standing[name] = time
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect; an emergency stop replaces a normal stop under way."""
+        """Begin or end stops by a command at the time of its effect; an emergency stop replaces a stop under way."""
         for name in self._subjects:
             kind, braking = ordered_stop(applied, {name}), self._braking.get(name)
             if kind == NO_STOP:
@@ -131,7 +131,7 @@ class DriveStops:
                     self._braking[name] = Stop(kind, applied.time, start, speed)
 
     def figures(self, name: str) -> list[KeyFigure]:
-        """Figures of the decisive stop of one drive, and its shortest delay of a restart; none without a stop."""
+        """Key figures of one drive's decisive stop, and its shortest delay of a restart; none without a stop."""
         stop = self._stops.get(name)
         if stop is None:
             return []
@@ -149,7 +149,7 @@ class Travel:
     Args:
         scenario: scenario of the run.
         rows: rows of the n vehicles among all.
-        bodies: rows of the n bodies on which the points are; None for those where the vehicles are on their ropes.
+        bodies: rows of the n bodies on which the points are; None for the joints of the vehicles with their ropes.
         offsets: (n, 3) m from the centres of these bodies, in their axes.
     """
 
@@ -167,7 +167,7 @@ class Travel:
         self._placed: tuple[Snapshot, FloatArray] | None = None  # its points, if they are known
 
     def shows(self, snapshot: Snapshot) -> bool:
-        """Whether a frame comes after the last one and holds the points; frames of a log may not."""
+        """Whether a frame comes after the last one and holds the points, which frames of a log may lack."""
         if not self.groups:
             return False
         if snapshot.layout is not self._layout:
@@ -196,7 +196,7 @@ class Travel:
         return np.where((self.attached(snapshot) & self.attached(self.last))[members], steps, nan)
 
     def _of(self, snapshot: Snapshot) -> _Places:
-        """Places in a frame, which are those of the last one in a run of one layout."""
+        """Columns of the points in a frame; kept from the last frame while the layout is the same."""
         if snapshot.layout is self._places.layout:
             return self._places
         return _Places.of(snapshot.layout, self.vehicles, self._bodies)
@@ -255,7 +255,7 @@ class CarriedStops:
         self._counts = ""  # kind of that stop
 
     def update(self, snapshot: Snapshot) -> None:
-        """Evaluate one snapshot for the stops of vehicles, in order of time."""
+        """Update the stops of vehicles by one snapshot, in order of time."""
         if self._travel.shows(snapshot):
             if self._begun is not None:
                 assert self._travel.last is not None
@@ -263,7 +263,7 @@ class CarriedStops:
             self._travel.last = snapshot
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect, which may begin or end a stop."""
+        """Begin or end the stop of vehicles by a command at the time of its effect."""
         kind = ordered_stop(applied, self._drives)
         if kind == NO_STOP:
             self._begun = None
@@ -271,7 +271,7 @@ class CarriedStops:
             self._begin(kind, applied.time, self._travel.last)
 
     def figures(self) -> Iterator[KeyFigure]:
-        """Yield distance and time of each carriage and of the farthest carrier."""
+        """Yield the key figures of the stop, distance and time, of each carriage and of the farthest carrier."""
         yield from self._stops
 
     def _begin(self, kind: str, time: float, last: Snapshot) -> None:
@@ -311,7 +311,7 @@ class CarriedStops:
 
 
 class Farthest(NamedTuple):
-    """Load of a group that has gone farthest in a stop."""
+    """Load of the vehicle of a group that has travelled farthest in a stop."""
 
     number: int  # of its vehicle among those with loads
     kind: str  # of the stop
@@ -355,7 +355,7 @@ class SeatStops:
         self._found: dict[Subject, Farthest] = {}  # of each group, of the stop that counts
 
     def update(self, snapshot: Snapshot) -> None:
-        """Evaluate one snapshot for the travel of passengers, in order of time."""
+        """Update the travel of passengers' loads in stops by one snapshot, in order of time."""
         if self._travel.shows(snapshot):
             if self._under_way:
                 self._go_on(snapshot)
@@ -363,7 +363,7 @@ class SeatStops:
             self._travel.last = snapshot
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take in a command at the time of its effect, which may begin or end a stop."""
+        """Begin or end the stops of vehicles' loads by a command at the time of its effect."""
         for number, movers in enumerate(self._movers):
             kind = ordered_stop(applied, movers)
             if kind == NO_STOP:
@@ -374,7 +374,7 @@ class SeatStops:
                     self._begin(number, kind, applied.time, self._travel.last)
 
     def figures(self) -> Iterator[KeyFigure]:
-        """Yield the stopping distance of each carriage, and of the carrier whose load went farthest."""
+        """Yield the passenger's stopping distance of each carriage, and of the carrier whose load went farthest."""
         for subject, members in self._travel.groups:
             if (one := self._found.get(subject)) is not None:
                 stop = self._travel.describe(one.number, members, one.kind, one.speed)
@@ -392,7 +392,7 @@ class SeatStops:
             self._farthest[number], self._farthest_at[number] = 0.0, time
 
     def _go_on(self, snapshot: Snapshot) -> None:
-        """Add the travel since the last frame to the stops under way."""
+        """Add the travel of loads since the last frame to the stops under way."""
         numbers = np.flatnonzero(~self._over)
         steps = self._travel.steps(snapshot, numbers) * np.sign(self._start[numbers])
         self._way[numbers] += steps
@@ -402,7 +402,7 @@ class SeatStops:
         self._renew(farther)
 
     def _renew(self, farther: Rows) -> None:
-        """Renew the figures of groups with loads, by index, that have gone farther."""
+        """Renew the farthest travel of groups by the loads (indices) that have travelled farther."""
         for subject, members in self._travel.groups:
             moved = [number for number in farther.tolist() if number in members]
             if not moved:
@@ -418,7 +418,7 @@ class SeatStops:
 
 
 class _Places(NamedTuple):
-    """Places in a frame of what tells the travel of n points."""
+    """Columns in a frame of the numbers from which the travel of n points is calculated."""
 
     layout: Layout | None = None
     points: Rows = np.zeros((0, 3), np.intp)  # (n, 3) m, of the points or of the centres of their bodies
@@ -430,7 +430,7 @@ class _Places(NamedTuple):
 
     @classmethod
     def of(cls, layout: Layout, vehicles: Rows, bodies: Rows | None) -> _Places:
-        """Places in a frame of a layout, of vehicles and of bodies by row."""
+        """Columns in frames of a layout for the points of vehicles, or of bodies, given by rows."""
         c = layout.places
         points = c.joint_position[vehicles] if bodies is None else c.body_position[bodies]
         turns = c.body_orientation[[] if bodies is None else bodies]

@@ -36,7 +36,7 @@ SERVICE, EMERGENCY, TRACK_ROPE = 0, 1, 2  # columns of brakes: two on the drum, 
 
 @by_reference
 class Cable(NamedTuple):
-    """Cable of uniform properties, with element lengths of its mesh (`mesh_fields`)."""
+    """Cable of uniform properties: stiffness, mass, supports and loads, with the element lengths of its mesh."""
 
     element_count: int
     element_length: FloatArray  # l, (elements,) m, unstrained
@@ -61,7 +61,7 @@ class Cable(NamedTuple):
 
 
 def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
-    """Mesh fields of `Cable`, from the arc lengths (nodes,) in m of its nodes, the first at 0."""
+    """Fields of `Cable` that describe its mesh, from the arc lengths (nodes,) in m of its nodes, the first at 0."""
     lengths = np.diff(node_arc_length)
     if np.ptp(lengths) < 1e-9 * lengths[0]:
         lengths[:] = node_arc_length[-1] / lengths.size  # equal to the last bit
@@ -94,7 +94,7 @@ class DriveLimits(NamedTuple):
 
 @by_reference
 class Carriages(NamedTuple):
-    """Carriages as chains of bodies; body k of carriage c is row body_offset[c] + k, the first hangs from the cable."""
+    """Vehicles as chains of rigid bodies; body k of vehicle c is row body_offset[c] + k, the first is on the cable."""
 
     body_offset: IntArray  # (carriages + 1,)
     mass: FloatArray  # (bodies,) kg
@@ -178,7 +178,7 @@ STANDING = MovingCable(
 
 @by_reference
 class HaulRopes(NamedTuple):
-    """Haul rope of each carriage: elastic, between the drive drum in a station and the joint."""
+    """Haul rope of each vehicle: elastic, between the drive drum in a station and the joint of the vehicle."""
 
     axial_stiffness: FloatArray  # (carriages,) N, 0 where the drive acts on the carriage itself
     mass_per_length: FloatArray  # (carriages,) kg/m
@@ -192,7 +192,7 @@ class HaulRopes(NamedTuple):
 
 @by_reference
 class VehicleBuffers(NamedTuple):
-    """Possible buffer contacts of vehicles on the rope; carriage c has the entries offset[c] to offset[c + 1]."""
+    """Possible buffer contacts of vehicles on the rope; vehicle c has the entries offset[c] to offset[c + 1]."""
 
     offset: IntArray  # (carriages + 1,)
     other: IntArray  # (entries,) carriage of the possible contact
@@ -216,7 +216,7 @@ NO_BUFFERS = VehicleBuffers(
 
 @by_reference
 class Wind(NamedTuple):
-    """Variation of the wind in space and time; vectors are x, y, z, in a plane too."""
+    """Parameters of the wind: height law, gusts, turbulence, vortex shedding; vectors are x, y, z, in a plane too."""
 
     exponent: float  # -, of the power law of height; 0: uniform
     reference_height: float  # m above the ground, of the given wind
@@ -263,7 +263,7 @@ class Air(NamedTuple):
 
 @by_reference
 class Payloads(NamedTuple):
-    """Loading place of each carriage: body and position."""
+    """Payload position of each vehicle: the body that is loaded, and the point of it."""
 
     body: IntArray  # (carriages,) number of the body, -1 without a payload
     position: FloatArray  # (carriages, 2) m, from the centre of mass of the empty body in its axes
@@ -271,7 +271,7 @@ class Payloads(NamedTuple):
 
 @by_reference
 class Solver(NamedTuple):
-    """Parameters of time integration."""
+    """Parameters of time integration and of its Newton iterations."""
 
     step: float  # h, s
     spectral_radius: float  # rho_inf of generalized-alpha, -

@@ -48,7 +48,7 @@ class Motion(NamedTuple):
 
 @by_reference
 class Mesh(NamedTuple):
-    """Mesh of a rope, whose nodes stand still but those that follow a load."""
+    """Mesh of a rope: arc lengths of its nodes, which stand still except those that follow a vehicle's joint."""
 
     arc_length: Annotated[FloatArray, Of("node", unit="m")]
     length: Annotated[FloatArray, Of("element", unit="m")]  # of the elements, unstrained
@@ -278,7 +278,7 @@ class Workspace(NamedTuple):
 
 
 def sizes_of(system: System) -> dict[str, int]:
-    """Sizes by name, for the array shapes in the records of a system."""
+    """Sizes of arrays by name, as "node" or "body", for the shapes declared in the records of a system."""
     elements, dim = system.cable.element_count, len(system.cable.gravity)
     turns = turns_of(dim)
     return {
@@ -308,7 +308,7 @@ def sizes_of(system: System) -> dict[str, int]:
 
 
 def allocate_state(system: System) -> State:
-    """Allocate a state of zeros with every joint at rest, input of `equilibrium`."""
+    """Allocate a zero state of one rope with every joint at rest, as input of `equilibrium`."""
     return allocate_states([system])[0]
 
 
@@ -321,7 +321,7 @@ def allocate_states(systems: Sequence[System]) -> tuple[State, ...]:
 
 
 def _initialise(system: System, state: State) -> None:
-    """Set the drives, ropes and quaternions of a new state."""
+    """Set mesh, drives, ropes of vehicles and quaternions of a new state."""
     state.mesh.arc_length[:], state.mesh.length[:] = system.cable.node_arc_length, system.cable.element_length
     held = system.carriages.fixed | system.carriages.clamped
     state.axis[:] = np.where((system.haul_ropes.axial_stiffness > 0.0) & ~held, DRUM, JOINT)
@@ -334,7 +334,7 @@ def _initialise(system: System, state: State) -> None:
 
 
 def allocate_workspace(system: System) -> Workspace:
-    """Allocate the workspace of the solver of `system`."""
+    """Allocate the solver's workspace for the rope and vehicles of `system`."""
     work = allocate(Workspace, sizes_of(system))
     work.plain_elements[:] = np.minimum(np.arange(work.plain_elements.size), system.cable.element_count - 1)
     work.plain_count[0] = system.cable.element_count
@@ -353,5 +353,5 @@ def turns_of(dim: int) -> int:
 
 @kernel
 def copy_state(source, target):
-    """Write every array of `source` into `target`."""
+    """Copy every array of the state `source` into the state `target`."""
     copy_array(source.memory, target.memory)

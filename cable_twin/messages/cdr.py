@@ -28,7 +28,7 @@ _MARKS = {"<f8": (np.uint64, 0x7FE0_0000_0000_0000), "<f4": (np.uint32, 0x7E00_0
 
 
 class Message(Protocol):
-    """Common type of all message classes of the rosbags typestore."""
+    """Common type of all ROS message classes of the rosbags typestore."""
 
     __msgtype__: ClassVar[str]
 
@@ -74,7 +74,7 @@ def marks(count: int, kind: str = "<f8") -> NDArray[Any]:
 class Template:
     """CDR message template: laid out once, with only stamps and numbers filled in place.
 
-    The message is given with `STAMP` for every stamp and `marks` for the numbers; where they have gone is read off its
+    The message is given with `STAMP` for every stamp and `marks` for the numbers; their positions are read from its
     bytes, so nothing here knows the layout of any message.
     """
 
@@ -86,13 +86,13 @@ class Template:
         *,
         singles: Sequence[NDArray[Any]] = (),
     ) -> None:
-        """Find the byte positions of stamps and numbers in a message.
+        """Lay out a message as template: find the byte positions of its stamps and numbers.
 
         Args:
-            message: with the marks of all sources, one source after the other, each in C order.
+            message: with the placeholders of all sources, one source after the other, each in C order.
             sources: arrays that are copied into the message by each `fill`; (rows, ...) or (rows,).
             kind: type of their numbers in the message, "<f8" or "<f4".
-            singles: the same of "<f4" in a message whose `kind` is the other one.
+            singles: further sources, for numbers of type "<f4" in a message whose `kind` is "<f8".
         """
         plain = serialize(message)
         # numbers are aligned from behind the encapsulation on
@@ -104,7 +104,7 @@ class Template:
         self._words = self._body[: self._body.size // 4 * 4].view("<u4")
         self._stamps = np.flatnonzero(self._words == STAMP.sec)
         if self._stamps.size == 0 or (self._words[self._stamps + 1] != STAMP.nanosec).any():
-            raise ValueError(f"template of {message.__msgtype__}: no stamp in it")
+            raise ValueError(f"template of {message.__msgtype__}: given no stamp; allowed: at least one")
         # bytes before the only stamp
         self._stamped = ENCAPSULATION + 4 * int(self._stamps[0]) if self._stamps.size == 1 else None
         self._bytes = self._data.data
@@ -124,7 +124,7 @@ class Template:
         where = np.flatnonzero(order < count)
         places = where[np.argsort(order[where], kind="stable")]
         if places.size != count:
-            raise ValueError(f"template of {message.__msgtype__}: {places.size} numbers in it, {count} are given")
+            raise ValueError(f"template of {message.__msgtype__}: given {count} numbers; allowed: {places.size}")
         taken = 0
         for source in sources:
             own = places[taken : taken + source.size].reshape(source.shape)
@@ -136,7 +136,7 @@ class Template:
                 self._scattered.append((numbers, own, source))
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encoded message with a stamp (ns) and the present numbers of the sources."""
+        """Encode the message with a stamp (ns) and the present numbers of its sources."""
         second, nanosecond = divmod(stamp_ns, SECOND)
         if self._stamped is not None:
             _PAIR.pack_into(self._bytes, self._stamped, second, nanosecond)

@@ -1,8 +1,8 @@
 """Message `columns`: every number of a frame, bit for bit, as a std_msgs/Float64MultiArray for the log.
 
 Columns are in groups, each group is logged at its own rate, and a message has the groups that are due: the label of
-its only dimension names them, and their columns follow one after the other. `columns_metadata` describes all of it for
-the log, in which readers find it.
+its only dimension names them, and their columns follow one after the other. `columns_metadata` describes groups and
+columns for the metadata of the log.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Row(NamedTuple):
 
 
 def groups_due(due: Collection[str]) -> tuple[str, ...]:
-    """Groups of columns in the message of a frame, from the groups of topics logged with the frame."""
+    """Groups of columns due in message `columns` of a frame, from the groups of topics logged with the frame."""
     if COMPLETE in due:
         return GROUPS
     groups = tuple(group for group in GROUPS if group in due)
@@ -75,7 +75,7 @@ def groups_due(due: Collection[str]) -> tuple[str, ...]:
 
 
 def _columns(layout: Layout) -> dict[str, dict[str, IntArray]]:
-    """Index of each number by group and name of its column: in the row of a frame, followed by the solver's report."""
+    """Indices of all numbers, by group and column: in the row of a frame, with the solver's report appended to it."""
     groups = {column: group for group, columns in COLUMNS_OF.items() for column in columns}
     found: dict[str, dict[str, IntArray]] = {group: {} for group in GROUPS}
     for name, places in layout.places._asdict().items():
@@ -88,7 +88,7 @@ def _columns(layout: Layout) -> dict[str, dict[str, IntArray]]:
 
 
 def columns_metadata(layout: Layout) -> dict[str, str]:
-    """Description of the message as log metadata: JSON with the columns of each group and the names of their rows."""
+    """Description of message `columns` for log metadata: JSON with columns of each group and names of their rows."""
     groups = {
         group: [
             {"name": name, "unit": _unit(name), "shape": places.shape, "axes": _axes(name)}
@@ -103,26 +103,26 @@ def columns_metadata(layout: Layout) -> dict[str, str]:
 
 
 def _unit(name: str) -> str:
-    """Unit of a column; empty for counts, ratios and booleans."""
+    """Unit of a frame's column, by name; empty for counts, ratios and booleans."""
     unit = DECLARED[name].unit if name in DECLARED else REPORT_UNITS.get(name, "-")
     return "" if unit == "-" else unit
 
 
 def _axes(name: str) -> list[str]:
-    """Names of the axes of a column: kind of object for its rows, "component" for vectors and pairs."""
+    """Names of the axes of a frame's column: kind of object for rows, "component" for vectors and pairs."""
     shape = DECLARED[name].shape if name in DECLARED else (1,)
     axes = ["component" if isinstance(count, int) else count for count in shape]
     return axes[::-1] if name in BY_COMPONENT else axes
 
 
 def _head(groups: Sequence[str], count: int) -> bytes:
-    """Encoded message up to its numbers."""
+    """Leading bytes of a message `columns`: the encoded message up to its numbers."""
     dimension = MultiArrayDimension(" ".join(groups), count, count)
     return serialize(Float64MultiArray(MultiArrayLayout([dimension], 0), np.zeros(count)))[: -8 * count or None]
 
 
 class RowEncoder:
-    """Encoder of the frames of one run, each with the groups of columns that are due.
+    """Encoder of the frames of one run as messages `columns`, each with the groups of columns that are due.
 
     Args:
         layout: Of the snapshots.
@@ -137,8 +137,8 @@ class RowEncoder:
         """Encode the due columns of a frame as a message; None where no group is due.
 
         Args:
-            snapshot: Each one of the run, in the order of time, as reports of the solver are added up.
-            groups: Of `groups_due`.
+            snapshot: Every snapshot of the run in the order of time, as reports of the solver are added up.
+            groups: Result of `groups_due`.
         """
         self._report = self._report.then(snapshot.solver)
         if not groups:
@@ -155,7 +155,7 @@ class RowEncoder:
 
 
 class RowDecoder:
-    """Decoder of the messages of one log; columns that are not known here are left out."""
+    """Decoder of the messages `columns` of one log; columns unknown to this version are left out."""
 
     def __init__(self, metadata: Mapping[str, str], layout: Layout) -> None:
         """Parse the description of the columns in the metadata of a log.
@@ -165,7 +165,7 @@ class RowDecoder:
             layout: Of the frames.
 
         Raises:
-            ValueError: There is none, or it is of other columns; a line with the reason.
+            ValueError: The description is missing or differs from the layout; a line with the reason.
         """
         self._layout = layout
         self._shapes = {name: places for columns in _columns(layout).values() for name, places in columns.items()}
@@ -178,19 +178,19 @@ class RowDecoder:
             raise ValueError(f"{COLUMNS} are unreadable: {fault}") from error
 
     def _places(self, column: Mapping[str, Any]) -> IntArray:
-        """Indices of a column's numbers in the row of a frame; -1 for those of an unknown column."""
+        """Indices in the row of a frame of the numbers of a column described in a log; -1 for an unknown column."""
         name, shape = str(column["name"]), tuple(column["shape"])
         if name not in self._shapes:
             return np.broadcast_to(np.intp(-1), _limited(math.prod(map(int, shape))))
         if shape != self._shapes[name].shape:
-            raise _ShapeError(f"{name} has the shape {str(shape)[:40]}; expected: {self._shapes[name].shape}")
+            raise _ShapeError(f"{name}: given shape {str(shape)[:40]}; allowed: {self._shapes[name].shape}")
         return self._shapes[name].ravel()
 
     def decode(self, data: bytes) -> Row:
         """Decode a message `columns` into the numbers of its frame.
 
         Raises:
-            ValueError, KeyError, struct.error: It is none, or not of the columns that the log describes.
+            ValueError, KeyError, struct.error: No such message, or with other columns than the log describes.
         """
         (length,) = struct.unpack_from("<I", data, LABEL - 4)
         label = bytes(data[LABEL : LABEL + length])
@@ -219,7 +219,7 @@ class RowDecoder:
         return parts
 
     def name(self, place: int) -> str:
-        """Name of a number of a frame, such as body_angles[cabin/hanger, 1]: its pitch."""
+        """Name of the number at an index of a frame, such as body_angles[cabin/hanger, 1] for the pitch of a hanger."""
         for name, places in self._layout.places._asdict().items():
             for row, *component in np.argwhere(places == place).tolist():
                 names = getattr(self._layout, str(DECLARED[name].shape[0]) if name in DECLARED else "", ())
@@ -228,7 +228,7 @@ class RowDecoder:
 
 
 class _Parts(NamedTuple):
-    """Arrangement of the numbers in messages with equal groups of columns."""
+    """Arrangement of the numbers in messages `columns` with one set of groups."""
 
     head: bytes  # of the message, up to its numbers
     size: int  # number of numbers
@@ -238,11 +238,11 @@ class _Parts(NamedTuple):
 
 
 class _ShapeError(ValueError):
-    """Column of an unexpected shape in a log."""
+    """Fault of a column of unexpected shape or size in a log."""
 
 
 def _limited(count: int) -> int:
-    """Check a count of numbers against the limit of a message; returns the count."""
+    """Check a count of numbers against the limit of one message; returns the count."""
     if not 0 <= count <= MOST:
-        raise _ShapeError(f"{count} numbers; allowed: {MOST} at most")
+        raise _ShapeError(f"given {count} numbers; allowed: {MOST} at most")
     return count

@@ -21,7 +21,7 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     """Encode an applied command as sensor_msgs/JointState.
 
     The stamp is the simulated time of effect. A name is KIND/NAME/SOURCE, with the name of a carriage or drive, or an
-    axis, and has a number in the field that the table of kinds says; or KIND/SOURCE for kinds without numbers.
+    axis, and has a number in the field of the kind in the table of kinds; or KIND/SOURCE for kinds without numbers.
 
     Args:
         applied: The command; its time to the nanosecond.
@@ -68,20 +68,20 @@ def _parts(message: Any) -> tuple[str, list[str], str]:
     parts = [name.split("/", 2 if kind in KINDS and KINDS[kind].field else 1) for name in message.name]
     if kind not in KINDS or any(part[0] != kind or len(part) != (3 if KINDS[kind].field else 2) for part in parts):
         allowed = f"KIND/NAME/SOURCE with a KIND of {', '.join(KINDS)}"
-        raise ValueError(f"applied command '{printable(', '.join(message.name))}'; allowed: {allowed}")
+        raise ValueError(f"applied command: given '{printable(', '.join(message.name))}'; allowed: {allowed}")
     return kind, [part[1] for part in parts if len(part) > 2], parts[0][-1]
 
 
 def command_from_message(topic: str, data: bytes, most_names: int | None = None) -> Command | Goal:
-    """Decode a message of a command topic; checks against the present state are left to the simulation.
+    """Decode a message of a command topic into a command; the simulation checks it against the present state.
 
     Args:
-        topic: Relative name, of `cable_twin.frame.commands.INPUTS`.
+        topic: Relative name, a key of `cable_twin.frame.commands.INPUTS`.
         data: CDR.
         most_names: Highest number of names, checked before decoding; None for any number.
 
     Raises:
-        CommandError: It is no message of the topic's type, has too many names, or has no clear meaning.
+        CommandError: The message is not of the topic's type, has too many names, or has no clear meaning.
     """
     try:
         _check_counts(INPUTS[topic], data, most_names)
@@ -98,22 +98,22 @@ def command_from_message(topic: str, data: bytes, most_names: int | None = None)
 
 
 def _check_counts(message_type: str, data: bytes, most_names: int | None) -> None:
-    """Refuse a too long message by the counts in its first bytes, far faster than decoding.
+    """Refuse a command message with a too long frame_id or too many names, by counts read before decoding.
 
     Raises:
-        CommandError: The name of its frame is too long, or it has too many names.
-        struct.error: It ends before its counts.
+        CommandError: The name of the message's frame is too long, or it has too many names.
+        struct.error: The message ends before its counts.
     """
     order = "<" if data[1] & 1 else ">"  # bytes 0 to 3: the encapsulation; 4 to 11: the stamp
     length = struct.unpack_from(f"{order}I", data, 12)[0]  # of the frame and a zero
     if length > LONGEST_FRAME_ID + 1:
-        raise CommandError(f"a frame_id of {length - 1} bytes; allowed: up to {LONGEST_FRAME_ID}")
+        raise CommandError(f"frame_id: given {length - 1} bytes; allowed: up to {LONGEST_FRAME_ID}")
     if message_type != JOINT_STATE or most_names is None:
         return
     place = 16 + length
     count = struct.unpack_from(f"{order}I", data, place + -place % 4)[0]
     if count > most_names:
-        raise CommandError(f"{count} names given; allowed: up to {most_names}, as many as there are joints")
+        raise CommandError(f"names: given {count}; allowed: up to {most_names}, as many as there are joints")
 
 
 def command_from_joint_state(
@@ -123,19 +123,19 @@ def command_from_joint_state(
     velocity: Collection[float],
     effort: Collection[float],
 ) -> Command | Goal:
-    """Convert a JointState of a topic into a command; names and limits are checked by the simulation.
+    """Convert a JointState of a command topic into a command; the simulation checks names and limits.
 
-    Positions of joint commands are places to go to, with velocities as what is allowed on the way.
+    Positions of joint commands are places to go to, with velocities as speed limits on the way.
 
-    Joints that are not commanded may be named as well, with NaN beside the numbers of those that are: so a
-    ros2_control hardware on topics sends all of its joints.
+    Joints without a command may be named as well, with NaN as their numbers, as a ros2_control hardware on topics
+    does, which sends all of its joints.
 
     Args:
-        topic: Which kinds are meant.
+        topic: Relative name, which limits the kinds of command.
         names: Carriages or drives.
         position: A number for each name, or empty.
-        velocity: The same.
-        effort: The same.
+        velocity: A number for each name, or empty.
+        effort: A number for each name, or empty.
 
     Raises:
         CommandError: The message has no clear meaning.
@@ -162,7 +162,7 @@ def command_from_joint_state(
 
 
 def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal:
-    """Goal from a JointState with places in `position` and speed limits in `velocity`."""
+    """Make a goal from a JointState with places in `position` and speed limits in `velocity`."""
     if any(len(numbers) not in (0, len(names)) for numbers in fields.values()):
         counts = ", ".join(f"{len(numbers)} of {field}" for field, numbers in fields.items())
         raise CommandError(f"joint command with {len(names)} names and {counts}; give one value for each name")
@@ -178,7 +178,7 @@ def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal
 
 
 def _check_once(what: str, names: Sequence[str]) -> None:
-    """Refuse a command that repeats a name."""
+    """Refuse a command message that names a carriage or drive more than once."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -189,7 +189,7 @@ def _check_once(what: str, names: Sequence[str]) -> None:
 def _commanded(
     names: Sequence[str], fields: Mapping[str, Collection[float]]
 ) -> tuple[Sequence[str], Mapping[str, Collection[float]]]:
-    """Names of a JointState with a number other than NaN, and the fields with any such number."""
+    """Drop names of a JointState whose numbers are all NaN, and fields without any other number."""
     given = {field: list(map(float, numbers)) for field, numbers in fields.items() if len(numbers)}
     if not names or any(len(numbers) != len(names) for numbers in given.values()):
         return names, fields
@@ -205,7 +205,7 @@ def _commanded(
 
 
 def _check_fields(kind: Kind, what: str, names: int, fields: Mapping[str, Collection[float]]) -> None:
-    """Refuse anything but one number for each name in the field of the kind."""
+    """Refuse a JointState without exactly one number for each name, in the field of its command kind."""
     counts = {field: len(numbers) for field, numbers in fields.items()}
     if not names or counts != {**dict.fromkeys(counts, 0), kind.field: names}:
         given = "{position} positions, {velocity} velocities and {effort} values of effort".format(**counts)
@@ -230,7 +230,7 @@ def _kind_meant(kinds: Mapping[str, Kind], what: str, names: int, fields: Mappin
 
 
 def command_from_vector(topic: str, x: float, y: float, z: float) -> Command:
-    """Convert a vector of a topic, such as a wind (m/s), into a command; the y axis is checked by the simulation."""
+    """Convert a vector of a command topic, such as a wind (m/s), into a command; the simulation checks the y axis."""
     (kind,) = kinds_on(topic).values()
     across = {"y": float(y)} if y != 0.0 else {}
     return Command(kind.name, {"x": float(x), "z": float(z), **across})

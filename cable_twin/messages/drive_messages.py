@@ -15,13 +15,13 @@ ROWS = ("", "/command", "/limit")  # behind a name
 
 
 class ReferencesMessage:
-    """Message `joint_references` of commands and references: three rows for each commanded carriage and drive.
+    """Message `joint_references`: references, commands and force limits of each commanded carriage and drive.
 
     NAME has the reference that the drive follows, ramped within its limits: place (m), speed (m/s) and commanded force
-    (N); where it follows no ramp, place and speed are its own. NAME/command has the kind of the command (by its number
+    (N); without a ramp, the actual place and speed. NAME/command has the kind of the command (by its number
     in `COMMANDED`) as position, the commanded speed (m/s) and force (N). NAME/limit has the share of the force limit in
-    use as position (1 in saturation) and that limit (N) as effort; both are 0 where there is no limit. That of a
-    bullwheel's drive is the force at which the rope would slip on it.
+    use as position (1 in saturation) and the limit (N) as effort; both are 0 where there is no limit. The limit of a
+    bullwheel's drive is the force at which the rope slips on the wheel.
 
     Args:
         header: of the message.
@@ -63,7 +63,7 @@ class ReferencesMessage:
 
 
 def _sources(layout: Layout) -> IntArray:
-    """Indices (3, names, rows) of frame numbers in the message, for place, speed, force; 0 for empty fields."""
+    """Indices (3, names, rows) in a frame of the numbers of `joint_references`: place, speed, force; 0 if empty."""
     c = layout.places
     limits = layout.of_commanded(c.force_limit, np.zeros_like(c.drive_position))
     kinds = layout.of_commanded(c.command_kind, c.drive_command_kind)
@@ -76,7 +76,7 @@ def _sources(layout: Layout) -> IntArray:
 
 
 class _Rows:
-    """Names of the rows of the message, and row numbers of each kind."""
+    """Rows of message `sheaves`: their names, and the row numbers of wheels, strands and tensioning carriages."""
 
     def __init__(self, layout: Layout) -> None:
         self.names: list[str] = []
@@ -92,11 +92,12 @@ class _Rows:
 
 
 class BullwheelsMessage:
-    """Message `sheaves` of bullwheels: rows with the rope, the drive, both strands and the tensioning of each.
+    """Message `sheaves` of bullwheels: rope travel, drive force, tensions of both strands and tensioning of each.
 
-    NAME has the rope gone over it (m), its speed (m/s) and the force of its drive at the rim (N); NAME/on and NAME/off
-    are the strands that come to it and leave it, with their tensions (N) as effort, and on NAME/on how far its rim has
-    gone further than the rope (m); NAME/carriage, where something tensions it, has the travel of that (m).
+    NAME has the travel of the rope over the wheel (m), its speed (m/s) and the force of the drive at the rim (N).
+    NAME/on and NAME/off are the strands that come to the wheel and leave it, with their tensions (N) as effort; NAME/on
+    has the slip (m), by which the rim has gone further than the rope, as position. NAME/carriage, for a wheel with a
+    tensioning device, has the travel of the device (m).
 
     Args:
         header: of the message.

@@ -1,4 +1,4 @@
-"""Key figures as diagnostic statuses and back, on topics and in bags."""
+"""Conversion of key figures to diagnostic statuses and back, for topics and bags; statuses of outlooks, estimates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LONGEST_TEXT = 1000  # characters of what a bag says of a figure
 
 
 def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
-    """Status of each key figure: a warning for an exceeded limit."""
+    """Diagnostic status of each key figure: a warning for an exceeded limit."""
     return [
         Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), values_of(figure))
         for figure in figures
@@ -23,16 +23,16 @@ def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
 
 
 def figures_message(figures: Iterable[KeyFigure], stamp_ns: int) -> bytes:
-    """Encode figures as a diagnostic_msgs/DiagnosticArray with a stamp in ns."""
+    """Encode key figures as a diagnostic_msgs/DiagnosticArray with a stamp in ns."""
     return diagnostics_message(stamp_ns, *figure_statuses(figures))
 
 
 def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
-    """Statuses of an outlook: one of the whole, then each figure of each future, a warning where a limit is passed.
+    """Diagnostic statuses of an outlook: a summary, then each figure of each future; a warning for a passed limit.
 
     Args:
         outlook: outlook of a twin.
-        age: s by the clock since the state was taken from which it was made.
+        age: s by the clock since the capture of the state from which the outlook was computed.
     """
     warnings = outlook.warnings
     values = {
@@ -55,11 +55,11 @@ def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
 
 
 def estimate_message(estimates: Mapping[str, tuple[float, float, str]], alarms: Sequence[str], stamp_ns: int) -> bytes:
-    """Encode estimates as a diagnostic_msgs/DiagnosticArray: a status of the whole, then one of each.
+    """Encode estimates as a diagnostic_msgs/DiagnosticArray: a status with new alarms, then one of each estimate.
 
     Args:
         estimates: value, standard deviation and unit by name.
-        alarms: new ones, a line each.
+        alarms: new alarms, a line each.
         stamp_ns: ns.
     """
     count = f"{len(alarms)} alarm{'s' if len(alarms) > 1 else ''}"
@@ -85,7 +85,7 @@ def figures_of_statuses(statuses: Sequence[Status]) -> list[KeyFigure]:
     """Key figures from their statuses, exact inverse of `figure_statuses`.
 
     Raises:
-        ValueError: A status is none of a key figure.
+        ValueError: A status is not of a key figure.
     """
     return [
         figure_from_values(

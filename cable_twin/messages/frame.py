@@ -3,9 +3,9 @@
 A message is built once; the same bytes go to the publisher (`publisher.publish(data)`) and into the log. Names never
 change in a run, so each message is a template into which the columns of a frame are copied.
 
-All is in one frame, by default `map`: x along the track, y lateral, z up (REP-103). A force is in the frame of the
-vehicle or support where it acts, which is turned like that one. A stamp is the epoch of the run plus simulated time, in
-nanoseconds: one clock for messages, tf and logs.
+Positions are in one frame, by default `map`: x along the track, y lateral, z up (REP-103). A force is in the frame of
+the vehicle or support where it acts, with axes parallel to `map`. A stamp is the epoch of the run plus simulated time,
+in nanoseconds: one clock for messages, tf and logs.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Filled(Protocol):
 
 
 class MessageEncoder:
-    """Encoder of the snapshots of one run as messages.
+    """Encoder of the snapshots of one run as ROS 2 messages.
 
     Attributes:
         epoch_ns: wall time (ns since 1970) of simulated time zero.
@@ -95,12 +95,12 @@ class MessageEncoder:
         own: Sequence[str] = (),
         frames: FrameNames = PLAIN,
     ) -> None:
-        """Prepare the messages of frames in a layout.
+        """Prepare the messages of all topics for frames in a layout.
 
         Args:
             layout: Of the snapshots.
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
-            own: Names of carriers that have topics of their own besides.
+            own: Names of carriers with topics of their own in addition.
             frames: Names of coordinate frames.
         """
         self.epoch_ns = epoch_ns
@@ -173,7 +173,7 @@ class MessageEncoder:
         self._makers[name] = partial(make, self._columns)
 
     def _prepare(self, name: str) -> Callable[[int], bytes]:
-        """Lay out the message of a topic at its first use."""
+        """Lay out the message template of a topic at its first use; returns its fill function."""
         self._encoders[name] = clock_message if name == CLOCK else self._makers[name]().fill
         if name == JOINT_STATES:
             self._encoders[name] = self._fill_joint_states(self._encoders[name])
@@ -212,7 +212,7 @@ class MessageEncoder:
         return Template(message, sources)
 
     def _fill_joint_states(self, fill: Callable[[int], bytes]) -> Callable[[int], bytes]:
-        """Fill body joint angles first, each relative to the body above, of the first body to the vertical."""
+        """Wrap a fill function to set body joint angles first, relative to the body above or to the vertical."""
         layout, frame, joints = self._layout, self._numbers, self._joints
         own = np.array([layout.places.body_angles[:, 1], layout.places.body_angular_velocity[:, 1]])
         hung, above, hangs = hung_rows(layout), np.zeros_like(own), np.zeros_like(joints)
@@ -327,12 +327,12 @@ def _maker(make: Callable[..., Template], header: Header, *sources: FloatArray) 
 
 
 def joint_names(layout: Layout) -> list[str]:
-    """Names of the joints of all bodies in a URDF: VEHICLE_BODY."""
+    """Names VEHICLE_BODY of the joints of all bodies in a URDF."""
     return [body.replace("/", "_") for body in layout.bodies]
 
 
 def hung_rows(layout: Layout) -> NDArray[np.intp]:
-    """Rows (n,) of bodies below another body, which is in the row before."""
+    """Row numbers (n,) of bodies that hang from another body, which is in the row before."""
     return np.array([row for row in range(len(layout.bodies)) if row not in layout.first_body], dtype=np.intp)
 
 

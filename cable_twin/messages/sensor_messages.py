@@ -46,7 +46,7 @@ UNKNOWN = np.array([-1.0, *[0.0] * 8])  # covariance of what a sensor_msgs/Imu d
 
 
 def sensor_topic(sensor: Sensor) -> str:
-    """Relative name of the topic of a sensor; encoders and drive forces share one."""
+    """Relative name of the topic of a sensor; all encoders and drive forces share one topic."""
     if sensor.kind in JOINT_SENSORS:
         return "sensors/joint_states"
     if sensor.kind == "load_cell":
@@ -61,12 +61,12 @@ def sensor_topics(scenario: Scenario) -> tuple[Topic, ...]:
 
 
 def plant_names(scenario: Scenario) -> dict[str, str]:
-    """Full names of the topics of all sensors of a plant, by their names as sensors of a twin."""
+    """Full topic names of the sensors of a plant, by the relative names of the twin's sensor topics."""
     return {topic.name: f"{PLANT}/{topic.name.removeprefix('sensors/')}" for topic in sensor_topics(scenario)}
 
 
 def plant_topics(scenario: Scenario) -> dict[str, Topic]:
-    """Topics of a plant with full names, by their names as sensors of a twin; best effort suits any publisher."""
+    """Topics of the sensors of a plant, by relative names of the twin's topics; best effort suits any publisher."""
     names = plant_names(scenario)
     return {
         topic.name: replace(topic, name=names[topic.name], reliability="best_effort", depth=100)
@@ -77,7 +77,7 @@ def plant_topics(scenario: Scenario) -> dict[str, Topic]:
 def measurements_from_message(
     topic: str, data: bytes, sensors: Mapping[str, Sensor], epoch_ns: int
 ) -> list[Measurement]:
-    """Measurements in a message of a plant or of the sensors of a twin; inverse of `SensorOutput`.
+    """Decode the measurements in a sensor message of a plant or twin; inverse of `SensorOutput`.
 
     Args:
         topic: relative name, as `sensor_topic` gives it.
@@ -86,7 +86,7 @@ def measurements_from_message(
         epoch_ns: ns since 1970 of simulated time zero.
 
     Raises:
-        ValueError: the message is of something that no sensor measures.
+        ValueError: no known sensor belongs to the topic or to a name in the message.
     """
     names: dict[tuple[str, str], str] = {(one.kind, one.of): name for name, one in sensors.items()}
     if topic == "sensors/joint_states":
@@ -100,13 +100,14 @@ def measurements_from_message(
                     continue
                 if (kind, name) not in names:
                     known = ", ".join(of for one, of in names if one == kind)
-                    raise ValueError(f"{kind} of '{printable(name, 40)}' given; allowed: {known or 'none'}")
+                    raise ValueError(f"{kind}: given '{printable(name, 40)}'; allowed: {known or 'none'}")
                 found.append(Measurement(names[kind, name], time, tuple(float(one[row]) for one in values if len(one))))
         return found
     name = next((name for name, one in sensors.items() if sensor_topic(one) == topic), "")
     if not name:
         raise ValueError(
-            f"{topic} given; allowed: {', '.join(sorted({sensor_topic(one) for one in sensors.values()}))}"
+            f"sensor topic: given {topic}; allowed: "
+            f"{', '.join(sorted({sensor_topic(one) for one in sensors.values()}))}"
         )
     message = decode(data, TYPES[sensors[name].kind].__msgtype__)
     time = (stamp_in(data) - epoch_ns) / SECOND
@@ -122,16 +123,16 @@ def measurements_from_message(
 
 
 def turned_about(axis: str, angle: float) -> Any:
-    """Orientation (geometry_msgs/Quaternion) of what is turned by an angle (rad) about one axis, `roll` or `pitch`."""
+    """Orientation (geometry_msgs/Quaternion) of a rotation by an angle (rad) about the `roll` or `pitch` axis."""
     sine, cosine = float(np.sin(0.5 * angle)), float(np.cos(0.5 * angle))
     return Quaternion(sine, 0.0, 0.0, cosine) if axis == "roll" else Quaternion(0.0, sine, 0.0, cosine)
 
 
 class SensorOutput:
-    """Messages of the sensors of a run.
+    """Simulated sensors of a run, and the messages of their measurements.
 
     Args:
-        scenario: which they are.
+        scenario: with the parameters of all sensors.
         layout: of its frames.
         frames: names of coordinate frames.
     """
@@ -146,7 +147,7 @@ class SensorOutput:
         return [self.message(item, epoch_ns + nanoseconds(item.time)) for item in self._sensors.take(snapshot)]
 
     def message(self, measurement: Measurement, stamp_ns: int) -> tuple[str, bytes]:
-        """Topic and message of a measurement, with a stamp (ns since 1970)."""
+        """Encode a measurement as topic and message, with a stamp (ns since 1970)."""
         sensor, values = self._scenario.sensors[measurement.sensor], measurement.values
         topic = sensor_topic(sensor)
         if sensor.kind == "encoder":
@@ -171,5 +172,5 @@ class SensorOutput:
 
 
 def _square(deviation: float) -> np.ndarray:
-    """Covariance (9,) of three independent numbers from a standard deviation."""
+    """Covariance matrix (9,) of three independent numbers with one standard deviation."""
     return deviation**2 * np.eye(3).reshape(9)

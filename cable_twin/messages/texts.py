@@ -27,7 +27,7 @@ def scenario_message(scenario: Mapping[str, Any]) -> bytes:
 
 
 def scenario_from_message(data: bytes) -> dict[str, Any]:
-    """Read the scenario from its message; raises ValueError where the text is not a JSON object."""
+    """Decode the scenario from its std_msgs/String; raises ValueError where the text is not a JSON object."""
     scenario = json.loads(decode(data, String.__msgtype__).data)
     if not isinstance(scenario, dict):
         msg = "scenario: not a JSON object"
@@ -37,7 +37,7 @@ def scenario_from_message(data: bytes) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """One status of a diagnostics message."""
+    """Status in a diagnostics message: level, name, text and values."""
 
     level: int  # 0 ok, 1 warning, 2 error, 3 stale
     name: str  # of the diagnosed task
@@ -62,7 +62,7 @@ def diagnostics_message(stamp_ns: int, *statuses: Status) -> bytes:
 
 
 def statuses_of_message(data: bytes) -> list[Status]:
-    """Read the statuses of a diagnostic_msgs/DiagnosticArray."""
+    """Decode the statuses of a diagnostic_msgs/DiagnosticArray."""
     return [
         Status(status.level, status.name, status.message, {pair.key: pair.value for pair in status.values})
         for status in decode(data, DiagnosticArray.__msgtype__).status
@@ -78,7 +78,7 @@ def refused_command_from_message(data: bytes, time: float) -> RefusedCommand:
     """Decode a refused command at a simulated time (s), inverse of `refused_command_message`.
 
     Raises:
-        ValueError, KeyError: it is no such message.
+        ValueError, KeyError: the message is not of a refused command.
     """
     (status,) = statuses_of_message(data)
     return RefusedCommand(time, status.name, status.message, int(status.values[COUNT]))
@@ -89,7 +89,7 @@ class DerailmentMessage:
 
     Args:
         layout: of the frame.
-        columns: which are filled in before each call.
+        columns: of the frame, filled in before each call.
     """
 
     def __init__(self, layout: Layout, columns: Columns) -> None:

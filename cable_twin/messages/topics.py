@@ -61,7 +61,7 @@ Group = Literal["joints", "poses", "forces", "rope", "path", "transforms", "mark
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One topic: name relative to the node ("joint_states") or absolute ("/tf"), type and QoS."""
+    """ROS topic: name relative to the node ("joint_states") or absolute ("/tf"), type and QoS."""
 
     name: str
     type: str  # such as "sensor_msgs/msg/JointState"
@@ -86,7 +86,7 @@ def topics(
 
     Args:
         layout: Of its frames.
-        own: Names of carriers that have topics of their own besides.
+        own: Names of carriers with topics of their own in addition.
         clock: With `/clock`, off by default.
         tf: With `/tf` and `/tf_static`.
         markers: With `markers`, only where visualization_msgs exists.
@@ -139,7 +139,7 @@ def topics(
 
 
 def _of_vehicle(vehicle: str, layout: Layout) -> Iterator[Topic]:
-    """Topics of a single vehicle."""
+    """Topics of a single vehicle: poses, contact force, haul rope force."""
     for body in (None, *layout.vehicles[vehicle]):
         yield Topic(pose_topic(vehicle, body), PoseStamped.__msgtype__, group="poses")
     yield Topic(contact_force_topic(vehicle), WrenchStamped.__msgtype__, group="forces")
@@ -196,9 +196,9 @@ class Schedule:
     """Schedule of the topics due at each frame, counted from the start of the run, for one or more takers.
 
     Args:
-        table: the topics; those without a group come as they happen and are in no schedule.
+        table: the topics; topics without a group come at events and are in no schedule.
         frame_rate: Hz.
-        rates: for each taker Hz by group, every frame where there is none; one that does not divide the frame rate is
+        rates: for each taker Hz by group, every frame without an entry; a rate that does not divide the frame rate is
             lowered to the next that does.
     """
 
@@ -211,13 +211,13 @@ class Schedule:
         self._known: dict[tuple[bool, ...], Due] = {}
 
     def listen(self, taker: int, group: str, listening: bool) -> None:
-        """Give a taker, by number, a group of topics at its rate, or stop the group while nobody listens."""
+        """Start a group of topics at its rate for a taker, by number, or stop the group while nobody listens."""
         if group in self._groups:
             row = self._groups.index(group)
             self._periods[taker][row] = self._given[taker][row] if listening else self._never
 
     def due(self, frame: int, *, everything: bool = False) -> Due:
-        """Topics due at a frame, or all topics of the schedule."""
+        """Topics due at a frame, by its number in the run, or all topics of the schedule."""
         wanted = tuple([everything or frame % period == 0 for periods in self._periods for period in periods])
         if wanted not in self._known:
             self._known[wanted] = self._gather(wanted)
@@ -245,7 +245,7 @@ class TopicNames:
 
     Attributes:
         namespace: full name of the node, in front of relative names.
-        remapped: full names by the names of the table, of those that ROS was told to call otherwise.
+        remapped: full names of the topics that ROS remaps, by their names in the table.
     """
 
     namespace: str = NAMESPACE
@@ -267,18 +267,18 @@ class TopicNames:
         return self.remapped.get(topic, plain)
 
     def own(self, name: str) -> str:
-        """Name in the topic table of a topic with a given full name."""
+        """Name in the topic table of the topic with a full name; inverse of `full`."""
         topics = {remapped: topic for topic, remapped in self.remapped.items()}
         return topics.get(name, name.removeprefix(f"{self.namespace.rstrip('/')}/"))
 
 
 @dataclass(frozen=True, slots=True)
 class FrameNames:
-    """Names of coordinate frames, with a prefix.
+    """Names of coordinate frames of messages: the fixed frame, and a prefix for all others.
 
     Attributes:
-        frame_id: of the frame in which everything is, x along the track, y lateral, z up (REP-103).
-        frame_prefix: in front of the names of vehicles, their bodies and supports, as robot_state_publisher has it.
+        frame_id: name of the fixed frame, x along the track, y lateral, z up (REP-103).
+        frame_prefix: in front of the names of vehicles, their bodies and supports, as in robot_state_publisher.
     """
 
     frame_id: str = FRAME_ID
@@ -295,5 +295,5 @@ class FrameNames:
         return {"frame_id": self.frame_id, "frame_prefix": self.frame_prefix}
 
     def named(self, thing: str) -> str:
-        """Name of the frame of a vehicle ("cabin"), a body ("cabin/hanger") or a support ("tower_1")."""
+        """Name of the coordinate frame of a vehicle ("cabin"), a body ("cabin/hanger") or a support ("tower_1")."""
         return f"{self.frame_prefix}{thing}"

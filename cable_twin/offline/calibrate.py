@@ -1,4 +1,4 @@
-"""Command `calibrate`: parameters of a scenario from logs of a plant, with intervals and a check of what is told."""
+"""Command `calibrate`: parameters of a scenario from logs of a plant, with intervals and an identifiability check."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def parser() -> OneLineParser:
 def _keys(text: str) -> list[str]:
     found = [one.strip() for one in text.split(",")]
     if not all(found):
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: KEY,KEY as in cable.axial_stiffness,wind.x")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: KEY,KEY as in cable.axial_stiffness,wind.x")
     return found
 
 
@@ -127,12 +127,12 @@ def _prior(text: str) -> tuple[str, Prior]:
 
 def _threads(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1000:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 1 to 1000")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 1 to 1000")
     return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Calibrate a scenario; the help has the exit codes."""
+    """Calibrate a scenario by logs of a plant; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     console = Console(stderr=True)
@@ -153,11 +153,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class _FailedError(ValueError):
-    """End of a calibration that is no fault of its input: one line."""
+    """Failure of a calibration whose input is valid: one line."""
 
 
 class Job(NamedTuple):
-    """Calibration that is prepared: the twin, the data of its logs, and the predictor."""
+    """Prepared calibration: simulation of the twin, data of the logs, and predictor of measurements."""
 
     simulation: Simulation
     packages: tuple[Package, ...]
@@ -166,10 +166,10 @@ class Job(NamedTuple):
 
 
 def prepare(options: argparse.Namespace) -> Job:
-    """Read logs and find parameters.
+    """Prepare a calibration from its options: read logs, build the twin, look up the free parameters.
 
     Raises:
-        ScenarioError, LogError, EquilibriumError, CalibrationError: something cannot be used.
+        ScenarioError, LogError, EquilibriumError, CalibrationError: a scenario, log or parameter cannot be used.
     """
     logs = logs_of([*options.logs, *options.validate])
     simulation = twin_of(logs[0], options.scenario, dict(options.set))
@@ -190,13 +190,13 @@ def prepare(options: argparse.Namespace) -> Job:
 
 
 def _loads(rest: Any) -> dict[str, float]:
-    """Load (N) of each support at rest."""
+    """Load (N) of each support at rest, by name."""
     forces = rest.columns.support_force
     return {name: float(np.linalg.norm(forces[row])) for name, row in rest.layout.support_rows.items()}
 
 
 def _run(job: Job, options: argparse.Namespace, console: Console) -> int:
-    """Check, solve and report."""
+    """Run a prepared calibration: identifiability check, solve, report; returns the exit code."""
     predictor, state = job.predictor, options.output.expanduser() / STATE
     state.parent.mkdir(parents=True, exist_ok=True)
     if kept := load_state(state, job.state):
@@ -224,16 +224,16 @@ def _run(job: Job, options: argparse.Namespace, console: Console) -> int:
 
 
 def _check_units(predictor: Predictor, prior: Evaluation) -> None:
-    """Refuse a sensor whose measurements are of another unit."""
+    """Refuse a sensor whose readings are a thousandfold or a thousandth of the twin's: in another unit."""
     for name, ratio in predictor.ratios(prior).items():
         if any(THOUSANDFOLD[0] < one < THOUSANDFOLD[1] for one in (ratio, 1.0 / max(ratio, 1e-300))):
             raise CalibrationError(
-                f"sensor {name} reads {ratio:.4g} times what the twin has: another unit? allowed: SI"
+                f"sensor {name}: given readings {ratio:.4g} times those of the twin, another unit? allowed: SI"
             )
 
 
 def _tell_check(found: Check, moved: bool) -> None:
-    """Print what the data can tell."""
+    """Print the result of the identifiability check: rank, singular values, parameters not identifiable and why."""
     values = ", ".join(rounded(one, 3) for one in found.singular_values)
     print(f"check: {found.rank} of {len(found.findings)} directions are told better than by priors ({values})")
     for one in found.findings:
@@ -242,7 +242,7 @@ def _tell_check(found: Check, moved: bool) -> None:
 
 
 def _print(solution: Solution) -> None:
-    """Print estimates and residuals."""
+    """Print estimates, residuals and high correlations of a calibration."""
     wide = max(len(one.parameter.key) for one in solution.estimates)
     print(f"{'parameter':{wide}}  {'value':>12} {'95 % interval':>27} {'prior':>12}  unit")
     for one in solution.estimates:
@@ -267,7 +267,7 @@ def _print(solution: Solution) -> None:
 
 
 def _write(job: Job, solution: Solution, found: Check, options: argparse.Namespace) -> int:
-    """Write all files of a calibration."""
+    """Write all files of a calibration: scenario, results, picture; returns the exit code."""
     directory, scenario = options.output.expanduser(), job.simulation.scenario
     text = scenario_text(options.scenario, dict(options.set), scenario, solution, options.logs)
     (directory / SCENARIO_FILE).write_text(text, encoding="utf-8")

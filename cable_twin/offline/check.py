@@ -1,4 +1,4 @@
-"""Discretisation check of key figures: a run with half the mesh and half the step, and the differences."""
+"""Discretisation check of key figures: their differences in a run with half the element length and step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cable_twin.simulation import Simulation
 
 
 def refined(scenario: Scenario) -> Scenario:
-    """Scenario with elements and solver steps of half the length."""
+    """Refine a scenario: rope elements and solver steps of half the length."""
     changes: dict[str, Any] = {}
     for rope, cable in scenario.cables.items():
         key, elements = f"{scenario.rope_key(rope)}.elements", cable.elements
@@ -35,7 +35,7 @@ def checked(
     duration: float,
     frame_steps: int,
 ) -> list[KeyFigure]:
-    """Key figures of a run from its start, each with its difference from the refined run.
+    """Key figures of a run from its start, each with its difference from a run of the refined scenario.
 
     Args:
         figures: of the run.

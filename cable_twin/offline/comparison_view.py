@@ -1,4 +1,4 @@
-"""Comparison of several runs in one rerun recording: each below its own root, with overlaid plots."""
+"""Comparison of several runs in one rerun recording: each run below its own root, with overlaid plots."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cable_twin.view.space import SPACE
 
 
 class _RootedStream:
-    """Rerun stream that puts a run below a root and prefixes the lines of its plots; has no blueprint."""
+    """Rerun stream of one run in a comparison: below a root, with prefixed plot lines, without a blueprint."""
 
     def __init__(self, stream: rr.RecordingStream, root: str, first_color: int) -> None:
         self._stream = stream
@@ -37,13 +37,13 @@ class _RootedStream:
         self._stream.send_columns(f"{self._root}/{path}", *columns, **options)
 
     def send_blueprint(self, *_: Any, **__: Any) -> None:
-        """Do nothing, as the comparison sends the blueprint."""
+        """Ignore the blueprint of one run, as the comparison sends its own."""
 
     def flush(self, *, timeout_sec: float) -> None:
         self._stream.flush(timeout_sec=timeout_sec)
 
     def disconnect(self) -> None:
-        """Do nothing, as the comparison closes the stream."""
+        """Keep the rerun stream open, as the comparison closes it."""
 
     def _named(self, entity: Any) -> Any:
         if not isinstance(entity, rr.SeriesLines) or entity.names is None:
@@ -78,10 +78,10 @@ class ComparisonView:
         self._stream.send_blueprint(_blueprint(titles, unit, first.layout))
 
     def close(self) -> None:
-        """Send waiting data and close the file.
+        """Send waiting data of all runs and close the rerun file.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The file cannot be written.
         """
         for view in self.views:
             view.close()
@@ -90,7 +90,7 @@ class ComparisonView:
 
 
 def _blueprint(titles: Sequence[str], unit: str, layout: Layout) -> rrb.Blueprint:
-    """Blueprint with tracks and commands side by side, and plots of all runs below."""
+    """Rerun blueprint of a comparison: tracks and commands side by side, plots of all runs below."""
     roots = LABELS[: len(titles)]
     tracks = [
         rrb.Spatial2DView(name=f"{root}: {title}", origin=f"{root}/track")

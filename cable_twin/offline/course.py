@@ -1,4 +1,4 @@
-"""Course of a scripted run: times to advance a simulation to, with the commands between these times."""
+"""Course of a scripted run: times to advance a simulation to, with the script's commands in between."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FASTER = 5.0  # m/s by which nothing gets faster within a frame
 
 
 class EndedError(Exception):
-    """End of a run before its time, on request."""
+    """Early end of a scripted run on request, as by a signal."""
 
 
 class Scripted(Protocol):
@@ -31,7 +31,7 @@ class Scripted(Protocol):
 
     @property
     def layout(self) -> Layout:
-        """Names and places of the numbers of a snapshot."""
+        """Layout of a snapshot: names and indices of its numbers."""
 
     @property
     def step(self) -> float:
@@ -43,15 +43,15 @@ class Scripted(Protocol):
 
     @property
     def snapshot(self) -> Snapshot:
-        """Present snapshot."""
+        """Snapshot of the present state."""
 
     def apply(self, command: Command, source: str = ...) -> AppliedCommand:
-        """Apply a command, or raise CommandError."""
+        """Apply a command to the simulation; raises CommandError where refused."""
 
 
 @dataclass(slots=True)
 class Outcome:
-    """Result of a scripted run."""
+    """Result of a scripted run: times, counts of commands, refusals, reason of an early end."""
 
     time: float = 0.0  # s, simulated
     wall_time: float = 0.0  # s
@@ -77,9 +77,9 @@ def course(
     """Yield times (s) up to which the caller advances a simulation, with the commands of a script in between.
 
     A command takes effect at the solver step nearest to its time, after the frame of that time, or at the first step
-    at which its place is reached, which frames have no part in. Where the simulation comes from a snapshot, earlier
-    commands are part of its state and are not given again. The caller throws `SolverError` or `EndedError` in where
-    the simulation does not get there.
+    at which its place is reached, whatever the frames are. Where the simulation comes from a snapshot, earlier
+    commands are part of its state and are not given again. The caller throws `SolverError` or `EndedError` into the
+    generator where the simulation does not reach the time.
 
     Args:
         simulation: simulation at its start, or a loaded one.
@@ -89,10 +89,10 @@ def course(
         figures: collector of key figures, or None.
         on_frame: called with the snapshot of each frame.
         on_applied: called after each command.
-        on_refused: called for each refused one.
+        on_refused: called for each refused command.
 
     Returns:
-        Its end, and commands that were refused or not carried out.
+        Outcome with the end of the run, and commands that were refused or not carried out.
     """
     first = round(simulation.time / simulation.step)  # solver steps that are done
     given = list(script)
@@ -115,7 +115,7 @@ def course(
             figures.command(applied)
 
     def advance_to(time: float) -> Generator[float, None, Snapshot]:
-        """Advance to a time, step by step where a place may be reached."""
+        """Advance the simulation to a time (s), step by step where the place of a command may be reached."""
         while places.near(simulation, max(time - simulation.time, 0.0)):
             for item in places.reached(simulation):
                 give(item)
@@ -149,10 +149,10 @@ def course(
 
 
 class PlaceWatch:
-    """Commands that wait for a place; each is given once.
+    """Watch of scripted commands that wait for a vehicle or drive to reach a place; each is given once.
 
     Args:
-        script: those with a place; each waits from its time on.
+        script: commands with a place; each waits from its time on.
     """
 
     def __init__(self, script: Iterable[ScriptedCommand]) -> None:
@@ -161,12 +161,12 @@ class PlaceWatch:
 
     @property
     def left(self) -> list[str]:
-        """Messages about commands whose place has not been reached."""
+        """Messages about scripted commands whose place has not been reached."""
         waiting = [*(item for item, _ in self._waiting), *self._later]
         return [f"{one.place}: '{one.at.name}' has not passed {one.at.position:g} m" for one in waiting if one.at]
 
     def reached(self, simulation: Scripted) -> list[ScriptedCommand]:
-        """Commands whose place has been reached since the last call, removed from the waiting ones."""
+        """Scripted commands whose place has been reached since the last call; these wait no longer."""
         while self._later and self._later[0].time <= simulation.time + 0.5 * simulation.step:
             self._waiting.append((self._later.pop(0), 0.0))
         found, waiting = [], []
@@ -180,7 +180,7 @@ class PlaceWatch:
         return found
 
     def near(self, simulation: Scripted, duration: float) -> bool:
-        """Whether a place may be reached within `duration` (s), and each step has to be checked."""
+        """Whether the place of a command may be reached within `duration` (s), so that each step must be checked."""
         if self._later and self._later[0].time <= simulation.time + duration:
             return True
         for item, _ in self._waiting:
@@ -191,12 +191,12 @@ class PlaceWatch:
 
 
 def _half(simulation: Scripted) -> float:
-    """Half the rope length (m): a vehicle whose place jumps by more has changed to the other strand."""
+    """Half the length (m) of the first rope: a vehicle whose place jumps by more has changed to the other strand."""
     return 0.5 * simulation.scenario.cable.unstrained_length
 
 
 def _distance(item: ScriptedCommand, simulation: Scripted) -> tuple[float, float]:
-    """Distance (m) of a vehicle past the place of a command, negative before the place, and its speed (m/s)."""
+    """Distance (m) of a vehicle or drive past the place of a command, negative before the place; its speed (m/s)."""
     assert item.at is not None
     columns, layout = simulation.snapshot.columns, simulation.layout
     name, position = item.at

@@ -1,4 +1,4 @@
-"""Command `design`: tension, unstrained length, rope and heights of towers of a line, written as a new scenario."""
+"""Command `design`: tension, unstrained length, rope or tower heights of a line, written as a new scenario."""
 
 from __future__ import annotations
 
@@ -98,19 +98,19 @@ def _positive(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a finite number above 0")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a finite number above 0")
     return value
 
 
 def _sag(text: str) -> tuple[int, float]:
     span, _, sag = text.partition(":")
     if not span.isdecimal() or not sag:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: SPAN:M as in 2:4.5")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: SPAN:M as in 2:4.5")
     return int(span), _positive(sag)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Design a line and report; the help has the exit codes."""
+    """Design a part of a line, write and report it; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     source = arguments.given_scenario(options)
@@ -153,7 +153,7 @@ def _designed(model: LineModel, options: Any) -> Designed:
 
 
 def _rest(scenario: Scenario) -> int:
-    """Find the equilibrium at a few places of the vehicle, and print the figures that have limits."""
+    """Find the equilibrium of the designed line at a few places of the vehicle; print key figures with limits."""
     line = plan_line(scenario, PLACES, None)
     console = Console(stderr=True)
     try:

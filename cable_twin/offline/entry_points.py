@@ -1,4 +1,4 @@
-"""Entry points of the commands without ROS, such as `simulate`, with one line for an end from outside."""
+"""Entry points of the commands without ROS, such as `simulate`; an interrupt or closed pipe ends them in one line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ UNWRITTEN = {"replay": 2}  # exit code where the output has no place, 1 for all 
 
 
 def __getattr__(command: str) -> Callable[[], int]:
-    """Command of a module in this package by its name in `setup.cfg`: a callable that runs its `main`."""
+    """Entry point of a command by its module name in `setup.cfg`: a callable that runs the `main` of the module."""
     if find_spec(f"cable_twin.offline.{command}") is None:
         raise AttributeError(f"no command {command!r}")
     return partial(_run, command)

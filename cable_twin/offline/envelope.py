@@ -1,4 +1,4 @@
-"""Command `envelope`: load cases of a line at rest, and the extremes of all with the governing case."""
+"""Command `envelope`: load cases of a line at rest, and extremes of key figures with the governing case."""
 
 from __future__ import annotations
 
@@ -106,12 +106,12 @@ def parser() -> OneLineParser:
 
 def _places(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= MOST:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 1 to {MOST}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 1 to {MOST}")
     return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Calculate load cases and report; the help has the exit codes."""
+    """Calculate the load cases of a line and report their extremes; returns the exit code that the help lists."""
     arguments = parser()
     given = sys.argv[1:] if argv is None else list(argv)
     options = arguments.parse_args(given)
@@ -166,7 +166,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> list[CaseResult]:
-    """Results of all load cases, those that are kept read and the others calculated in parallel."""
+    """Results of all load cases: kept results are read, the others calculated in parallel and kept."""
     found = {job.case.id: result for job in jobs if kept is not None and (result := _read(kept, job)) is not None}
     missing = [job for job in jobs if job.case.id not in found]
     if kept is not None and found:
@@ -195,7 +195,7 @@ def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> lis
 
 
 def _file(kept: Path, job: Job) -> Path:
-    """File of the result of a case: by the hash of its scenario, the places and the version."""
+    """Path of the kept result of a load case, named by the hash of its scenario, places and program version."""
     scenario = job.case.scenario.resolved()
     for key in ("profile", "installation", "load_cases"):  # judged anew each time
         del scenario["limits"][key]
@@ -206,7 +206,7 @@ def _file(kept: Path, job: Job) -> Path:
 
 
 def _keep(kept: Path, job: Job, result: CaseResult) -> None:
-    """Write the result of a case, as a whole or not at all."""
+    """Keep the result of a load case in its file, replaced atomically."""
     figures = [{"name": one.name, **values_of(one)} for one in result.figures]
     file = _file(kept, job)
     partial = file.with_suffix(".partial")
@@ -215,7 +215,7 @@ def _keep(kept: Path, job: Job, result: CaseResult) -> None:
 
 
 def _read(kept: Path, job: Job) -> CaseResult | None:
-    """Kept result of a case; None without one that can be read."""
+    """Read the kept result of a load case; None where missing or unreadable."""
     try:
         data = json.loads(_file(kept, job).read_text(encoding="utf-8"))
         figures = tuple(figure_from_values(one.pop("name"), one) for one in data["figures"])
@@ -225,7 +225,7 @@ def _read(kept: Path, job: Job) -> CaseResult | None:
 
 
 def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
-    """Extreme of each key figure over load cases, with the id of the governing case; the first of equal ones.
+    """Extreme of each key figure over load cases, with the id of the governing case: the first of equals.
 
     Args:
         results: results of all cases.
@@ -242,11 +242,11 @@ def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
 
 
 def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
-    """Verdicts of a load case, with its id in the place of each figure.
+    """Add the id of a load case to the place of the figure of each of its verdicts.
 
     Args:
         case: id of the case.
-        verdicts: on its figures.
+        verdicts: rule verdicts on the figures of the case.
     """
 
     def told(one: RuleVerdict) -> RuleVerdict:
@@ -259,7 +259,7 @@ def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
 
 
 def worst_verdicts(of_cases: Sequence[Sequence[RuleVerdict]]) -> list[RuleVerdict]:
-    """Worst verdict of each check over load cases; one that decides goes before one for want of a figure or case.
+    """Worst verdict of each rule check over load cases; undecided for want of a figure or case counts least.
 
     Args:
         of_cases: verdicts of each case, of equal profiles.
@@ -278,10 +278,10 @@ def _write(
     extremes: Sequence[tuple[str, KeyFigure]],
     verdicts: Sequence[RuleVerdict],
 ) -> None:
-    """Write the files that are asked for.
+    """Write the output files given by options: CSV, JSON, plot, Parquet.
 
     Raises:
-        OSError: one cannot be written.
+        OSError: a file cannot be written.
     """
     columns = ["case", *FIGURE_COLUMNS]
     rows = [[one.id, *figure_columns(figure).values()] for one in results for figure in one.figures]

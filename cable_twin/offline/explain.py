@@ -1,4 +1,4 @@
-"""Explanation of a key of a scenario file: `simulate --explain KEY`."""
+"""Printed explanation of a key of a scenario file: `simulate --explain KEY`."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def print_entries(key: str) -> None:
     """Print the entry of a key of a scenario file, or a table of a section.
 
     Args:
-        key: dotted, as `simulate --set` takes it; names of carriages and towers may be any.
+        key: dotted, as for `simulate --set`; carriages and towers may have any name.
 
     Raises:
-        KeyError: there is no such key; its text is one line with the nearest ones.
+        KeyError: there is no such key; one line with the nearest keys.
     """
     found = explained(key)
     console = table_console()
@@ -42,7 +42,7 @@ def print_entries(key: str) -> None:
 
 
 def _print_block(console: Console, entry: Entry) -> None:
-    """Print an entry as a filled block: key with unit, then meaning, default and allowed values."""
+    """Print the entry of a scenario key as a filled block: key with unit, meaning, default and allowed values."""
     unit = f" [{entry.unit}]" if entry.unit else ""
     rest = "; ".join(f"{title}: {text}" for title, text in zip(("default", "allowed"), entry[2:4], strict=True) if text)
     lines = [f"{entry.key}{unit}"]

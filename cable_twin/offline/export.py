@@ -1,6 +1,6 @@
 """Export of key figures and signals of runs as CSV and JSON, in SI units, every frame.
 
-Frames wait in a file without a name until all is known, so that memory does not grow with a run.
+Frames wait in a temporary file until the run ends, so that memory does not grow with a run.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "
 
 
 class RunTable:
-    """Table of the signals of one run, a row each frame; `name` and `scenario` identify the run."""
+    """Table of the signals of one run, a row for each frame; `name` and `scenario` identify the run."""
 
     def __init__(self, name: str, scenario: str) -> None:
         self.name, self.scenario = name, scenario
@@ -43,7 +43,7 @@ class RunTable:
         self._shown: list[tuple[str, list[int]]] = []  # signals and which of their values
 
     def take(self, snapshot: Snapshot) -> None:
-        """Add a frame to the table as a row; missing values are empty."""
+        """Add a frame to the table of signals as a row; missing values are empty."""
         layout, c = snapshot.layout, snapshot.columns
         if not self.columns:
             self._lay_out(snapshot)
@@ -54,17 +54,17 @@ class RunTable:
         self._lines.write(json.dumps(row) + "\n")
 
     def rows(self) -> Iterator[list[float | None]]:
-        """Rows of a table of signals, with a number or None for each column."""
+        """Rows of the table of signals, with a number or None for each column."""
         self._lines.seek(0)
         return map(json.loads, self._lines)
 
     def lines(self) -> Iterator[str]:
-        """Rows of all frames, each as a line of JSON."""
+        """Rows of the table of signals, each as a line of JSON."""
         self._lines.seek(0)
         return (line.rstrip("\n") for line in self._lines)
 
     def _lay_out(self, first: Snapshot) -> None:
-        """Define the columns: for partial signals only those with a value at the start."""
+        """Define the columns of the table from the first frame, without partial signals that have no value in it."""
         self.columns = ["time [s]"]
         for signal in SIGNALS.values():
             names, values = signal.names(first.layout), signal.values(first.layout, first.columns)
@@ -74,7 +74,7 @@ class RunTable:
 
 
 class Export:
-    """Output of the options `--csv` and `--json`.
+    """Writer of the files of the options `--csv` and `--json`: signals, key figures, verdicts of runs.
 
     Raises:
         OSError: A file cannot be made; before anything runs.
@@ -90,22 +90,22 @@ class Export:
                 Path(str(path)).touch()
 
     def __bool__(self) -> bool:
-        """Whether the option `--csv` or `--json` is given."""
+        """Whether any export is requested, by option `--csv` or `--json`."""
         return self._csv is not None or self._json is not None
 
     def add(self, name: str, scenario: str) -> RunTable | None:
-        """Table for one more run; None without a requested export."""
+        """Add a table of signals for one more run; None where no export is requested."""
         if not self:
             return None
         self._tables.append(RunTable(name, scenario))
         return self._tables[-1]
 
     def words(self) -> AbstractContextManager[Any]:
-        """Context that prints text for people to stderr where standard output is for a program."""
+        """Context that redirects printed text to stderr where CSV or JSON goes to standard output."""
         return redirect_stdout(sys.stderr) if STDOUT in (self._csv, self._json) else nullcontext()
 
     def write(self, command: str) -> bool:
-        """Write all tables and figures; prints an error as `command` and returns False where prevented."""
+        """Write all tables and figures of the runs; prints an error as `command` and returns False where it fails."""
         try:
             self._write_all()
         except BrokenPipeError:
@@ -147,14 +147,14 @@ class Export:
         self._write_rows(file, COLUMNS, rows)
 
     def _write_rows(self, file: TextIO, columns: Sequence[str], rows: Iterable[tuple[RunTable, list[Any]]]) -> None:
-        """Write CSV; with several runs the first column names the run."""
+        """Write rows of runs as CSV; with several runs the first column is the name of the run."""
         several = len(self._tables) > 1
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["run", *columns] if several else columns)
         writer.writerows([table.name, *row] if several else row for table, row in rows)
 
     def _write_json(self, file: TextIO) -> None:
-        """Write all runs as one JSON object, with a line for each frame."""
+        """Write signals, figures and verdicts of all runs as one JSON object, with a line for each frame."""
         file.write('{"runs": [')
         for number, table in enumerate(self._tables):
             figures = [figure_columns(figure) for figure in table.figures]
@@ -178,24 +178,24 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 
 def export_fault(options: argparse.Namespace) -> str | None:
-    """Message about invalid export options, in a line; None for valid ones."""
+    """Error line about invalid options `--csv` and `--json`; None for valid ones."""
     if options.csv == options.json == STDOUT:
-        return "--csv - and --json - are given; only one of them can go to standard output"
+        return "--csv, --json: given - for both; allowed: standard output for one of them"
     for key, path in (("csv", options.csv), ("json", options.json)):
         if path not in (None, STDOUT) and Path(path).suffix.lower() in OTHERS - {f".{key}"}:
-            return f"--{key} {path}: {key.upper()} is written; allowed: a name that ends in .{key}, or {STDOUT}"
+            return f"--{key}: given {path}; allowed: a name that ends in .{key}, or {STDOUT}"
     return None
 
 
 def figure_of_columns(columns: Mapping[str, Any]) -> KeyFigure:
-    """Key figure from a mapping of `figure_columns`.
+    """Key figure from a mapping by column name, inverse of `figure_columns`.
 
     Raises:
-        KeyError, TypeError, ValueError: it is none.
+        KeyError, TypeError, ValueError: the mapping is of no key figure.
     """
     id_, time, limit = FigureId.of_text(columns["id"]), columns["time [s]"], columns["limit"]
     if id_.quantity not in QUANTITIES:
-        raise ValueError(f"id {columns['id']!r}: no such quantity")
+        raise ValueError(f"id: given {columns['id']!r}, of no known quantity")
     figure = KeyFigure(
         id_,
         str(columns["key_figure"]),
@@ -209,7 +209,7 @@ def figure_of_columns(columns: Mapping[str, Any]) -> KeyFigure:
 
 
 def figure_columns(figure: KeyFigure) -> dict[str, Any]:
-    """Key figure as a mapping by the names of `FIGURE_COLUMNS`."""
+    """Key figure as a mapping by column name, of `FIGURE_COLUMNS`."""
     numbers = [value if value is None or math.isfinite(value) else None for value in (figure.value, figure.limit)]
     bound = figure.bound if figure.limit is not None else None
     time = figure.time if math.isfinite(figure.time) else None

@@ -1,4 +1,4 @@
-"""Table of key figures: of one run, or of several beside each other."""
+"""Printed table of key figures, of one run or of several runs side by side."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ NOISE = 1e-6  # in the printed unit: below it, a rounding error
 
 
 def table_console() -> Console:
-    """Console for tables, with a fixed width where output is no terminal."""
+    """Console for printed tables, with a fixed width where output is no terminal."""
     return Console(width=None if sys.stdout.isatty() else 160, highlight=False)
 
 
 def print_figures(
     console: Console, figures: Sequence[Sequence[KeyFigure]], *, at: str = "at", unit_at: str = "s"
 ) -> None:
-    """Print one table with a column for each run; time and place only for a single one.
+    """Print a table of key figures with a column for each run; time and place only for a single run.
 
-    `at` and `unit_at` are the name and unit of the time of a figure, which is a place for a static line. On a narrow
-    terminal all but name, value, unit and verdict goes to a line below.
+    `at` and `unit_at` are name and unit of the `time` of a figure, which is a place for a line at rest. On a narrow
+    terminal limit, time and place go to a line below.
     """
     wide = console.width >= WIDE
     runs = [{figure.id: figure for figure in run} for run in figures]
@@ -76,7 +76,7 @@ def print_figures(
 
 
 def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
-    """Print the numbered notes of a table below it, and a last one without a number."""
+    """Print the numbered notes below a table, and a last note without a number."""
     told = [f"({number}) {note}" for number, note in enumerate(notes, start=1)] + ([last] if last else [])
     for line in told:
         below = " " * (6 if line.startswith("(") else 2)
@@ -85,7 +85,7 @@ def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
 
 
 def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
-    """Summary of a long table: number and names of exceeded limits; arguments as in `print_figures`."""
+    """Summary lines of a table of key figures: count and names of exceeded limits; arguments as in `print_figures`."""
     runs = [{figure.id: figure for figure in run if figure.limit is not None} for run in figures]
     ids = dict.fromkeys(key for run in runs for key in run)
     if not ids:
@@ -106,7 +106,7 @@ def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_a
 
 
 def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
-    """Text of a figure with its limit, and unless brief with time and place."""
+    """Text of a key figure that exceeds its limit: value and limit, and unless brief time and place."""
     assert figure.limit is not None
     unit, scale = shown_unit(figure.unit, max(abs(figure.value), abs(figure.limit)))
     unit = "" if unit == "-" else f" {unit}"
@@ -115,19 +115,19 @@ def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
 
 
 def shown(value: float, scale: float) -> str:
-    """Text of an SI value in the unit of a scale; 0 for a mere rounding error."""
+    """Text of an SI value, scaled to its shown unit; 0 for a mere rounding error."""
     return "0" if abs(value * scale) < NOISE else rounded(value * scale)
 
 
 def _uncertainty(figure: KeyFigure, scale: float) -> str:
-    """Uncertainty of a figure with two digits; 0 where too small to change the shown value."""
+    """Text of the uncertainty of a key figure, two digits; 0 where too small to change the shown value."""
     assert figure.uncertainty is not None
     small = figure.uncertainty < max(NEGLIGIBLE * abs(figure.value), NOISE / scale)
     return "0" if small else rounded(figure.uncertainty * scale, 2)
 
 
 def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
-    """Text of the limit of a figure with the number of its source."""
+    """Text of the limit of a key figure, with the number of the note about its source."""
     if figure.limit is None:
         return ""
     note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
@@ -135,7 +135,7 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
-    """Text of the verdict: kept, or exceeded by which run, with the uncertainty where known."""
+    """Text of the verdict on a key figure of one or more runs: kept, or exceeded by which; uncertainty where known."""
     lone = figures[0] if len(figures) == 1 else None
     if lone is not None and lone.uncertainty is not None:
         word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict

@@ -1,4 +1,4 @@
-"""Command `follow`: a twin that follows a recorded plant, and estimates what cannot be seen in it."""
+"""Command `follow`: a twin that follows a recorded plant and estimates quantities that no sensor measures."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ examples:
 
 
 class FollowError(ValueError):
-    """Plant that cannot be followed: one line."""
+    """Fault of a recorded plant that the twin cannot follow: one line."""
 
 
 UNUSABLE_INPUT = (FollowError, LogError, ScenarioError, EquilibriumError)
@@ -82,7 +82,7 @@ def parser() -> OneLineParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Follow a recorded plant; the help has the exit codes."""
+    """Follow a recorded plant by its sensors and report estimates; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     if fault := plots_fault("--plots") if options.plots is not None else "":
@@ -128,11 +128,11 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
     Args:
         log: of the plant.
         source: scenario, or None for that of the log.
-        values: by dotted key.
+        values: changes of the scenario by dotted key.
 
     Raises:
-        ScenarioError, EquilibriumError: it cannot be simulated.
-        FollowError: it is of a kind that cannot be followed yet.
+        ScenarioError, EquilibriumError: the scenario cannot be simulated.
+        FollowError: the scenario is of a kind that cannot be followed yet.
     """
     scenario: Scenario = load_scenario(log.scenario if source is None else source, values)
     if fault := unfollowable(scenario):
@@ -141,7 +141,7 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
 
 
 def _follow(log: Log, follower: AnyFollower, run: Run, end: float, console: Console) -> list[Correction]:
-    """Follow a plant to a time (s), with a progress bar, and record the estimates."""
+    """Follow a recorded plant to a time (s), show progress and record the estimates; returns all corrections."""
     scenario = run.simulation.scenario
     plant = PlantLog(log, scenario.sensors)
     run.recorder.begin(log.epoch_ns, 0.0, scenario_message(scenario.resolved()))
@@ -175,25 +175,27 @@ def _follow(log: Log, follower: AnyFollower, run: Run, end: float, console: Cons
         if count:
             tell("follow", f"{log.path}: {count} measurements are {what} and left out")
     if not corrections:
-        raise FollowError(f"{log.path}: no measurements of {', '.join(follower.readings)}; allowed: a bag of a plant")
+        raise FollowError(
+            f"{log.path}: given no measurements of {', '.join(follower.readings)}; allowed: a bag of a plant"
+        )
     return corrections
 
 
 def _message(correction: Correction, stamp_ns: int) -> bytes:
-    """Message with the estimates and the alarms of a correction."""
+    """Encode the estimates and alarms of a correction as a message with a stamp (ns)."""
     alarms = [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
     return estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns)
 
 
 def _time(item: Item) -> float:
-    """Time (s) of an item, to the microsecond."""
+    """Time (s) of a command or measurement of a plant, to the microsecond."""
     return round(item.time, 6)
 
 
 def _report(
     log: Log, follower: AnyFollower, corrections: Sequence[Correction], run: Run, options: argparse.Namespace
 ) -> int:
-    """Print the last estimates, and draw all."""
+    """Print the last estimates of a followed plant, and draw all; returns the exit code."""
     last = corrections[-1]
     truth = true_values(log, follower) if log.scenario != run.simulation.scenario.resolved() else {}
     wide = max(map(len, (*last.slow, *last.hidden)))
@@ -223,7 +225,7 @@ def _report(
 
 
 def true_values(log: Log, follower: AnyFollower) -> dict[str, tuple[Any, Any]]:
-    """Times (s) and values of what is estimated, by name, as far as the plant's log has them; for comparison only."""
+    """True values of estimated quantities with times (s), by name, from a simulated plant's log; for comparison."""
     found: dict[str, tuple[Any, Any]] = {}
     for one in follower.slow:
         value: Any = log.scenario

@@ -1,4 +1,4 @@
-"""Command `import_profile`: a scenario that runs from surveyed terrain and towers, with all assumptions marked."""
+"""Command `import_profile`: a runnable scenario from surveyed terrain and towers, with all assumptions marked."""
 
 from __future__ import annotations
 
@@ -95,9 +95,9 @@ def _place(text: str) -> tuple[float, float]:
     try:
         x, z = map(float, text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: X,Z in m, as in 0,4.5") from None
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: X,Z in m, as in 0,4.5") from None
     if not math.isfinite(x + z):
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: two finite numbers in m")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: two finite numbers in m")
     return x, z
 
 
@@ -107,12 +107,12 @@ def _height(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 < value < 200.0:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a number above 0 and below 200, in m")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a number above 0 and below 200, in m")
     return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make a scenario and report; the help has the exit codes."""
+    """Make a scenario from a survey and report; returns the exit code that the help lists."""
     given = sys.argv[1:] if argv is None else list(argv)
     options = parser().parse_args(given)
     try:
@@ -142,20 +142,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _read(options: argparse.Namespace) -> Survey:
-    """Survey of the given files, all geodata or all tables."""
+    """Read the survey from the files given by options, all geodata or all tables."""
     towers = options.towers or options.terrain
     kinds = {is_geodata(options.terrain), is_geodata(towers)}
     if len(kinds) == 2 or (options.towers is None and kinds == {False}):
         raise SurveyError(
-            f"{options.terrain}, {towers}: allowed: two CSV files, or one or two of {', '.join(SUFFIXES)} with one "
-            "coordinate system"
+            f"survey: given {options.terrain}, {towers}; allowed: two CSV files, or one or two of "
+            f"{', '.join(SUFFIXES)} with one coordinate system"
         )
     read = read_geodata if kinds == {True} else read_survey
     return read(options.terrain, towers, options.units, options.rope_above_ground)
 
 
 def _rest(scenario: Scenario) -> int:
-    """Find the equilibrium and print the figures that have limits."""
+    """Find the equilibrium of a surveyed line and print its key figures with limits; returns the exit code."""
     console = Console(stderr=True)
     line = Line(scenario, "", np.zeros(1))
     try:

@@ -1,4 +1,4 @@
-"""Command `line`: a static line calculation with the vehicle at many places, and the envelope of all results."""
+"""Command `line`: static line calculation with the vehicle at many places, and the envelope of all results."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ examples:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Calculate a line and report; the help has the exit codes."""
+    """Calculate a line at rest and report; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     if fault := plot_fault(options.plot) or drawing_fault(options.profile):
@@ -137,7 +137,7 @@ def parser() -> OneLineParser:
 
 def _places(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 2 <= int(text) <= MOST:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 2 to {MOST}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 2 to {MOST}")
     return int(text)
 
 
@@ -150,7 +150,7 @@ def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None
 
 
 def _rows(line: Line) -> tuple[list[str], list[list[float | None]]]:
-    """Column names with units, and a row of numbers for each place; None for missing ones."""
+    """Column names with units, and a row of numbers for each place of a calculated line; None where missing."""
     table = np.column_stack([line.places, *line.rows.values()])
     return ["place [m]", *line.rows], [
         [value if math.isfinite(value) else None for value in row] for row in table.tolist()

@@ -1,4 +1,4 @@
-"""Command `plant`: a virtual plant that a twin can follow, live under `/plant/`, or as a bag without ROS."""
+"""Command `plant`: a virtual plant with sensors for a twin to follow, live under `/plant/`, or as a bag without ROS."""
 
 from __future__ import annotations
 
@@ -83,13 +83,13 @@ def parser() -> OneLineParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a plant; the help has the exit codes."""
+    """Run a virtual plant, live or into a bag; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     source = arguments.given_scenario(options) or DEFAULT_SCENARIO
     console = Console(stderr=True)
     if options.log is None and (options.script is not None or options.duration is not None):
-        arguments.error("--script and --duration are given; allowed: with --log DIR")
+        arguments.error("--script, --duration: given without --log; allowed: with --log DIR")
     try:
         with left_at_once("plant"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
             simulation = plant_of(source, dict(options.set), options.sensors, options.seed)
@@ -105,12 +105,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def go_live(source: str, values: dict[str, Any], scenario: Scenario) -> NoReturn:
-    """Become the command `sim` with the topics of a plant.
+    """Replace this process by the command `sim` with the sensors and topics of a virtual plant.
 
     Args:
-        source: scenario as it was given.
-        values: its changes by dotted key.
-        scenario: with sensors.
+        source: name or path of the scenario.
+        values: changes of the scenario by dotted key.
+        scenario: scenario with sensors.
     """
     sensors = {name: one.model_dump(mode="json", exclude_defaults=True) for name, one in scenario.sensors.items()}
     changes = [f"{key}={json.dumps(value)}" for key, value in {**values, "sensors": sensors}.items()]
@@ -124,17 +124,17 @@ def go_live(source: str, values: dict[str, Any], scenario: Scenario) -> NoReturn
 
 
 def plant_of(source: Any, values: dict[str, Any], sensors: Path | None = None, seed: int = 0) -> Simulation:
-    """Simulation of a plant at rest, with its sensors.
+    """Simulation of a virtual plant at rest, with its sensors.
 
     Args:
-        source: scenario, as `load_scenario` takes it.
-        values: by dotted key.
-        sensors: file with the sensors by name; None for those of the scenario, or the usual ones.
-        seed: of the noise of the usual ones.
+        source: scenario, as for `load_scenario`.
+        values: changes of the scenario by dotted key.
+        sensors: file with the sensors by name; None for those of the scenario, or the standard ones.
+        seed: of the noise of the standard sensors.
 
     Raises:
         ScenarioError: the scenario, a value or a sensor is invalid.
-        EquilibriumError: there is no rest.
+        EquilibriumError: there is no equilibrium.
     """
     if sensors is not None:
         values = {**values, "sensors": _read_sensors(sensors)}
@@ -143,14 +143,14 @@ def plant_of(source: Any, values: dict[str, Any], sensors: Path | None = None, s
 
 
 def with_usual_sensors(simulation: Simulation, seed: int = 0) -> Simulation:
-    """Simulation of the scenario of another one at rest, with the usual sensors."""
+    """Simulation at rest of the scenario of a given simulation, with the standard sensors added."""
     scenario: Scenario = simulation.scenario
     usual = standard_sensors(scenario, simulation.snapshot, seed)
     return Simulation(load_scenario(scenario.resolved(), {"sensors": usual}))
 
 
 def _read_sensors(path: Path) -> dict[str, Any]:
-    """Read a file of sensors; its faults are those of the section `sensors` of a scenario."""
+    """Read a YAML file of sensors by name, in the form of the section `sensors` of a scenario."""
     try:
         content = read_yaml(path.read_text(encoding="utf-8")).content
     except OSError as error:
@@ -160,14 +160,14 @@ def _read_sensors(path: Path) -> dict[str, Any]:
     if isinstance(content, dict) and [*content] == ["sensors"]:
         content = content["sensors"]
     if not isinstance(content, dict) or not content:
-        raise ScriptError(f"{path}: no sensors; allowed: a mapping of sensors by name, as `sensors` of a scenario")
+        raise ScriptError(f"{path}: given no sensors; allowed: sensors by name, as in `sensors` of a scenario")
     return content
 
 
 def _record(
     simulation: Simulation, script: Sequence[ScriptedCommand], options: argparse.Namespace, console: Console
 ) -> int:
-    """Run a plant with a progress bar, and write its bag."""
+    """Run a virtual plant with a progress bar and write its bag; returns the exit code."""
     scenario = simulation.scenario
     last = max((one.time for one in script), default=0.0)
     duration = last + DURATION if options.duration is None else options.duration
@@ -210,7 +210,7 @@ def _record(
 
 def _seed(text: str) -> int:
     if not text.isdecimal() or len(text) > 18:
-        raise argparse.ArgumentTypeError(f"{text!r} given, a whole number from 0 of at most 18 digits is allowed")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 0, of at most 18 digits")
     return int(text)
 
 

@@ -1,4 +1,4 @@
-"""Plots of one run or of several overlaid, as PNG: rope, tension, speed, swing, drive, contact forces."""
+"""Plots of one run, or of several runs overlaid, as PNG: rope, tension, speed, swing, drive, contact forces."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ SCALED = ("N", "W", "N m")  # units that may get a prefix
 
 @dataclass(frozen=True, slots=True)
 class PlottedRun:
-    """Run to be plotted: labels and signals."""
+    """Run to be plotted: label in legends, names of scenario and run, signals."""
 
     label: str  # in legends of several runs: name by `--output`, or a, b, ...; empty for one run
     scenario: str
@@ -71,7 +71,7 @@ class PlottedRun:
 
 
 class Panel(NamedTuple):
-    """Panel of a plot, with the lines of one signal."""
+    """Panel of a plot over time, with the lines of one signal of one or more runs."""
 
     signal: Signal
     label: str  # without unit
@@ -81,7 +81,7 @@ class Panel(NamedTuple):
 def write_plots(
     runs: Sequence[PlottedRun], directory: Path, on_file: Callable[[Path], None] | None = None
 ) -> list[Path]:
-    """Write all plots of one run or of several.
+    """Write all plots of one run, or of several runs overlaid, into a directory.
 
     Args:
         runs: One run, or several to lay over each other.
@@ -116,7 +116,7 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
 
 
 def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
-    """Runs and signals of a quantity with any number; of several runs only the last body of each carriage."""
+    """Lines of a plotted quantity that have any number, as run and name; for several runs only last bodies."""
     lines = []
     for index, run in enumerate(runs):
         names = [
@@ -131,12 +131,12 @@ def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
 
 
 def _is_end(name: str) -> bool:
-    """Whether a signal belongs to the end of a rope: "load/start", or "load/up/start" of several."""
+    """Whether a line of a signal belongs to the end of a rope, by its name: "load/start", or "load/up/start"."""
     return name.rpartition("/")[2] in ENDS
 
 
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
-    """Panels of a signal with any number: of supports one for ends and one for towers, with far smaller loads."""
+    """Panels of a signal: one, or for supports one of rope ends and one of towers, with far smaller loads."""
     if signal.beside:
         return []
     lines = _lines(runs, signal)
@@ -151,7 +151,7 @@ def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
 
 
 def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float = 1.0) -> None:
-    """Write the title and the names of the runs, two in a row; axes get the rest, up to `right` of the width."""
+    """Write title and names of the runs above a plot, two in a row; axes get the rest, up to `right` of the width."""
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
     names = [f"{run.label}: {run.scenario}, {run.run}" if run.label else f"{run.scenario}, {run.run}" for run in runs]
     rows = ["     ".join(names[first : first + 2]) for first in range(0, len(names), 2)]
@@ -161,7 +161,7 @@ def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float 
 
 
 def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) -> Figure:
-    """Plot of panels, one quantity each, above a common time axis."""
+    """Plot panels of one quantity each above a common time axis."""
     height = 3.4 if len(panels) == 1 else 2.6 * len(panels)
     figure, rows = plt.subplots(len(panels), 1, figsize=(10.0, height + 0.9), sharex=True, squeeze=False)
     for axes, panel in zip(rows[:, 0], panels, strict=True):
@@ -172,7 +172,7 @@ def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) 
 
 
 def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
-    """Draw all lines of one panel."""
+    """Draw all lines of one panel of a plot over time."""
     signal, label, lines = panel
     names = list(dict.fromkeys(name for _, name in lines))
     lone = len({name.split("/")[1] for name in names}) == 1 and all(name.count("/") == 2 for name in names)
@@ -203,7 +203,7 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
 
 
 def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, str]]) -> None:
-    """Draw, for each run, the range of many lines over time, and the named lines of its extremes."""
+    """Draw many lines of each run as the band of their range over time, with the lines that reach its extremes."""
     for number in dict.fromkeys(index for index, _ in lines):
         names = [name for index, name in lines if index == number]
         series = {name: runs[number].signals.series[name].line() for name in names}
@@ -224,7 +224,7 @@ def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, st
 
 
 def _reach(values: np.ndarray, word: str) -> float:
-    """Highest or lowest of values, of which some may be missing (NaN)."""
+    """Highest or lowest of values over time, without missing ones (NaN)."""
     extreme = np.fmax.reduce(values) if word == "highest" else np.fmin.reduce(values)
     return float(extreme) if np.isfinite(extreme) else (-np.inf if word == "highest" else np.inf)
 
@@ -239,7 +239,7 @@ def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float,
 
 
 def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
-    """Plot of the rope at several times, coloured by time: height, height above the chord, and in space the plan."""
+    """Plot rope shapes of runs at several times, coloured by time: height, height above the chord, in space plan."""
     shapes = [run.signals.shapes() for run in runs]
     rows: list[tuple[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]] = [
         ("z, height [m]", lambda points, _: points[:, 2]),
@@ -275,13 +275,13 @@ def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
 
 
 def _aside(rope: np.ndarray) -> float:
-    """Largest lateral extent (m) of a rope or of several ropes with gaps between them."""
+    """Largest lateral extent (m) of a rope, or of several ropes in one array with NaN between them."""
     parts = np.split(rope[:, 1], np.flatnonzero(np.isnan(rope[:, 0])))
     return max(float(np.nanmax(part) - np.nanmin(part)) for part in parts if not np.isnan(part).all())
 
 
 def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
-    """Height (m) of points (n, 3) above the chord of the first rope; above its start where the chord is vertical."""
+    """Height (m) of points (n, 3) above the chord of the first rope; above the rope's start if that is vertical."""
     rope = rope[: int(np.append(np.isnan(rope[:, 0]), True).argmax())]
     chord = rope[-1] - rope[0]
     slope = chord[2] / chord[0] if chord[0] else 0.0

@@ -1,4 +1,4 @@
-"""Rainflow count of cycles in a history of loads."""
+"""Rainflow count of the cycles in a load history."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cable_twin.frame.records import FloatArray
 
 
 class Cycle(NamedTuple):
-    """Cycle of a load: range and mean in its unit, and 1 for a whole or 0.5 for a half one."""
+    """Load cycle: range and mean in the unit of the load, and weight 1 for a whole cycle, 0.5 for a half one."""
 
     range: float
     mean: float
@@ -19,7 +19,7 @@ class Cycle(NamedTuple):
 
 
 def turning_points(values: FloatArray) -> FloatArray:
-    """Peaks and valleys of a history (n,), with its first and last value; repeated values count once."""
+    """Peaks and valleys of a load history (n,), with its first and last value; repeated values count once."""
     values = values[np.isfinite(values)]
     if values.size:
         values = values[np.concatenate([[True], np.diff(values) != 0.0])]
@@ -31,7 +31,7 @@ def turning_points(values: FloatArray) -> FloatArray:
 
 
 def rainflow_cycles(values: FloatArray) -> list[Cycle]:
-    """Cycles of a history (n,) by rainflow counting, in the order in which they close; half ones of the residue last.
+    """Cycles of a load history (n,) by rainflow counting, in the order of closing; half cycles of the residue last.
 
     Source: ASTM E1049-85, section 5.4.4.
     """

@@ -1,4 +1,4 @@
-"""One-pass reader of a bag for `review`: key figures, signals, responses, tables and view."""
+"""One-pass reader of the bag of a run for `review`: key figures, signals, responses, tables and view."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class _View(Protocol):
 
 
 class Reading:
-    """One-pass reader of a bag for `review`.
+    """One-pass reader of the bag of a run for `review`: key figures, signals, responses, tables and view.
 
     Args:
         log: The bag.
         on_position: Called with the bytes read so far.
         profiles: Rule profiles in place of those of the scenario.
         facts: Keys of `limits.installation` in place of those of the scenario.
-        start: Simulated time (s) before which all is left out, with the key figures that the run has recorded itself.
+        start: Simulated time (s) before which frames are left out, as are key figures recorded by the run itself.
 
     Raises:
         LogError: The log holds no frame, or its scenario cannot be understood.
@@ -76,12 +76,12 @@ class Reading:
 
     @property
     def name(self) -> str:
-        """Name of the run: its directory, or its file where alone."""
+        """Name of the run: that of its directory, or of a single file."""
         return self.log.source.name
 
     @property
     def title(self) -> str:
-        """Title of the run: parent directory chosen by `--output`, empty for the default one."""
+        """Title of the run: name of the directory chosen by `--output`, empty for the default directory."""
         parent = self.log.source.parent.name
         return "" if parent == USUAL else parent
 
@@ -93,13 +93,13 @@ class Reading:
         raise LogError(f"{self.log.path}: it contains no frame of the twin")
 
     def values(self) -> Iterator[tuple[float, Mapping[str, float]]]:
-        """Read the bag; yields time (s) and signals of each frame after processing it."""
+        """Read the bag to its end; yields time (s) and signals of each frame after processing it."""
         for item in chain(self._early, [self.first], self._items):
             yield from self._take(item)
 
     @property
     def figures(self) -> list[KeyFigure]:
-        """Key figures recorded by the run over all its frames; if not recorded, those of the logged frames."""
+        """Key figures that the run has recorded over all of its frames; if none, those of the logged frames."""
         return self._gathered.figures() if self._recorded is None else self._recorded
 
     def _profiles(self, names: Sequence[str] | None) -> list[Profile]:
@@ -113,7 +113,7 @@ class Reading:
 
     @property
     def verdicts(self) -> list[RuleVerdict]:
-        """Verdicts of the rule profiles on the key figures."""
+        """Verdicts of the rule profiles on the key figures of the run."""
         return judge(self.scenario, self.figures, self.profiles)
 
     def _take(self, item: Item) -> Iterator[tuple[float, Mapping[str, float]]]:
@@ -148,7 +148,7 @@ class Reading:
             raise LogError(f"{self.log.path}: key figures at {recorded.time:.6f} s are unreadable: {error}") from error
 
     def summary(self) -> str:
-        """Summary of the run in one line."""
+        """Summary of the run in one line: condition of the log, scenario, duration, frames, commands."""
         whole = self._recorded is None or self.end - self._figures_time < FIGURES_AGE
         return (
             f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "
@@ -159,5 +159,5 @@ class Reading:
 
 
 def _from_time(items: Iterator[Item], start: float) -> Iterator[Item]:
-    """Items of a log from a time (s) on, without recorded key figures, which are of the whole run."""
+    """Items of a log from a time (s) on, without recorded key figures, as these are of the whole run."""
     return (item for item in items if not isinstance(item, RecordedFigures) and item.time >= start)

@@ -1,4 +1,4 @@
-"""Repair of a cut or damaged bag: a copy with an index in each file, as needed by other tools."""
+"""Repair of a cut or damaged bag: a copy of all readable messages, with an index for other tools in each file."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ QOS = {"reliability": ("reliable", "best_effort"), "durability": ("volatile", "t
 
 
 def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[Path, int]:
-    """Copy all readable messages of a bag to a new one beside it; the old one stays unchanged.
+    """Copy all readable messages of a damaged bag to a new bag beside it; the old bag stays unchanged.
 
-    Where commands are lost, the copy says from when on: a replay needs every one of them.
+    Where commands are lost, metadata of the copy have the time from which on: a replay needs every command.
 
     Args:
         log: Damaged or cut log; read to its end, so that all losses are known.
@@ -34,7 +34,7 @@ def repair(log: Log, on_position: Callable[[int], None] | None = None) -> tuple[
 
     Raises:
         OSError: The new bag exists, or the disk refuses.
-        LogError: The channels of the old one are damaged.
+        LogError: The channels of the old bag are damaged.
     """
     directory = log.source.with_name(f"{log.source.name}_repaired")
     first = log.files[0]
@@ -80,7 +80,7 @@ def _topics_of(file: LogFile, names: TopicNames) -> list[Topic]:
 
 
 def _topic(channel: Channel, message_type: str, names: TopicNames) -> Topic:
-    """Topic of a channel with its recorded QoS, where readable, else with the default one."""
+    """Topic of an MCAP channel with its recorded QoS, or the default QoS where that is unreadable."""
     if message_type not in TYPESTORE.fielddefs:
         raise ValueError(f"topic {channel.topic!r} is of an unknown type, {message_type!r}")
     qos = _qos(channel.metadata.get("offered_qos_profiles", ""))
@@ -92,7 +92,7 @@ def _topic(channel: Channel, message_type: str, names: TopicNames) -> Topic:
 
 
 def _qos(text: str) -> dict[str, Any]:
-    """QoS profile of a topic from its recorded text; empty where unreadable."""
+    """QoS profile of a topic from its text in a bag, as a mapping; empty where unreadable."""
     try:
         (qos,) = read_yaml(text[:QOS_LIMIT]).content
     except UNREADABLE:

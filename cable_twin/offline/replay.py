@@ -64,7 +64,7 @@ examples:
 
 @dataclass(slots=True)
 class Difference:
-    """Difference between log and replay in one field."""
+    """Difference between log and replay in one sample: time, topic, place in the message, both values."""
 
     time: float  # s
     topic: str
@@ -78,14 +78,14 @@ class Difference:
 
 @dataclass(slots=True)
 class CommandStream:
-    """Commands of a log, counted by kind and source, with a checksum."""
+    """Commands of a log, counted by kind and source, with a checksum of all."""
 
     kinds: Counter[str] = field(default_factory=Counter)
     sources: Counter[str] = field(default_factory=Counter)
     digest: Any = field(default_factory=sha256)
 
     def add(self, applied: AppliedCommand) -> None:
-        """Count one command of a log."""
+        """Add one command of a log to counts and checksum."""
         self.kinds[applied.command.kind] += 1
         self.sources[applied.source] += 1
         self.digest.update(applied_command_message(applied, 0))
@@ -97,7 +97,7 @@ class CommandStream:
 
 @dataclass(slots=True)
 class Comparison:
-    """Result of the comparison of a replay with its log."""
+    """Result of the comparison of a replay with its log: counts of samples by topic, largest difference, restarts."""
 
     samples: Counter[str] = field(default_factory=Counter)
     differing: Counter[str] = field(default_factory=Counter)
@@ -115,12 +115,12 @@ class Comparison:
 
 
 def _counted(counts: Counter[Any]) -> str:
-    """Words with their counts as text, such as "3 wind, 1 reset"."""
+    """Text of counted words, such as "3 wind, 1 reset"."""
     return ", ".join(f"{count} {word}" for word, count in counts.items()) or "none"
 
 
 class Joint(Enum):
-    """Ways in which a replay goes from one file of a log to the next."""
+    """Transition of a replay from one file of a log to the next: goes on, restarts from its state, or leaves it out."""
 
     GOES_ON = auto()
     FROM_ITS_STATE = auto()
@@ -138,18 +138,18 @@ def join(
 ) -> Joint:
     """Continue a replay in the next file of a log: compare its attached state with the present one, or adopt it.
 
-    A state that is damaged is said; where it is needed, the file is left out.
+    A damaged state is reported; where it is needed, the file is left out.
 
     Args:
         before: Last read file.
         file: Next file.
-        simulation: Where the file before has ended.
-        advance: Brings the simulation to a time (s), with the commands until then.
-        result: Gets what differs, that the state was taken over, or that it is damaged.
-        exactly: The states have to be equal to the last bit; else they are not compared.
+        simulation: At the end of the file before.
+        advance: Advances the simulation to a time (s), with the commands until then.
+        result: Takes differences of the states, and lines about an adopted or damaged state.
+        exactly: Whether the states are compared to the last bit, or not at all.
 
     Returns:
-        Whether the simulation goes on without a break, or from the state of the file, or cannot go on with it.
+        Whether the simulation goes on without a break, or from the state of the file, or leaves the file out.
     """
     whole, name = file.follows(before), f"{file.path.name}: {SNAPSHOT_NAME}"
     try:
@@ -183,7 +183,7 @@ def join(
 
 
 def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Difference]:
-    """Bitwise differences of two full states."""
+    """Bitwise differences of the full states of a log and its replay."""
     for part in ("state", "start"):
         others = replayed.arrays(part)
         for name, array in logged.arrays(part).items():
@@ -200,18 +200,18 @@ def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Diffe
 def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
     """Simulate a log again and compare all numbers of each frame with the logged ones.
 
-    To the last bit, each other message of a frame and the state attached to each file are compared, too. All files are
-    simulated in one go; where something is lost before a file, it goes on from the state attached to it.
+    With tolerance 0, all other messages of a frame and the state attached to each file are compared, too. All files
+    are simulated in one go; where data is lost before a file, the simulation goes on from the state attached to it.
 
     Args:
         log: log to replay.
-        simulation: as it was when the run started, with as many samples of the cable (`start_of`).
+        simulation: at the start of the run, with as many samples of the cable as the log (`start_of`).
         tolerance: greatest difference of two numbers that counts as agreement, relative to the greater of them where
             that is above 1; 0 compares to the last bit.
-        progress: shows how far it is.
+        progress: progress bar of the replay, or None.
 
     Raises:
-        LogError, CommandError, SolverError: it cannot be simulated to its end.
+        LogError, CommandError, SolverError: the log cannot be simulated to its end.
     """
     layout = simulation.layout  # any carrier may have topics of its own
     encoder = MessageEncoder(layout, log.epoch_ns, own=layout.carriers, frames=FrameNames.of(log.metadata))
@@ -229,7 +229,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
     def advance(time: float) -> Snapshot:
         if time - simulation.time > LONGEST_GAP:
             raise LogError(
-                f"no frame from {simulation.time:g} s to {time:g} s; allowed: a gap of at most {LONGEST_GAP:g} s"
+                f"frames: given none from {simulation.time:g} to {time:g} s; allowed: gaps of at most {LONGEST_GAP:g} s"
             )
         while waiting and waiting[0].time < time:
             simulation.advance_to(max(waiting[0].time, simulation.time))  # what is damaged may go back
@@ -276,7 +276,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
 
 
 def _compare_columns(result: Comparison, row: Row, snapshot: Snapshot, decoder: RowDecoder) -> None:
-    """Compare the numbers of a logged frame with those of the simulation at its time."""
+    """Compare the numbers of a logged frame with those of the replayed snapshot; differences go to the result."""
     logged, replayed = row.numbers[row.places], snapshot.numbers[row.places]
     differs = ~((logged == replayed) | (np.isnan(logged) & np.isnan(replayed)))
     if not differs.any():
@@ -295,7 +295,7 @@ def _digest(data: bytes) -> str:
 
 
 def origin(log: Log, commands: CommandStream) -> list[str]:
-    """Lines about version, scenario and command stream of a log, and about differences of this machine."""
+    """Lines about versions, scenario and commands of a log, and about versions that differ on this machine."""
     here = program_metadata()
     made = ", ".join(f"{name} {log.metadata.get(key, 'unknown')}" for key, name in MADE_BY.items())
     other = [f"{name} {here[key]}" for key, name in MADE_BY.items() if name in made_by_other(log)]
@@ -310,14 +310,14 @@ def origin(log: Log, commands: CommandStream) -> list[str]:
 
 
 def first_start(log: Log) -> tuple[Log, Simulation]:
-    """Build the simulation of a log at its start, or at the start of the first file with an undamaged state.
+    """Build the simulation of a log at its start, or at the start of its first file with an undamaged state.
 
     Returns:
         The log from that file on, and the simulation.
 
     Raises:
-        SnapshotError: There is no such file.
-        ScenarioError, EquilibriumError: It cannot be simulated.
+        SnapshotError: No file has an undamaged state.
+        ScenarioError, EquilibriumError: The scenario cannot be simulated.
     """
     first = log
     while True:
@@ -331,12 +331,12 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
 
 
 def made_here(log: Log) -> bool:
-    """Whether identical bits can be expected: equal versions, numba, numpy, target and arithmetic."""
+    """Whether a replay of a log can be expected to give its bits: equal versions, machine and arithmetic."""
     return not made_by_other(log)
 
 
 def made_by_other(log: Log) -> list[str]:
-    """Names of what made a log and is another one here, on which the bits of results depend."""
+    """Names of versions, machine or arithmetic that affect the bits of a log and differ here."""
     here = program_metadata()
     return [name for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
 
@@ -361,18 +361,18 @@ def parser() -> OneLineParser:
 
 
 def _tolerance(text: str) -> float:
-    """Parse a number, zero or more, from an option."""
+    """Parse the option `--tolerance`: a number, zero or more."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not value >= 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} given, a number of zero or more is needed")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a number of zero or more")
     return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Replay a log and report; 0 agree, 1 differ, 2 cannot read."""
+    """Replay a log and report differences; returns exit code 0 all samples agree, 1 some differ, 2 cannot read."""
     if argv is None:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `replay BAG | head` ends without a word
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))

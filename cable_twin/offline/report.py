@@ -1,4 +1,4 @@
-"""Command `report`: one HTML page, and a PDF where wanted, of a recorded run, of load cases, or of a study."""
+"""Command `report`: report of a recorded run, of load cases, or of a study as one HTML page, optionally as PDF."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def parser() -> OneLineParser:
 
 def _page(text: str) -> Path:
     if Path(text).suffix.lower() not in (".html", ".htm"):
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a name that ends in .html")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a name that ends in .html")
     return Path(text)
 
 
@@ -104,12 +104,12 @@ def _trips(text: str) -> float:
     except ValueError:
         trips = 0.0
     if not 0.0 < trips <= MOST_TRIPS:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a number above 0 and at most {MOST_TRIPS:g}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a number above 0 and at most {MOST_TRIPS:g}")
     return trips
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write a report; the help has the exit codes."""
+    """Write the report of a run, load cases or study; returns the exit code that the help lists."""
     given = sys.argv[1:] if argv is None else list(argv)
     arguments = parser()
     options = arguments.parse_args(given)
@@ -136,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _read(options: argparse.Namespace, console: Console) -> Results:
-    """Results of the source that is given; a further kind of source is a further reader here."""
+    """Read the results of the given source: a study, the JSON of an envelope, or the log of a run."""
     if is_study(options.source):
         return read_study(options.source, options.scenario, options.profile, dict(options.fact))
     if options.source.suffix == ".json":
@@ -156,7 +156,7 @@ def _read(options: argparse.Namespace, console: Console) -> Results:
 
 
 def _write(options: argparse.Namespace, results: Results, command: str) -> int:
-    """Write the page."""
+    """Write the page of a report, and its PDF where wanted; returns the exit code."""
     from cable_twin.offline.reporting.page import write_page  # noqa: PLC0415 - jinja2 is an extra
 
     page = options.output or Path(f"{results.scenario.name}_report.html")

@@ -1,13 +1,13 @@
 """Control metrics of drives: response to each step of the commanded speed, and effort over a whole run.
 
-A command that holds for `HELD` s or more after a change is a step. Of the speed v from v_0 there to the command v_c:
+A command that holds for `HELD` s or more after a change is a step. For the speed v from v_0 then to the command v_c:
 
     rise time        from 10 to 90 % of v_c - v_0
     settling time    until v stays within 2 % of v_c - v_0 around v_c
     overshoot        largest v beyond v_c, over |v_c - v_0|
     steady error     mean of v - v_c over the last tenth of the step
 
-and of a whole run: the tracking error v minus the ramped reference, its largest size and root of mean square; the
+and for a whole run: the tracking error v minus the ramped reference, its largest size and root of mean square; the
 effort, the drive force as root of mean square, and the work of the drive as it drives and as it brakes.
 """
 
@@ -38,7 +38,7 @@ SHOWN = 12  # steps in a table
 
 @dataclass(frozen=True, slots=True)
 class StepResponse:
-    """Response of one drive to one speed step; None for times not reached."""
+    """Response of one drive to one step of the commanded speed; None for times not reached."""
 
     name: str
     time: float  # s, of the step
@@ -75,7 +75,7 @@ class Effort:
 
 @dataclass(slots=True)
 class _Step:
-    """Constant speed command with the recorded response."""
+    """Step of the commanded speed of a drive, with the recorded speeds since then."""
 
     start: float  # s
     before: float  # m/s
@@ -98,8 +98,8 @@ class Responses:
     """Collector of step responses and efforts from the frames of a run.
 
     Attributes:
-        steps: responses of the steps that are over.
-        efforts: of each drive.
+        steps: responses of finished steps.
+        efforts: tracking error and control effort of each drive, by name.
     """
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ class Responses:
         self._last_speeds: dict[str, float] = {}
 
     def take(self, snapshot: Snapshot) -> None:
-        """Evaluate a frame; frames without commands in the log are skipped."""
+        """Add a frame to step responses and efforts; frames without commands in the log are skipped."""
         layout, c = snapshot.layout, snapshot.columns
         commanded, reference = (SIGNALS[name].values(layout, c) for name in ("commanded_speed", "reference_speed"))
         if not layout.commanded or np.isnan(reference).all():
@@ -127,7 +127,7 @@ class Responses:
         self._last_time = snapshot.time
 
     def finish(self) -> list[StepResponse]:
-        """All steps in the order of time, also those cut short by the end of the run."""
+        """Step responses of all drives in the order of time, also of steps cut short by the end of the run."""
         for name in list(self._under_way):
             self._end(name)
         return sorted(self.steps, key=lambda step: step.time)
@@ -166,7 +166,7 @@ class Responses:
 
 
 def _response(name: str, step: _Step) -> StepResponse:
-    """Step response from the samples of one step."""
+    """Evaluate the response of a drive to one step of the commanded speed, from its samples."""
     times, speeds = np.array(step.times), np.array(step.speeds)
     share = (speeds - step.before) / (step.command - step.before)
     begun, risen = share >= LOW, share >= HIGH
@@ -190,7 +190,7 @@ def _response(name: str, step: _Step) -> StepResponse:
 def print_responses(
     console: Console, steps: Sequence[StepResponse], efforts: Iterable[Effort], label: str = ""
 ) -> None:
-    """Print the steps and the efforts of a run, each as a table; empty tables are left out."""
+    """Print step responses and control efforts of a run, each as a table; empty tables are left out."""
     which = f" of {label}" if label else ""
     if steps:
         titles = ("at\n[s]", "from\n[m/s]", "to\n[m/s]", "rise\ntime [s]", "settling\ntime [s]")
@@ -216,7 +216,7 @@ def print_responses(
 
 
 def _table(title: str, columns: Sequence[str]) -> Table:
-    """Empty table for step responses or efforts, with a row for each drive."""
+    """Empty table for step responses or control efforts, whose first column is the drive."""
     table = Table("drive", box=box.SIMPLE_HEAD, pad_edge=False, title=title, title_justify="left", title_style="bold")
     for column in columns:
         table.add_column(escape(column), justify="right")

@@ -1,4 +1,4 @@
-"""Command `review`: key figures, plots and rerun view of a recorded run, or of several beside each other."""
+"""Command `review`: key figures, plots and rerun view of a recorded run, or of several runs side by side."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def parser() -> OneLineParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command `review`: show one or more recorded runs; the help has the exit codes."""
+    """Review one or more recorded runs; returns the exit code that the help lists."""
     if argv is None:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `review BAG | head` ends without a word
     arguments = parser()
@@ -102,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not options.bags:
             arguments.error(f"no run in {RUNS}: give the directory of one")
     if len(options.bags) > len(LABELS):
-        arguments.error(f"{len(options.bags)} bags given; at most {len(LABELS)} are allowed")
+        arguments.error(f"bags: given {len(options.bags)}; allowed: at most {len(LABELS)}")
     if fault := profile_fault(options.profile):
         arguments.error(fault)
     if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
@@ -123,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def newest_run(directory: Path) -> list[Path]:
-    """Run directory with the most recently written bag; empty list without one."""
+    """Directory of the run with the most recently written bag below a directory; empty list without a bag."""
     written: dict[Path, float] = {}
     for bag in directory.glob("*/*.mcap"):
         with suppress(OSError):  # removed in between
@@ -132,7 +132,7 @@ def newest_run(directory: Path) -> list[Path]:
 
 
 def _repair(logs: Sequence[Log], console: Console) -> int:
-    """Repair bags that are damaged or lack an index."""
+    """Repair damaged bags and bags without an index; returns the exit code."""
     for log in logs:
         try:
             with _progress(console) as progress:
@@ -154,7 +154,7 @@ def _repair(logs: Sequence[Log], console: Console) -> int:
 
 
 def _progress(console: Console) -> Progress:
-    """Progress bar over the bytes of files, without any output where that is no terminal."""
+    """Progress bar over the bytes of files, without any output where the console is no terminal."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -166,7 +166,7 @@ def _progress(console: Console) -> Progress:
 
 
 def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, console: Console) -> int:
-    """Read the logs, print the review, write plots and open the viewer."""
+    """Read the logs of runs, print the review, write plots and open the viewer; returns the exit code."""
     code, rerun = SHOWN, options.rerun
     comparisons: list[Comparison] = []
     recordings: list[Path] = []
@@ -213,7 +213,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
 
 
 def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
-    """Show the rerun recordings of the reviewed runs, if any."""
+    """Show the rerun recordings of the reviewed runs, if any; returns the exit code."""
     if recordings and rerun == "web":
         try:
             serve(recordings)
@@ -226,7 +226,7 @@ def _open(recordings: Sequence[Path], bags: Sequence[Path], rerun: str) -> int:
 
 
 def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
-    """Callback that moves a progress bar to a position, at most once in each hundred kilobytes."""
+    """Callback that moves a progress bar to a position (bytes), at most once in each hundred kilobytes."""
     shown = 0
 
     def move(position: int) -> None:
@@ -239,7 +239,7 @@ def _mover(progress: Progress, task: TaskID) -> Callable[[int], None]:
 
 
 def print_review(readings: Sequence[Reading], comparisons: Sequence[Comparison]) -> None:
-    """Print summaries, key figures, and the differences of each run from the first."""
+    """Print summaries, key figures, verdicts and responses of runs, and differences of each run from the first."""
     console = table_console()
     for label, reading in zip(LABELS, readings, strict=False):
         print_line(f"{label}: {reading.summary()}" if len(readings) > 1 else reading.summary())
@@ -255,9 +255,9 @@ def print_review(readings: Sequence[Reading], comparisons: Sequence[Comparison])
 
 
 def print_differences(console: Console, a: Reading, b: Reading, comparison: Comparison, label: str = "b") -> None:
-    """Print the comparison of two runs; `label` names the second one.
+    """Print the differences of the signals of two runs as a table; `label` names the second run.
 
-    On a narrow terminal, when each signal differed most, and its values then, go to a line below.
+    On a narrow terminal, time and values of the largest difference of each signal go to a line below.
     """
     wide = console.width >= WIDE
     table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
@@ -289,7 +289,7 @@ def print_differences(console: Console, a: Reading, b: Reading, comparison: Comp
 
 
 def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | None) -> dict[str, Difference]:
-    """Signals of the table: of carriers, for each kind of signal, only the one with the largest difference."""
+    """Differences by signal; for carriers only the largest difference over all carriers of each kind of signal."""
     if carriers is None:
         return dict(differences)
     worst: dict[str, str] = {}
@@ -301,7 +301,7 @@ def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | N
 
 
 def write_review_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
-    """Write the plots; prints their paths, or an error and returns False."""
+    """Write the plots of reviewed runs; prints their paths, or an error and returns False."""
     from cable_twin.offline.plots import PlottedRun, write_plots  # noqa: PLC0415 - a second, and not always installed
     from cable_twin.offline.verdict_plot import write_verdict_plot  # noqa: PLC0415 - the same
 

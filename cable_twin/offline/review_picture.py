@@ -1,4 +1,4 @@
-"""Rerun recording shown by `review`: recorded by the twin, or made from bags; and its viewers."""
+"""Rerun recordings that `review` shows, recorded by the twin or made from bags, and their viewers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BATCH = 500  # frames; the index of a recording is kept in memory, an entry a ba
 
 
 def existing_recordings(log: Log) -> list[Path]:
-    """Existing .rrd files of a log: recorded with each complete file, else the one made from the bag."""
+    """Existing rerun files of a log: recorded with each complete file, else the file made from the bag."""
     directory = log.files[0].path.resolve().parent
     choices = [[directory / _made_name([log])]]
     if log.complete:
@@ -35,7 +35,7 @@ def existing_recordings(log: Log) -> list[Path]:
 
 
 def _made_name(logs: Sequence[Log]) -> str:
-    """Name of a recording made from bags, distinct from recordings of the twin."""
+    """File name of a rerun recording made from bags, distinct from the names of recordings of the twin."""
     if len(logs) == 1:
         return f"{logs[0].source.name}_review.rrd"
     more = f"_and_{len(logs) - 3}_more" if len(logs) > 3 else ""  # a name may have 255 characters
@@ -43,10 +43,10 @@ def _made_name(logs: Sequence[Log]) -> str:
 
 
 def serve(recordings: Sequence[Path]) -> None:
-    """Serve recordings to a browser of this machine until Ctrl-C.
+    """Serve rerun recordings to a browser of this machine until Ctrl-C.
 
     Raises:
-        OSError: That cannot be done.
+        OSError: The recordings cannot be served.
     """
     view = WebView(*map(str, recordings))
     try:
@@ -60,7 +60,7 @@ class MadeRecording:
     """Rerun recording being made from bags, renamed to its final name when complete.
 
     Raises:
-        OSError: Neither the directory of the bag nor the one for temporary files can be written.
+        OSError: Neither the directory of the bag nor the directory for temporary files can be written.
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
@@ -85,18 +85,18 @@ class MadeRecording:
             readings[0].view = self._view
 
     def finish(self) -> Path:
-        """Close the recording and give it its final name."""
+        """Close the rerun recording and rename it to its final name; returns the path."""
         self._view.close()
         return self._partial.replace(self._target)
 
     def discard(self) -> None:
-        """Remove an unfinished recording."""
+        """Remove the unfinished rerun recording."""
         with suppress(OSError):
             self._partial.unlink(missing_ok=True)
 
 
 def show(recordings: Sequence[Path], bags: Sequence[Path]) -> None:
-    """Open the viewer where a display exists, on the local interface only; else print browser instructions."""
+    """Open rerun's viewer on recordings where a display exists, on the local interface; else print instructions."""
     files = [str(recording) for recording in recordings]
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         print(f"rerun recording: {shlex.join(files)}")

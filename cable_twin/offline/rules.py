@@ -1,4 +1,4 @@
-"""Command `rules`: the rule profiles, their checks, and which of them can be decided for a scenario."""
+"""Command `rules`: the rule profiles, their checks, and the checks that can be decided for a scenario."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def parser() -> OneLineParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """List rule profiles; the help has the exit codes."""
+    """List rule profiles and their checks; returns the exit code that the help lists."""
     options = parser().parse_args(sys.argv[1:] if argv is None else list(argv))
     console = table_console()
     if options.vocabulary:
@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             scenario = load_scenario(options.scenario, dict(options.set))
             chosen = profiles_of(scenario, tuple(options.profiles)) if options.profiles else profiles_of(scenario)
             if not chosen:
-                raise RuleError(f"{options.scenario} names no profile in limits.profile; give the name of one")
+                raise RuleError(f"{options.scenario}: limits.profile: given none; allowed: names of profiles")
             _print_decidable(console, scenario, chosen)
         elif options.profiles:
             for profile in profiles:
@@ -110,7 +110,7 @@ def _print_profiles(console: Console, profiles: Sequence[Profile]) -> None:
 
 
 def markdown() -> list[str]:
-    """Lines of the table of all profiles in Markdown."""
+    """Lines of the Markdown table of all rule profiles with counts of their checks."""
     titles = "profile", "jurisdiction, document", "edition", *(name.replace("_", " ") for name in Counts._fields)
     rows = [
         (f"`{name}`", f"{one.jurisdiction}: {one.document}", one.edition, *map(str, counts_of(one)))
@@ -122,7 +122,7 @@ def markdown() -> list[str]:
 
 
 def reasons() -> list[str]:
-    """Lines of the Markdown table of checks that no figure decides."""
+    """Lines of the Markdown table of rule checks that no key figure decides, with reasons."""
     rows = []
     for name, document in map(load_profile, profile_names()):
         found: dict[str, list[str]] = {}
@@ -151,7 +151,7 @@ def _print_checks(console: Console, profile: Profile) -> None:
 
 
 def _limit(check: Check) -> str:
-    """Limit of a check in words, with its condition and load case."""
+    """Text of the limit of a rule check, with its condition and load case."""
     if check.quantity is None:
         return ""
     cases = check.limit if isinstance(check.limit, list) and isinstance(check.limit[0], dict) else None
@@ -178,7 +178,7 @@ def _of(check: Check) -> str:
 
 
 def _print_decidable(console: Console, scenario: Scenario, profiles: Sequence[Profile]) -> None:
-    """Print which checks of profiles a scenario at its start has a figure and all facts for."""
+    """Print the checks of rule profiles that can be decided for a scenario at its start, and what others lack."""
     with left_at_once("rules"), compilation_shown(Console(stderr=True), lambda text: tell("rules", text)):
         simulation = Simulation(scenario, meanwhile=compile_figures)
     figures = KeyFigures(scenario)

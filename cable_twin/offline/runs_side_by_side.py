@@ -1,4 +1,4 @@
-"""Scripted runs of scenarios side by side, as members of ensembles; an ensemble has one mesh."""
+"""Scripted runs of scenarios in parallel, as members of ensembles; the members of an ensemble have one mesh."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REST = 0.1  # of a run, as the bar has it: the search for its start
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Inputs of one run of a sweep over values of a key."""
+    """Inputs of one scripted run of a sweep over values of a key."""
 
     value: float
     scenario: Scenario
@@ -36,10 +36,10 @@ class Job:
 
 
 class Member:
-    """Adapter of a member of an ensemble to the interface of a simulation; the ensemble advances the member.
+    """Member of an ensemble with the interface of a simulation for scripts; the ensemble advances it.
 
     Args:
-        ensemble: with snapshots as those of simulations.
+        ensemble: ensemble with samples of ropes in its snapshots.
         number: of the member.
         scenario: of the member.
     """
@@ -50,7 +50,7 @@ class Member:
 
     @property
     def layout(self) -> Layout:
-        """Names and places of the numbers of a snapshot."""
+        """Layout of a snapshot: names and indices of its numbers."""
         return self._ensemble.layout
 
     @property
@@ -65,14 +65,14 @@ class Member:
 
     @property
     def snapshot(self) -> Snapshot:
-        """Present snapshot."""
+        """Snapshot of the member's present state."""
         return self._ensemble.snapshot(self._number)
 
     def apply(self, command: Command, source: str = "python") -> AppliedCommand:
-        """Apply a command at the present time: whole or, with an error, not at all.
+        """Apply a command to the member at the present time: whole or, with an error, not at all.
 
         Raises:
-            CommandError: one line with what was given and what is allowed.
+            CommandError: one line with the given and the allowed values.
         """
         try:
             self._ensemble.apply(command, self._number)
@@ -82,24 +82,24 @@ class Member:
 
 
 class _Bar:
-    """Share of runs that is done, shown by a callback; for several threads."""
+    """Progress of a set of runs, shown by a callback; safe to use from several threads."""
 
     def __init__(self, count: int, show: Callable[[float], object]) -> None:
         self._done, self._count, self._show, self._lock = 0.0, count, show, threading.Lock()
 
     def add(self, runs: float) -> None:
-        """Add a number of runs, or a share of one."""
+        """Add a number of finished runs, or a share of one run, to the progress."""
         with self._lock:
             self._done += runs
             self._show(min(self._done / self._count, 1.0))
 
 
 def run_side_by_side(jobs: Sequence[Job], show: Callable[[float], object]) -> list[SweptRun]:
-    """Carry out runs as members of ensembles, with the bits of simulations by themselves; in equal order.
+    """Carry out scripted runs as members of ensembles, bit for bit as single simulations; results in order.
 
     Args:
-        jobs: the runs, each from the rest of its scenario.
-        show: called with the share of them that is done.
+        jobs: the runs, each from the equilibrium of its scenario.
+        show: called with the share of the runs that is done.
     """
     alike: dict[object, list[int]] = {}
     for number, job in enumerate(jobs):
@@ -128,7 +128,7 @@ def run_side_by_side(jobs: Sequence[Job], show: Callable[[float], object]) -> li
 
 
 def _mesh(scenario: Scenario) -> object:
-    """Condition for runs to be members of one ensemble with the bits of simulations: meshes of all ropes."""
+    """Key of the meshes of all ropes of a scenario: runs with equal keys can be members of one ensemble."""
     try:
         ropes = build_ropes(scenario)
     except EquilibriumError:  # which its simulation will have as well
@@ -137,7 +137,7 @@ def _mesh(scenario: Scenario) -> object:
 
 
 class _Begun(NamedTuple):
-    """Ensemble of runs at their start, and those that have none or need another ensemble."""
+    """Ensemble of runs at their start, with runs that have no equilibrium, and runs that need another ensemble."""
 
     ensemble: Ensemble | None
     members: dict[int, tuple[Job, int]]  # with the member of each, by number of the run
@@ -146,7 +146,7 @@ class _Begun(NamedTuple):
 
 
 def _begin(jobs: dict[int, Job], threads: int, bar: _Bar) -> _Begun:
-    """Begin runs; runs of one mesh become members of one ensemble, others run alone."""
+    """Begin runs of one mesh as members of one ensemble; runs with another model are left for another ensemble."""
     begun = _Begun(None, {}, {}, [])
     for number, job in jobs.items():
         try:
@@ -168,7 +168,7 @@ def _begin(jobs: dict[int, Job], threads: int, bar: _Bar) -> _Begun:
 
 
 def _run_courses(begun: _Begun, bar: _Bar, stop: threading.Event) -> dict[int, SweptRun]:
-    """Results of runs by number."""
+    """Carry out the scripted runs of an ensemble in step; returns their results by number."""
     ensemble, jobs = begun.ensemble, begun.members
     assert ensemble is not None
     figures = {number: KeyFigures(job.scenario) for number, (job, _) in jobs.items()}
@@ -204,5 +204,5 @@ def _run_courses(begun: _Begun, bar: _Bar, stop: threading.Event) -> dict[int, S
 
 
 def _go_on(times: Generator[float, None, Outcome], fault: str | None) -> float:
-    """Next time (s) of a course, whose last one the simulation has reached, or not for a fault."""
+    """Next time (s) of the course of a run, after the simulation has reached the last one or has a fault."""
     return next(times) if fault is None else times.throw(SolverError(fault))

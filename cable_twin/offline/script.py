@@ -1,8 +1,8 @@
-"""Commands over time for a run, from a YAML or CSV file, or from the log of a run.
+"""Scripts: commands over time for a run, from a YAML or CSV file, or from the log of a run.
 
-Test signals for the identification of a drive, step and chirp, are sequences of commands. Both come on top of the
-speed or force of their entry, which holds again afterwards. A step lasts for its duration. A chirp is a sine of this
-amplitude whose frequency goes from one to the other by equal factors in equal times,
+Test signals for the identification of a drive, step and chirp, are sequences of commands. Both are added to the
+speed or force of their entry, which holds again afterwards. A step lasts for its duration. A chirp is a sine of given
+amplitude whose frequency goes from `from` to `to` by equal factors in equal times,
 
     f(t) = f_0 k^(t / T),  k = f_1 / f_0,  phase(t) = 2 pi f_0 T (k^(t / T) - 1) / ln k,
 
@@ -52,11 +52,11 @@ SIGNAL_ALLOWED = (
 
 
 class ScriptError(ValueError):
-    """Unusable script; the text has one line for each fault, with file and line."""
+    """Faults of a script of commands, one line each, with file and line."""
 
 
 class Place(NamedTuple):
-    """Place of a command: reached when the joint of a vehicle, or the cable of a drive, passes in either direction."""
+    """Place of a scripted command: reached when a vehicle's joint, or a drive's cable, passes in either direction."""
 
     name: str
     position: float  # m, arc length for a vehicle, cable travel for a drive
@@ -64,7 +64,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ScriptedCommand:
-    """Command of a script with its time or place."""
+    """Command of a script with its time, or the place that triggers it."""
 
     time: float  # s, simulated
     command: Command
@@ -74,18 +74,18 @@ class ScriptedCommand:
 
 
 def read_script(file: Path, scenario: Scenario | None = None) -> list[ScriptedCommand]:
-    """Read a script; commands of one time stay in the order of the file.
+    """Read a script of commands from a file; commands of equal time stay in the order of the file.
 
     Args:
         file: YAML (a list of mappings) or CSV (a header and a line a command), by its suffix.
-        scenario: scenario that it is for, to find commands that are refused there; None to skip this.
+        scenario: scenario of the run, to find commands that it refuses; None to skip this check.
 
     Raises:
         ScriptError: all faults, one line each: file, line, given value, allowed values, unit.
     """
     suffix = file.suffix.lower()
     if suffix not in (".yaml", ".yml", ".csv"):
-        raise ScriptError(f"{file}: suffix {suffix!r} given; allowed: .yaml, .yml or .csv")
+        raise ScriptError(f"{file}: suffix: given {suffix!r}; allowed: .yaml, .yml or .csv")
     try:
         text = limited_text(file, LARGEST_CSV if suffix == ".csv" else LARGEST)
     except UnreadableYamlError as error:
@@ -125,13 +125,13 @@ def script_of_log(log: Log) -> list[ScriptedCommand]:
 
 
 def commands_ahead(script: Iterable[ScriptedCommand], time: float, step: float) -> list[ScriptedCommand]:
-    """Commands of a script not before a time (s), to the nearest solver step (s), or given at places."""
+    """Commands of a script from a time (s) on, to the nearest solver step (s), and all commands given at places."""
     first = round(time / step)  # solver steps that are done
     return [item for item in script if item.at is not None or round(item.time / step) >= first]
 
 
 def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool = False) -> list[str]:
-    """Find commands that a scenario refuses in any state: names, limits, places, drives after an emergency stop.
+    """Find scripted commands that a scenario refuses in any state: names, limits, places, emergency stops.
 
     Args:
         scenario: scenario of the run.
@@ -139,13 +139,13 @@ def check_script(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopp
         stopped: whether the run begins in an emergency stop.
 
     Returns:
-        A line for each entry that would be refused, of a step or chirp for its first command that would be.
+        A line for each entry that would be refused; for a step or chirp about its first refused command.
     """
     return [*_refused(scenario, script, stopped=stopped).values()]
 
 
 def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: bool) -> dict[str, str]:
-    """Lines of `check_script` about refused commands, by the places of the commands."""
+    """Error lines about scripted commands that a scenario refuses, by file and line of the commands."""
     faults: dict[str, str] = {}
     at_start = stopped
     for item in sorted(script, key=lambda item: item.at is not None):
@@ -162,7 +162,7 @@ def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: 
 
 
 def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line number and values of each CSV row of a script, or its fault; empty cells and # comments are left out."""
+    """Line number and values of each CSV row of a script, or a fault text; empty cells, # comments are left out."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
     for line in _readable(reader, file):
@@ -173,13 +173,15 @@ def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
             header = cells
             if "time" not in header:
                 raise ScriptError(
-                    f"{file}:{reader.line_num}: header {','.join(header)!r} given; allowed: a header with a column time"
+                    f"{file}:{reader.line_num}: header: given {','.join(header)!r}; allowed: one with a column time"
                 )
             if len(set(header)) < len(header):
-                raise ScriptError(f"{file}:{reader.line_num}: header {','.join(header)!r} given; each key only once")
+                raise ScriptError(
+                    f"{file}:{reader.line_num}: header: given {','.join(header)!r}; allowed: each key once"
+                )
             continue
         if len(cells) > len(header):
-            yield reader.line_num, f"{len(cells)} cells given; the header has {len(header)}"
+            yield reader.line_num, f"cells: given {len(cells)}; allowed: {len(header)}, as in the header"
             continue
         row: dict[str, Any] = {key: _number(cell) for key, cell in zip(header, cells, strict=False) if cell}
         if at := {key.removeprefix("at_"): row.pop(key) for key in AT if key in row}:
@@ -202,21 +204,21 @@ def _number(cell: str) -> float | str:
 
 
 def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line number and mapping of each item of a YAML script, or its fault."""
+    """Line number and mapping of each item of a YAML script, or a fault text."""
     try:
         content, node, doubles = read_yaml(text)
     except UnreadableYamlError as error:
         raise ScriptError(f"{file}{error.where}: {error}") from None
     if doubles:
-        lines = (f"{file}:{one.second}: {one.path[-1]} given twice, first on line {one.first}" for one in doubles)
+        lines = (f"{file}:{one.second}: given {one.path[-1]} twice, first on line {one.first}" for one in doubles)
         raise ScriptError("\n".join(f"{line}; allowed: once" for line in lines))
     if content is None:
         return
     if not isinstance(content, list) or node is None:
         kind = "mapping" if isinstance(content, Mapping) else type(content).__name__
-        raise ScriptError(f"{file}:1: a {kind} given; allowed: a list of commands, '- {{time: 1, ...}}'")
+        raise ScriptError(f"{file}:1: given a {kind}; allowed: a list of commands, '- {{time: 1, ...}}'")
     for item, place in zip(content, node.value, strict=True):
-        yield place.start_mark.line + 1, item if isinstance(item, Mapping) else f"{item!r} given; {ALLOWED}"
+        yield place.start_mark.line + 1, item if isinstance(item, Mapping) else f"given {item!r}; {ALLOWED}"
 
 
 def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
@@ -224,19 +226,19 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
     if isinstance(row, str):
         raise ScriptError(f"{place}: {row}")
     if unknown := [str(key) for key in row if key not in KEYS]:
-        raise ScriptError(f"{place}: unknown {', '.join(unknown)}; {ALLOWED}")
+        raise ScriptError(f"{place}: given unknown {', '.join(unknown)}; {ALLOWED}")
     if "time" not in row and "at" not in row:
-        raise ScriptError(f"{place}: no time given; allowed: zero or more, in s")
+        raise ScriptError(f"{place}: time: given none; allowed: zero or more, in s")
     time = row.get("time", 0.0)
     if not _is_finite(time) or time < 0.0:
-        raise ScriptError(f"{place}: time {time!r} given; allowed: zero or more, in s")
+        raise ScriptError(f"{place}: time: given {time!r}; allowed: zero or more, in s")
     at = _place(row["at"], place) if "at" in row else None
     command = _command(row, place)
     if not any(key in row for key in SIGNAL_KEYS):
         return [ScriptedCommand(float(time), command, "script", place, at)]
     if not KINDS[command.kind].drives:
         raise ScriptError(
-            f"{place}: {command.kind} with {', '.join(k for k in SIGNAL_KEYS if k in row)} given; {ALLOWED}"
+            f"{place}: given {command.kind} with {', '.join(k for k in SIGNAL_KEYS if k in row)}; {ALLOWED}"
         )
     ((name, base),) = command.values.items()
     return [
@@ -246,9 +248,9 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
 
 
 def _place(given: Any, place: str) -> Place:
-    """Parse the value of the key `at` of a script, the place of a command."""
+    """Parse the value of the key `at` in a script, the place that triggers a command."""
     if not isinstance(given, dict) or set(given) != {"name", "position"} or not isinstance(given["name"], str):
-        raise ScriptError(f"{place}: at {dict(given) if isinstance(given, dict) else given!r} given; {PLACE_ALLOWED}")
+        raise ScriptError(f"{place}: at: given {dict(given) if isinstance(given, dict) else given!r}; {PLACE_ALLOWED}")
     return Place(given["name"], _finite(given["position"], "at position", "m", place))
 
 
@@ -263,39 +265,41 @@ def check_place(place: Place, scenario: Scenario) -> None:
         return
     if place.name not in scenario.vehicles:
         known = ", ".join([*scenario.drives, *scenario.vehicles]) or "none in this scenario"
-        raise CommandError(f"at '{place.name}', which is no vehicle or drive; known: {known}")
+        raise CommandError(f"at: given name '{place.name}'; allowed: {known}")
     if not 0.0 <= place.position <= length:
-        raise CommandError(f"at {place.position:g} m of '{place.name}'; allowed: 0 to {length:g} m, on the cable")
+        raise CommandError(
+            f"at: given {place.position:g} m of '{place.name}'; allowed: 0 to {length:g} m, on the cable"
+        )
 
 
 def _signal(row: Mapping[str, Any], base: float, unit: str, place: str) -> list[tuple[float, float]]:
-    """Times (s, relative to the entry) and values of a step or chirp around a base in a unit, ending with the base."""
+    """Times (s, from the entry on) and values of a scripted step or chirp on a base value, ending with the base."""
     shapes = [shape for shape in SHAPES if shape in row]
     given = {key for key in SIGNAL_KEYS if key in row}
     needed = {"step", "duration"} if "step" in row else {*SIGNAL_KEYS} - {"step"}
     if "at" in row or len(shapes) != 1 or given != needed:
         found = ", ".join(f"{key} {row[key]!r}" for key in ("at", *SIGNAL_KEYS) if key in row)
-        raise ScriptError(f"{place}: {found} given; {SIGNAL_ALLOWED}")
+        raise ScriptError(f"{place}: given {found}; {SIGNAL_ALLOWED}")
     height, duration = _finite(row[shapes[0]], shapes[0], unit, place), _finite(row["duration"], "duration", "s", place)
     if duration <= 0.0:
-        raise ScriptError(f"{place}: duration {duration:g} s given; allowed: more than 0 s")
+        raise ScriptError(f"{place}: duration: given {duration:g} s; allowed: more than 0 s")
     if "step" in row:
         return [(0.0, base), (0.0, base + height), (duration, base)]
     first, last = _finite(row["from"], "from", "Hz", place), _finite(row["to"], "to", "Hz", place)
     for key, frequency in (("from", first), ("to", last)):
         if not 0.0 < frequency <= HIGHEST:
-            raise ScriptError(f"{place}: {key} {frequency:g} Hz given; allowed: more than 0, up to {HIGHEST:g} Hz")
+            raise ScriptError(f"{place}: {key}: given {frequency:g} Hz; allowed: more than 0, up to {HIGHEST:g} Hz")
     count = math.ceil(duration * SAMPLES * max(first, last))
     if count > MOST:
         allowed = f"{MOST}, {SAMPLES} in the shortest period"
-        raise ScriptError(f"{place}: a chirp of {count} commands given; allowed: {allowed}")
+        raise ScriptError(f"{place}: chirp: given {count} commands; allowed: {allowed}")
     times = [duration * number / count for number in range(count)]
     values = [base + height * math.sin(_phase(time, duration, first, last)) for time in times]
     return [*zip(times, values, strict=True), (duration, base)]
 
 
 def _phase(time: float, duration: float, first: float, last: float) -> float:
-    """Phase (rad) of a chirp of `duration` (s) from one frequency (Hz) to another at a time (s)."""
+    """Phase (rad) at a time (s) of a chirp of `duration` (s) from frequency `first` (Hz) to `last` (Hz)."""
     growth = math.log(last / first)
     if abs(growth) < 1e-9:
         return 2.0 * math.pi * first * time
@@ -309,7 +313,7 @@ def _command(row: Mapping[str, Any], place: str) -> Command:
         event = str(row["event"])
         if given or "name" in row or event not in EVENTS:
             found = f"event {row['event']!r}" + "".join(f" with {key}" for key in ("name", *given) if key in row)
-            raise ScriptError(f"{place}: {found} given; allowed: {', '.join(EVENTS)}, alone")
+            raise ScriptError(f"{place}: given {found}; allowed: exactly one of {', '.join(EVENTS)}")
         return Command(event, {})
     if "name" not in row:
         for name, kind in BY_AXIS.items():
@@ -324,14 +328,14 @@ def _command(row: Mapping[str, Any], place: str) -> Command:
                 return Command(name, speeds)
     if len(given) != 1 or given[0] not in BY_NAME or not isinstance(row.get("name"), str):
         found = ", ".join(f"{key} {row[key]!r}" for key in ("name", *given) if key in row) or "only a time"
-        raise ScriptError(f"{place}: {found} given; {ALLOWED}")
+        raise ScriptError(f"{place}: given {found}; {ALLOWED}")
     kind = BY_NAME[given[0]]
     return Command(kind.name, {row["name"]: _finite(row[kind.name], kind.name, kind.unit, place)})
 
 
 def _finite(value: Any, key: str, unit: str, place: str) -> float:
     if not _is_finite(value):
-        raise ScriptError(f"{place}: {key} {value!r} given; allowed: a finite number, in {unit}")
+        raise ScriptError(f"{place}: {key}: given {value!r}; allowed: a finite number, in {unit}")
     return float(value)
 
 

@@ -1,4 +1,4 @@
-"""Simulation as fast as possible, with the commands of a script, recorded as by the node; start of a recorded run."""
+"""Scripted run of a simulation, as fast as possible and recorded as by the node; simulation of a log at its start."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def simulate(
     ended: Callable[[], bool] | None = None,
     rates: Mapping[str, float] = LOGGED,
 ) -> Outcome:
-    """Run a simulation with its script, and record it as the node does.
+    """Run a simulation with a script of commands, and record it as the node does.
 
     Commands take effect as in `course`.
 
@@ -54,7 +54,7 @@ def simulate(
         rates: recorded rates (Hz) by group of topics; every frame for other groups.
 
     Returns:
-        Its end, and commands that were refused or not carried out.
+        Outcome with the end of the run, and commands that were refused or not carried out.
     """
     frame_rate = 1.0 / (frame_steps * simulation.step)
     table = (*topics(simulation.layout), *sensor_topics(simulation.scenario))
@@ -100,7 +100,7 @@ def simulate(
 def _go_on(
     times: Generator[float, None, Outcome], simulation: Simulation, time: float, look: Callable[[], None]
 ) -> float:
-    """Advance a simulation to a time (s) of its course; returns the next one."""
+    """Advance a simulation to a time (s) of its scripted course; returns the next time."""
     try:
         simulation.advance_to(time, look)
     except (SolverError, EndedError) as error:
@@ -109,22 +109,22 @@ def _go_on(
 
 
 def _record_figures(output: FrameOutput, snapshot: Snapshot, figures: KeyFigures | None) -> None:
-    """Record the present key figures."""
+    """Record the key figures up to a snapshot in the log, if any."""
     if output.run is not None and figures is not None:
         stamp_ns = output.encoder.stamp_ns(snapshot)
         output.run.recorder.record([(KEY_FIGURES, figures_message(figures.figures(), stamp_ns))], stamp_ns)
 
 
 def start_of(log: Log, *, samples: int = SAMPLES, meanwhile: Meanwhile | None = None) -> Simulation:
-    """Build the simulation of a log: its scenario at the start, or in the attached state.
+    """Build the simulation of a log at its start: its scenario at rest, or in the attached full state.
 
     Args:
         log: log of the run.
         samples: points of each rope in a snapshot.
-        meanwhile: as of `Simulation`.
+        meanwhile: as for `Simulation`.
 
     Raises:
-        ScenarioError, EquilibriumError, SnapshotError: it cannot be simulated.
+        ScenarioError, EquilibriumError, SnapshotError: the log cannot be simulated.
     """
     if log.snapshot is None:
         return Simulation(load_scenario(log.scenario), samples=samples, meanwhile=meanwhile)

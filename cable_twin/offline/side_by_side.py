@@ -21,7 +21,7 @@ def side_by_side(
     """Worker processes for up to `count` parallel jobs; yields a function from jobs to results in equal order.
 
     Args:
-        count: jobs that there are.
+        count: number of jobs.
         work: function of a module that does a job.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

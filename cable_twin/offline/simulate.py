@@ -1,4 +1,4 @@
-"""Command `simulate`: run a scenario without ROS, as fast as possible, scripted, with the logs of the node."""
+"""Command `simulate`: scripted run of a scenario without ROS, as fast as possible, with the logs of the node."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 
 
 class OptionError(Exception):
-    """Invalid options of `simulate`, a line each."""
+    """Faults of the options of `simulate`, one line each."""
 
 
 UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
@@ -60,7 +60,7 @@ UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, Equilibrium
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Run of `simulate` with valid options."""
+    """Planned run of `simulate`: simulation, script, duration, frames, log rates, splitting."""
 
     simulation: Simulation
     script: Sequence[ScriptedCommand]
@@ -71,7 +71,7 @@ class Plan:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a scenario and report; the help has the exit codes."""
+    """Run a scenario and report key figures; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     options.scenario = arguments.given_scenario(options)
@@ -120,7 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _plot_fault(options: argparse.Namespace) -> str:
-    """Message about a `--plot` that is not possible, in a line; empty for one that is."""
+    """Error line about an unusable option `--plot` of `simulate`; empty for a usable one."""
     if options.plot is not None and options.sweep is None:
         return f"--plot {options.plot} without --sweep; plots of a single run are made by: review LOG --plots DIR"
     return plot_fault(options.plot)
@@ -134,17 +134,17 @@ def _explain(key: str) -> None:
 
 
 def _plan(options: argparse.Namespace, console: Console) -> Plan:
-    """Read all inputs of a run of `simulate`.
+    """Plan a run of `simulate` from its options: read scenario, script and log, and check all of them.
 
     Raises:
-        One of UNUSABLE_INPUT: something cannot be used.
+        One of UNUSABLE_INPUT: an option or a file cannot be used.
     """
     splitting = Splitting(options.split_duration, options.split_size, options.keep_age, options.keep_size)
     if faults := splitting.faults(lambda name: f"--{name.replace('_', '-')}"):
         raise OptionError("\n".join(faults))
     log = read_log(options.from_bag) if options.from_bag is not None else None
     if options.check and (options.snapshot is not None or (log is not None and log.snapshot is not None)):
-        raise OptionError("--check with a snapshot, whose mesh cannot be refined; allowed: a run from the start")
+        raise OptionError("--check: given with a snapshot, whose mesh cannot be refined; allowed: a run from the start")
     scenario = _scenario(options, log)
     script = read_script(options.script, scenario) if options.script is not None else []
     if log is not None:
@@ -173,7 +173,7 @@ def _plan(options: argparse.Namespace, console: Console) -> Plan:
     if faults:
         raise OptionError("\n".join(faults))
     if round(duration / simulation.step) == 0:
-        raise OptionError(f"--duration {duration:g} s given; a solver step takes {simulation.step:g} s")
+        raise OptionError(f"--duration: given {duration:g} s; allowed: a solver step of {simulation.step:g} s or more")
     return Plan(simulation, script, duration, frame_steps, rates, splitting)
 
 
@@ -185,7 +185,7 @@ def _run(
     console: Console,
     ended: threading.Event,
 ) -> Outcome:
-    """Simulate, with a progress bar, and close the logs."""
+    """Carry out a planned run with a progress bar, and close its logs."""
     simulation = plan.simulation
     epoch_ns = time.time_ns() - nanoseconds(simulation.time)
     if run is not None:
@@ -216,11 +216,11 @@ def _run(
 
 
 def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
-    """Load the requested scenario, or the scenario of the bag with changes; None where the state file contains one.
+    """Load the requested scenario, or that of the bag with changes; None where log or snapshot is used as it is.
 
     Raises:
-        SnapshotError: a state has its scenario, and another one is given.
-        ScenarioError: it does not load.
+        SnapshotError: a scenario or change is given beside a snapshot, which has a scenario.
+        ScenarioError: the scenario is invalid.
     """
     changed = options.scenario is not None or bool(options.set)
     if changed and options.snapshot is not None:
@@ -238,7 +238,7 @@ def _scenario(options: argparse.Namespace, log: Log | None) -> Scenario | None:
 def _simulation(
     options: argparse.Namespace, log: Log | None, scenario: Scenario | None, console: Console
 ) -> Simulation:
-    """Build the requested scenario, or continue from the snapshot or the start of the bag."""
+    """Build the simulation of the requested scenario, or of the snapshot, or of the start of the bag."""
     with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         if scenario is not None:
             return Simulation(scenario, meanwhile=compile_figures)
@@ -249,7 +249,7 @@ def _simulation(
 
 
 def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log | None, start: float) -> float:
-    """Simulated time (s) to run, from `start` (s) on."""
+    """Duration (s) of a run in simulated time: given, else that of the log or script from `start` (s) on."""
     if given is not None:
         return given
     if log is not None:
@@ -277,7 +277,7 @@ def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
 
 @contextmanager
 def _signals(*, last: bool) -> Iterator[threading.Event]:
-    """Turn ending signals into a flag, so that the logs are closed.
+    """Turn signals that end a process into a flag, so that the logs are closed; yields the flag.
 
     With `last`, before the process ends, further signals are ignored after the first one: Python would be killed while
     it ends, with another exit code.
@@ -293,7 +293,7 @@ def _signals(*, last: bool) -> Iterator[threading.Event]:
 
 @contextmanager
 def run_progress(console: Console, start: float, duration: float) -> Iterator[Callable[[float], None]]:
-    """Show a bar with simulated time, real-time factor and remaining time; yields its updating callback."""
+    """Show a progress bar of a run: simulated time, real-time factor, remaining time; yields a callback for frames."""
     columns = (
         TextColumn("simulate"),
         BarColumn(),
@@ -322,14 +322,14 @@ def report(
     run: Run | None,
     faults: Sequence[str],
 ) -> bool:
-    """Print the results of a run; returns whether something failed.
+    """Print the results of a run; returns whether the run failed or refused a command.
 
     Args:
         scenario: scenario of the run.
         start: simulated time (s) at its start.
         outcome: outcome of the run.
-        figures: its key figures, which the rule profiles of the scenario judge.
-        run: its log, or None without one.
+        figures: key figures of the run, which the rule profiles of the scenario judge.
+        run: log of the run, or None.
         faults: failures, a line each.
     """
     print_figures(table_console(), [figures])
@@ -373,7 +373,7 @@ def _count(commands: int) -> str:
 
 
 def _idle(scenario: Scenario, outcome: Outcome) -> bool:
-    """Whether all drives stood still for lack of a command."""
+    """Whether all drives of a run stood still for lack of a command."""
     carriages = scenario.carriages.values()
     drives = [one.speed for one in scenario.drives.values()]
     drives += [one.speed for one in carriages if one.drive.mode == "speed"]

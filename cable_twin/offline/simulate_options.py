@@ -1,4 +1,4 @@
-"""Options of the command `simulate`: names, allowed values and help."""
+"""Command line options of `simulate`, some of them for other commands, too: names, allowed values and help."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEFAULT_SCENARIO = "aerial_tramway"
 DURATION = 60.0  # s, after the last command of a script
 DRAWN = (".png", ".pdf", ".svg")
 MOST_RUNS = 1000  # of a sweep
-FORM = "KEY=START:STOP:STEP is needed, as in wind.y=0:30:2.5"
+FORM = "allowed: KEY=START:STOP:STEP, as in wind.y=0:30:2.5"
 SPLITTING = (
     ("split-duration", "S", "begin new log files after so many simulated seconds; 0: never"),
     ("split-size", "MB", "begin new log files when the MCAP file has reached this size; 0: no limit"),
@@ -81,7 +81,7 @@ examples:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """Dotted key of a scenario and its swept values."""
+    """Sweep of a scenario's key: its dotted name and all values."""
 
     key: str
     values: tuple[float, ...]
@@ -154,7 +154,7 @@ def parser() -> OneLineParser:
 
 
 def _add_recording(result: OneLineParser) -> None:
-    """Add the recording options: formats, directory, rates, splitting and keeping."""
+    """Add the options of `simulate` on recording to a parser: formats, directory, rates, splitting and keeping."""
     result.add_argument(
         "--output",
         type=Path,
@@ -195,7 +195,7 @@ def _add_recording(result: OneLineParser) -> None:
 
 
 def add_changes(result: OneLineParser) -> None:
-    """Add the option `--set` to a parser."""
+    """Add the option `--set`, which changes values of the scenario, to a parser."""
     result.add_argument(
         "--set",
         action="append",
@@ -208,33 +208,33 @@ def add_changes(result: OneLineParser) -> None:
 
 
 def plot_fault(path: Path | None) -> str:
-    """Message about a file for `--plot` that cannot be drawn, in a line; empty for one that can, or none."""
+    """Error line about a file of option `--plot` that cannot be drawn; empty for a valid file or None."""
     if path is not None and path.suffix.lower() not in DRAWN:
-        return f"--plot {path}: allowed: a name that ends with {', '.join(DRAWN)}"
+        return f"--plot: given {path}; allowed: a name that ends with {', '.join(DRAWN)}"
     return "" if path is None else plots_fault("--plot")
 
 
 def plots_fault(option: str) -> str:
-    """Message about a missing plot library for an option, in a line; empty where installed."""
+    """Error line about an option that needs matplotlib; empty where that is installed."""
     if find_spec("matplotlib") is not None:
         return ""
     return f"{option} needs matplotlib, which this Python does not have: {typed('pip')} install matplotlib"
 
 
 def fact(text: str) -> tuple[str, Any]:
-    """Parse KEY=VALUE of a fact in `limits.installation`.
+    """Parse KEY=VALUE of the option `--fact`, a fact in `limits.installation`.
 
     Raises:
         argparse.ArgumentTypeError: one line with the given and the allowed form.
     """
     key, value = _changed_value(text)
     if key not in Installation.model_fields:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: {', '.join(Installation.model_fields)}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {', '.join(Installation.model_fields)}")
     return key, value
 
 
 def add_rule_options(parser: argparse.ArgumentParser, more: str = "") -> None:
-    """Add `--profile` and `--fact`, with which recorded runs are judged; `more` ends the help of `--profile`."""
+    """Add options `--profile` and `--fact` to judge recorded runs to a parser; `more` ends the help of `--profile`."""
     parser.add_argument(
         "--profile",
         action="append",
@@ -253,7 +253,7 @@ def add_rule_options(parser: argparse.ArgumentParser, more: str = "") -> None:
 
 
 def profile_fault(profiles: Sequence[str] | None) -> str:
-    """Message about a rule profile of `--profile` that cannot be read, in a line; empty where all can."""
+    """Error line about a rule profile of option `--profile` that cannot be read; empty where all can."""
     try:
         for name in profiles or ():
             load_profile(name)
@@ -270,7 +270,7 @@ def _changed_value(text: str) -> tuple[str, Any]:
 
 
 def number(low: float, high: float, unit: str, *, zero: bool = False) -> Callable[[str], float]:
-    """Parser of an option with a number within bounds, above 0 unless `zero` is allowed."""
+    """Make a parser of option values: a number within bounds, above 0 unless `zero` is allowed."""
 
     def convert(text: str) -> float:
         try:
@@ -278,30 +278,30 @@ def number(low: float, high: float, unit: str, *, zero: bool = False) -> Callabl
         except ValueError:
             value = math.nan
         if not (low <= value <= high and (zero or value > 0.0) and value < math.inf):
-            allowed = f"more than 0 {unit} is" if high == math.inf else f"{low:g} to {high:g} {unit} are"
-            raise argparse.ArgumentTypeError(f"{text!r} given, {allowed} allowed")
+            allowed = f"more than 0 {unit}" if high == math.inf else f"{low:g} to {high:g} {unit}"
+            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {allowed}")
         return value
 
     return convert
 
 
 def rates_of(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:
-    """Rates (Hz) by group of topics, and a line for each given rate that does not divide the frame rate (Hz)."""
+    """Log rates (Hz) by group of topics, and an error line for each rate that does not divide the frame rate (Hz)."""
     given = {group: rate for group in LOG_RATES if (rate := getattr(options, f"rate_{group}")) is not None}
     faults = [rate_fault(f"--log-{group.removesuffix('s')}-rate", rate, frame_rate) for group, rate in given.items()]
     return {**LOGGED, **given}, [line for line in faults if line is not None]
 
 
 def _limit(text: str) -> float:
-    """Parse a number from an option whose range depends on other options."""
+    """Parse a number from an option whose range depends on other options and is checked later."""
     try:
         return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} given, a number is needed") from None
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a number") from None
 
 
 def sweep_of(text: str) -> Sweep:
-    """Parse KEY=START:STOP:STEP; the values are integers where all three numbers are.
+    """Parse KEY=START:STOP:STEP of the option `--sweep`; the values are integers where all three numbers are.
 
     Raises:
         argparse.ArgumentTypeError: one line with the given and the allowed values.
@@ -309,17 +309,17 @@ def sweep_of(text: str) -> Sweep:
     key, equals, span = text.partition("=")
     parts = span.split(":")
     if not equals or not key.strip() or len(parts) != 3:
-        raise argparse.ArgumentTypeError(f"{text!r} given, {FORM}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; {FORM}")
     try:
         start, stop, step = (_finite(part) for part in parts)
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} given, {error} is no finite number; {FORM}") from None
+        raise argparse.ArgumentTypeError(f"given {text!r}, {error} is no finite number; {FORM}") from None
     if step == 0.0 or (stop - start) * step < 0.0:
         given = "0" if step == 0.0 else f"{step:g}, which leads away from {stop:g}"
-        raise argparse.ArgumentTypeError(f"{text!r} given with a step of {given}; allowed: one from START towards STOP")
+        raise argparse.ArgumentTypeError(f"given {text!r}, a step of {given}; allowed: one from START towards STOP")
     count = math.floor((stop - start) / step + 1e-9) + 1
     if count > MOST_RUNS:
-        raise argparse.ArgumentTypeError(f"{text!r} given, {count} runs; allowed: at most {MOST_RUNS}")
+        raise argparse.ArgumentTypeError(f"given {text!r}, {count} runs; allowed: at most {MOST_RUNS}")
     values = (start + number * step for number in range(count))
     whole = all(isinstance(number, int) for number in (start, stop, step))
     return Sweep(full_key(key.strip()), tuple(value if whole else round(value, 12) for value in values))

@@ -79,7 +79,7 @@ examples:
 
 
 class Study(NamedTuple):
-    """Study that is planned: what all cases have in common, the design and the cases."""
+    """Planned study: common inputs of all cases, design and cases."""
 
     name: str
     common: Inputs
@@ -130,25 +130,25 @@ def parser() -> OneLineParser:
 
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= MOST:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 1 to {MOST}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 1 to {MOST}")
     return int(text)
 
 
 def _seed(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) >= 2**63:
-        raise argparse.ArgumentTypeError(f"{text!r} given, allowed: a whole number from 0 on")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 0 on")
     return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the cases of a study and report; the help has the exit codes."""
+    """Run the cases of a study and report; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     source = arguments.given_scenario(options) or DEFAULT_SCENARIO
     for fault in faults_of(options.vary):
         arguments.error(fault)
     if options.script is not None and any(one.key == SCRIPT for one in options.vary):
-        arguments.error("--script and --vary script are given; one is allowed")
+        arguments.error("--script, --vary script: given both; allowed: one of them")
     if find_spec("distributed") is None:
         arguments.error("study needs dask.distributed, which this Python does not have: pip install distributed")
     console = Console(stderr=True)
@@ -176,10 +176,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def plan(options: argparse.Namespace, source: str) -> Study:
-    """Plan a study, after all ends of ranges and all scripts are checked.
+    """Plan a study from its options: check ends of ranges and scripts, make design and cases.
 
     Raises:
-        ScenarioError, ScriptError, DesignError: something cannot be used.
+        ScenarioError, ScriptError, DesignError: scenario, script or design cannot be used.
     """
     base = load_scenario(source, dict(options.set))
     factors = with_kinds(options.vary, partial(is_whole, base))
@@ -200,7 +200,7 @@ def plan(options: argparse.Namespace, source: str) -> Study:
 
 
 def _compile(study: Study) -> None:
-    """Compile all kernels here, once, before workers would each do it."""
+    """Compile all kernels of a study once in this process, so that workers do not each compile them."""
     try:
         Simulation(scenario_of(study.common, study.cases[0].values), meanwhile=compile_figures)
     except (EquilibriumError, ScenarioError):  # the fault of its case
@@ -208,7 +208,7 @@ def _compile(study: Study) -> None:
 
 
 def _run(study: Study, kept: Kept, options: argparse.Namespace, console: Console) -> list[str]:
-    """Run the missing cases; returns a line for each that could not be carried out."""
+    """Run the missing cases of a study; returns a line for each case that could not be carried out."""
     missing = list({one.inputs: one for one in study.cases if one.inputs not in kept}.values())
     if there := sum(one.inputs in kept for one in study.cases):
         tell("study", f"{there} of {len(study.cases)} cases are in {options.out} already")
@@ -225,7 +225,7 @@ def _run(study: Study, kept: Kept, options: argparse.Namespace, console: Console
 
 
 class Shown(NamedTuple):
-    """Results of a study to be reported."""
+    """Results of a study for its report: all results, shown key figures, Sobol indices, figures without indices."""
 
     results: Results
     figures: Sequence[str]
@@ -234,17 +234,17 @@ class Shown(NamedTuple):
 
 
 def _write(study: Study, kept: Kept, options: argparse.Namespace) -> Shown:
-    """Write tables, indices, plots and the manifest of what is finished.
+    """Write tables, Sobol indices, plots and manifest of the finished cases of a study.
 
     Raises:
-        OSError: one cannot be written.
+        OSError: a file cannot be written.
     """
     results = Results(study.cases, kept)
     files = write_tables(options.out, results)
     wanted = [one for one in options.figure if one in results.figures]
     for one in options.figure:
         if one not in results.figures and results.figures:
-            tell("study", f"--figure {one}: no case has it; allowed: ids in results.csv")
+            tell("study", f"--figure: given {one}, which no case has; allowed: ids in results.csv")
     shown = shown_figures(results, wanted, SHOWN)
     found, without = indices_of(study.design, results) if study.design.method == "sobol" else ({}, [])
     if found:
@@ -269,7 +269,7 @@ def _write(study: Study, kept: Kept, options: argparse.Namespace) -> Shown:
 def _plots(
     study: Study, results: Results, shown: Sequence[str], found: dict[str, Indices], directory: Path
 ) -> list[Path]:
-    """Draw what varies; returns the files."""
+    """Draw the shown key figures of a study, and their Sobol indices if any; returns the files."""
     if not shown or find_spec("matplotlib") is None:
         return []
     from cable_twin.offline.studies import plot  # noqa: PLC0415 - matplotlib takes a second
@@ -285,7 +285,7 @@ def _plots(
 
 
 def _report(study: Study, kept: Kept, shown: Shown, faults: Sequence[str]) -> int:
-    """Print the table of the shown figures and all faults; returns the exit code."""
+    """Print the table of the shown key figures of a study, and its faults; returns the exit code."""
     results = shown.results
     print(f"{study.name}: {len(study.cases)} cases, {study.design.method}, in {kept.directory}")
     keys = [one.key for one in study.design.factors] if shown.indices else []

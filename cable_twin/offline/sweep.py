@@ -1,4 +1,4 @@
-"""`simulate --sweep`: runs over the values of a key, their figures with limits, and windows with all limits kept."""
+"""Sweep of `simulate --sweep`: runs over values of a scenario key, and windows of values with all limits kept."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 
 def _fault(options: argparse.Namespace) -> str:
-    """Message about options incompatible with a sweep, in a line; empty for compatible ones."""
+    """Error line about an option that cannot be combined with `--sweep`; empty if all can."""
     for name in ("snapshot", "from_bag", "check"):
         if getattr(options, name):
             return f"--sweep cannot be combined with --{name.replace('_', '-')}: a sweep starts every run from rest"
@@ -66,10 +66,10 @@ def _fault(options: argparse.Namespace) -> str:
 
 
 def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
-    """Jobs of all runs; the first is built here to compile the kernels once and to check the script.
+    """Jobs of all runs of a sweep; the first simulation is built here to compile kernels once.
 
     Raises:
-        ScenarioError, ScriptError, EquilibriumError: something cannot be used.
+        ScenarioError, ScriptError, EquilibriumError: scenario or script cannot be used.
     """
     scenarios = swept_scenarios(options.sweep, _source(options), dict(options.set))
     script = read_script(options.script, scenarios[0]) if options.script is not None else []
@@ -87,7 +87,7 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
 def _refined(
     options: argparse.Namespace, like: Job, runs: list[SweptRun], run_all: Callable[[Sequence[Job]], list[SweptRun]]
 ) -> list[SweptRun]:
-    """Runs in order, with further ones added between until the ends of all windows are known precisely."""
+    """Add runs between those of a sweep until the ends of all windows are known precisely; returns all in order."""
     values, whole = options.sweep.values, is_whole(like.scenario, options.sweep.key)
     if len(values) < 2:
         return runs
@@ -114,7 +114,7 @@ def _source(options: argparse.Namespace) -> str:
 
 
 def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) -> int:
-    """Print and write the results of the runs; returns the exit code.
+    """Print and write the results of a sweep; returns the exit code.
 
     Raises:
         OSError: a file cannot be written.
@@ -146,7 +146,7 @@ def _report(options: argparse.Namespace, name: str, runs: Sequence[SweptRun]) ->
 
 
 def _unit(key: str) -> str:
-    """Unit of a key of a scenario, or of the list that holds the key."""
+    """Unit of a scenario key; of an axis or element of a list the unit of the list."""
     try:
         return explained(key)[0].unit
     except KeyError:
@@ -154,15 +154,15 @@ def _unit(key: str) -> str:
 
 
 def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> list[Scenario]:
-    """Scenarios at all swept values of a key.
+    """Scenarios at all values of the key of a sweep.
 
     Args:
         sweep: key and values; a part of the key may be an axis, or a number in a list.
-        source: as `load_scenario` takes it.
+        source: name, path or data of a scenario, as for `load_scenario`.
         changes: changes of other values, by dotted key.
 
     Raises:
-        ScenarioError: one line a fault, of the first value that has any.
+        ScenarioError: the scenario at a value is invalid; one line for each fault at the first such value.
     """
     return [load_scenario(source, {**changes, sweep.key: value}) for value in sweep.values]
 

@@ -1,4 +1,4 @@
-"""Verdicts of a sweep: the value at which each figure exceeds its limit, and the windows with all limits kept."""
+"""Limits in a sweep: swept value at which each key figure exceeds its limit, and windows with all limits kept."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cable_twin.key_figures.figure import TOLERANCE
 
 @dataclass(frozen=True, slots=True)
 class SweptRun:
-    """Result of the run at one swept value."""
+    """Result of the run at one swept value: key figures, fault, refused commands."""
 
     value: float
     figures: Sequence[KeyFigure]
@@ -26,7 +26,7 @@ class SweptRun:
 
 @dataclass(frozen=True, slots=True)
 class SweptFigure:
-    """One key figure with a limit, at all values in the order of the sweep; None for runs without the figure."""
+    """Key figure with a limit at all swept values, in the order of the sweep; None for runs without the figure."""
 
     id: FigureId
     name: str
@@ -38,24 +38,24 @@ class SweptFigure:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Least and greatest limit of the figure, which differ where the limit itself is swept."""
+        """Least and greatest limit of the key figure, which differ where the limit itself is swept."""
         limits = [one.limit for one in self.figures if one is not None and one.limit is not None]
         return min(limits), max(limits)
 
     @property
     def use(self) -> float:
-        """Largest utilisation of the limit, 1 at the limit."""
+        """Largest utilisation of the limit of the key figure over the sweep, 1 at the limit."""
         return max(use_of(figure) for figure in self.figures if figure is not None)
 
     @property
     def worst(self) -> tuple[float, KeyFigure]:
-        """Swept value with the largest utilisation of the limit, and its figure; of equal ones the first."""
+        """Swept value with the largest utilisation of the limit, and the key figure there; the first of equals."""
         there = [(value, one) for value, one in zip(self.values, self.figures, strict=True) if one is not None]
         return max(there, key=lambda item: use_of(item[1]))
 
     @property
     def passed_at(self) -> float | None:
-        """First swept value with an exceeded limit; None where the limit is kept throughout."""
+        """First swept value at which the key figure exceeds its limit; None where the limit is kept throughout."""
         for place, figure in enumerate(self.figures):
             if figure is not None and figure.kept is False:
                 before = self.figures[place - 1] if place else None
@@ -63,7 +63,7 @@ class SweptFigure:
         return None
 
     def passed(self) -> Iterator[tuple[float, float]]:
-        """Ranges of values (least, most) with an exceeded limit; infinite where the sweep ends within."""
+        """Ranges of swept values (least, most) with an exceeded limit; infinite where the sweep ends in a range."""
         first, last = None, len(self.values) - 1
         for place, figure in enumerate(self.figures):
             broken = figure is not None and figure.kept is False
@@ -77,10 +77,10 @@ class SweptFigure:
                 first = None
 
     def crossing(self, gap: int) -> float:
-        """Interpolated value at which the figure meets its limit, between a run by number and the next one.
+        """Interpolated swept value at which the key figure meets its limit, between a run by number and the next one.
 
-        It is on a monotone cubic curve through all runs, as wind loads grow with the square of the speed. Where a run
-        beside the gap lacks the figure, it is the value of the run that keeps the limit.
+        The curve through all runs is a monotone cubic, as wind loads grow with the square of the speed. Where a run
+        beside the gap lacks the figure, the value of the run that keeps the limit is returned.
         """
         before, after = self.figures[gap], self.figures[gap + 1]
         ends = self.values[gap], self.values[gap + 1]
@@ -102,11 +102,11 @@ class SweptFigure:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """End of a window of swept values with all limits kept.
+    """End of a window of a sweep, a range of swept values with all limits kept.
 
     Attributes:
         value: swept value.
-        figure: figure whose limit is exceeded beyond it; None where the sweep ends there, or a run failed.
+        figure: figure whose limit is exceeded beyond the end; None where the sweep ends there, or a run failed.
         run: value of the outermost run within the window.
     """
 
@@ -117,20 +117,20 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Range of swept values with all limits kept."""
+    """Window of a sweep: range of swept values with all limits kept."""
 
     low: Edge
     high: Edge
 
 
 def beyond_limit(figure: KeyFigure) -> float:
-    """Excess of a figure over its limit in its unit; negative where the limit is kept."""
+    """Excess of a key figure over its limit, in the unit of the figure; negative where the limit is kept."""
     assert figure.limit is not None
     return figure.value - figure.limit if figure.bound == "at most" else figure.limit - figure.value
 
 
 def use_of(figure: KeyFigure) -> float:
-    """Utilisation of the limit of a figure, 1 at the limit; a limit of 0 counts as used by any excess."""
+    """Utilisation of the limit of a key figure, 1 at the limit; infinite for any excess over a limit of 0."""
     limit = figure.limit
     assert limit is not None
     top, below = (figure.value, limit) if figure.bound == "at most" else (limit, figure.value)
@@ -142,14 +142,14 @@ def use_of(figure: KeyFigure) -> float:
 
 
 def keeps_all(run: SweptRun) -> bool:
-    """Whether a run has reached its end with all limits kept."""
+    """Whether a run of a sweep has reached its end with all limits kept."""
     return not run.fault and not any(figure.kept is False for figure in run.figures)
 
 
 def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
-    """Figures with a limit: exceeded ones in the order of the sweep, then by decreasing utilisation.
+    """Key figures of a sweep with a limit: exceeded ones in the order of the sweep, then by decreasing utilisation.
 
-    Of limits exceeded from the first run on, the one that is exceeded longest comes first.
+    Of limits exceeded from the first run on, the limit that is exceeded longest comes first.
     """
     values = [run.value for run in runs]
     by_run = [{figure.id: figure for figure in run.figures if figure.limit is not None} for run in runs]
@@ -169,7 +169,7 @@ def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
 
 
 def windows_of(runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> list[Window]:
-    """All windows of values with all limits kept, in the order of the sweep."""
+    """All windows of a sweep with all limits kept, in the order of the sweep."""
     found: list[Window] = []
     first = 0
     for last, run in enumerate(runs):
@@ -184,7 +184,7 @@ def windows_of(runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> list
 
 
 def edge(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], inside: int, outside: int) -> Edge:
-    """End of a window between a run inside and its neighbour outside."""
+    """End of a window of a sweep between a run inside and its neighbour outside, both by number."""
     value = runs[inside].value
     if not 0 <= outside < len(runs) or runs[outside].fault:
         return Edge(value, None, value)
@@ -195,11 +195,11 @@ def edge(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], inside: int, 
 
 
 def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least: float) -> Iterator[tuple[int, float]]:
-    """Gaps between runs with an imprecisely known window end, each with the next value to try.
+    """Gaps between runs of a sweep with an imprecisely known window end, each with the next value to try.
 
     Args:
         runs: in the order of the sweep.
-        figures: figures of the runs with limits.
+        figures: key figures of the runs with limits.
         least: smallest gap to refine.
     """
     for gap, (one, other) in enumerate(pairwise(runs)):

@@ -1,4 +1,4 @@
-"""Plot of a sweep: the first exceeded figures over the swept value, and the windows with all limits kept."""
+"""Plot of a sweep: the first exceeded key figures over the swept value, and windows with all limits kept."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ KEPT = "#2E9E5B"
 def write_sweep_plot(
     title: str, swept: str, figures: Sequence[SweptFigure], windows: Sequence[Window], path: Path
 ) -> None:
-    """Draw up to six figures with their limits, and values with all limits kept on a green ground.
+    """Draw up to six key figures of a sweep with their limits, on green where all limits are kept, into a file.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     shown = figures[:PANELS]
     with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key

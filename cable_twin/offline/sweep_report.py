@@ -29,7 +29,7 @@ DIGITS = 5  # of a swept value
 def print_sweep(
     console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], rows: Collection[float]
 ) -> None:
-    """Print a row for each value in `rows` with the figures exceeded first, and the place of each exceeded limit."""
+    """Print a sweep: a row for each value in `rows` with the first exceeded figures, ranges of exceeded limits."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
     shown_figures = figures[:room]
     table = Table(escape(_on_lines(title)), box=box.SIMPLE_HEAD, pad_edge=False)
@@ -68,7 +68,7 @@ def print_sweep(
 
 
 def _on_lines(title: str) -> str:
-    """Dotted key and unit of a sweep, broken into lines that fit a column."""
+    """Break the dotted key and unit of a sweep into lines that fit a column of its table."""
     lines = [""]
     for part in title.replace(".", ".\n").replace(" [", "\n [").split("\n"):
         if len(lines[-1] + part) > COLUMN and lines[-1]:
@@ -103,7 +103,7 @@ def _cell(figure: SweptFigure, place: int, scale: float) -> str:
 def window_lines(
     key: str, unit: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], windows: Sequence[Window]
 ) -> list[str]:
-    """Lines about the windows with all limits kept, and the limits that end them."""
+    """Lines about the windows of a sweep with all limits kept, and the limits at their ends."""
     unit = "" if unit in ("", "-") else f" {unit}"
     first, last = runs[0].value, runs[-1].value
     if not windows:
@@ -144,10 +144,10 @@ def _limit(figure: SweptFigure) -> str:
 
 
 def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
-    """Write all key figures of all runs of a sweep as CSV, a row each.
+    """Write all key figures of all runs of a sweep as CSV, a row for each.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     with _opened(path) as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -162,10 +162,10 @@ def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
 
 
 def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windows: Sequence[Window]) -> None:
-    """Write the sweep, all key figures of its runs, the operating limit and the windows with all limits kept.
+    """Write a sweep as JSON: key figures of all runs, operating limit, and windows with all limits kept.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     found = [
         {"value": run.value, "fault": run.fault or None, "key_figures": [figure_columns(one) for one in run.figures]}

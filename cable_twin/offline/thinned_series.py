@@ -18,10 +18,10 @@ SAME = 5e-4  # s within which frames of two runs are of one time
 
 
 def signal_values(snapshot: Snapshot) -> dict[str, float]:
-    """Values of all plotted signals of a snapshot, by name QUANTITY/WHOSE.
+    """Values of all plotted signals of a snapshot, by name QUANTITY/OBJECT.
 
-    What a log did not hold at its time is left out, and so is what only some have; NaN is a gap, of what is off the
-    cable, and of a command of another kind.
+    Signals that the log does not hold at this time are left out, as are partial signals of objects without them. NaN
+    is a gap, as of a vehicle off the cable, or of a command of another kind.
     """
     c, layout = snapshot.columns, snapshot.layout
     found: dict[str, float] = {}
@@ -37,12 +37,12 @@ def signal_values(snapshot: Snapshot) -> dict[str, float]:
 
 
 def unit_of(signal: str) -> str:
-    """Unit of a signal from its name QUANTITY/WHOSE."""
+    """Unit of a plotted signal from its name QUANTITY/OBJECT."""
     return SIGNALS[signal.partition("/")[0]].unit
 
 
 class Series:
-    """One signal over time, in at most `POINTS` intervals with their lowest and highest value."""
+    """One signal of a run over time, in at most `POINTS` intervals with their lowest and highest value."""
 
     def __init__(self) -> None:
         self._times = np.empty(POINTS)
@@ -52,7 +52,7 @@ class Series:
         self._filled = 0  # frames in the last one
 
     def append(self, time: float, value: float) -> None:
-        """Add one value of a signal; times must increase."""
+        """Add one value of the signal at a time (s); times must increase."""
         if self._filled in (0, self._stride):
             if self._count == POINTS:
                 self._halve()
@@ -68,7 +68,7 @@ class Series:
         self._filled += 1
 
     def _halve(self) -> None:
-        """Merge neighbouring intervals in pairs, which halves their number."""
+        """Halve the number of intervals of the signal by merging neighbours in pairs."""
         half = POINTS // 2
         self._times[:half] = self._times[::2]
         self._low[:half] = np.fmin(self._low[::2], self._low[1::2])
@@ -76,7 +76,7 @@ class Series:
         self._count, self._stride = half, 2 * self._stride
 
     def line(self) -> tuple[FloatArray, FloatArray]:
-        """Times (s) and values of a line to draw: original values, or low to high in each interval."""
+        """Times (s) and values of the signal as a line to draw: original values, or low to high in each interval."""
         times, low, high = (array[: self._count] for array in (self._times, self._low, self._high))
         if self._stride == 1:
             return times.copy(), low.copy()
@@ -85,7 +85,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Rope shape and carriage places at one time."""
+    """Rope shape and places of the carriages of a run at one time."""
 
     time: float  # s
     positions: FloatArray  # (n, 3) m
@@ -93,7 +93,7 @@ class Shape:
 
 
 class Signals:
-    """All signals of one run, and its rope at evenly spaced times."""
+    """All plotted signals of one run over time, and its rope shape at evenly spaced times."""
 
     def __init__(self) -> None:
         self.series: dict[str, Series] = {}
@@ -102,7 +102,7 @@ class Signals:
         self._frames = 0
 
     def update(self, snapshot: Snapshot, values: Mapping[str, float]) -> None:
-        """Add one snapshot and the values of its signals."""
+        """Add one snapshot of the run and the values of its signals."""
         for name, value in values.items():
             if name not in self.series:
                 if math.isnan(value):
@@ -120,7 +120,7 @@ class Signals:
         self._frames += 1
 
     def shapes(self) -> list[Shape]:
-        """At most `SHAPES` evenly spaced rope shapes from the first to about the last."""
+        """At most `SHAPES` rope shapes of the run, evenly spaced from the first to about the last."""
         return self._shapes[:: -(-len(self._shapes) // SHAPES) or 1]
 
 
@@ -135,7 +135,7 @@ def _shape(snapshot: Snapshot) -> Shape:
 
 @dataclass(slots=True)
 class Difference:
-    """Difference of one signal between two runs."""
+    """Difference of one signal between two runs: largest with its time, root mean square."""
 
     largest: float = 0.0  # in the unit of the signal
     time: float = math.nan  # s, of the largest
@@ -145,11 +145,11 @@ class Difference:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the difference of a signal."""
+        """Root mean square of the difference of the signal between both runs."""
         return math.sqrt(self.squares / self.count) if self.count else math.nan
 
     def update(self, time: float, first: float, second: float) -> None:
-        """Add the values of a signal in both runs at one time."""
+        """Add the values of the signal in both runs at one time (s)."""
         difference = first - second
         if math.isnan(difference):
             return
@@ -161,14 +161,14 @@ class Difference:
 
 @dataclass(slots=True)
 class Comparison:
-    """Comparison of the signals of two runs at common frames."""
+    """Comparison of the signals of two runs at common frames: differences by signal, signals of one run only."""
 
     differences: dict[str, Difference] = field(default_factory=dict)
     frames: int = 0
     only_in: tuple[set[str], set[str]] = field(default_factory=lambda: (set(), set()))
 
     def take(self, time: float, first: Mapping[str, float], second: Mapping[str, float]) -> None:
-        """Add a frame that both runs have at one time."""
+        """Add the signals of a frame that both runs have at one time (s)."""
         self.frames += 1
         for name, value in first.items():
             if name in second and not math.isnan(value - second[name]):
@@ -179,14 +179,14 @@ Frames = Iterator[tuple[float, Mapping[str, float]]]
 
 
 def compare(first: Frames, *others: Frames) -> list[Comparison]:
-    """Compare signals of a run with those of others at frames of equal time, within `SAME`.
+    """Compare the signals of a run with those of other runs at frames of equal time, within `SAME`.
 
     Args:
-        first: Time (s) and values of each frame.
-        others: The same of the other runs; all are read side by side to their ends.
+        first: Time (s) and values by signal of each frame of the run.
+        others: Times and values of the other runs; all are read side by side to their ends.
 
     Returns:
-        A comparison with the first run for each other one.
+        A comparison with the first run for each other run.
     """
     results = [Comparison() for _ in others]
     named: list[set[str]] = [set() for _ in others]
@@ -210,7 +210,7 @@ def compare(first: Frames, *others: Frames) -> list[Comparison]:
 
 
 def _noting(frames: Frames, names: set[str]) -> Frames:
-    """Pass on frames and collect the names of their signals, as a log may hold some signals at a few frames only."""
+    """Pass on frames and collect the names of their signals, as a log may hold signals at a few frames only."""
     for frame in frames:
         names.update(frame[1])
         yield frame

@@ -1,4 +1,4 @@
-"""Plot of the verdicts of rule profiles: how far each figure uses its limit, profile beside profile."""
+"""Plot of the verdicts of rule profiles: utilisation of the limit of each check, profiles side by side."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HEIGHT, WIDTH = 0.34, 11.0  # inches, of a bar and of the picture
 
 
 def used_share(one: RuleVerdict) -> float:
-    """Share of the limit that a figure uses: above 1 the limit is exceeded."""
+    """Utilisation of the limit of a rule verdict by its figure, cut off at `MOST`; above 1 the limit is exceeded."""
     assert one.value is not None
     low, high, value = one.limits[0], one.limits[-1], one.value
     above = abs(value / high) if high else float(value > 0.0)
@@ -33,7 +33,7 @@ def used_share(one: RuleVerdict) -> float:
 
 
 def write_verdict_plot(title: str, verdicts: Sequence[RuleVerdict], path: Path) -> bool:
-    """Draw the verdicts that have a figure and a limit as bars; returns whether there are any.
+    """Draw rule verdicts that have a figure and a limit as bars into a file; returns whether there are any.
 
     Args:
         title: of the picture.
@@ -41,7 +41,7 @@ def write_verdict_plot(title: str, verdicts: Sequence[RuleVerdict], path: Path) 
         path: file of the picture.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     shown = [one for one in verdicts if one.limits and one.value is not None and one.state != OUTSIDE]
     if not shown:

@@ -1,4 +1,4 @@
-"""Table of the verdicts of rule profiles on a run, and of the differences between profiles."""
+"""Printed tables of the verdicts of rule profiles, and of the differences between profiles; verdicts as plain data."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def print_verdicts(
     """Print the verdicts of each profile, then the differences between profiles.
 
     Args:
-        console: where to.
-        profiles: with the checks.
+        console: console of the output.
+        profiles: rule profiles with their checks.
         verdicts: of all profiles.
-        scenario: that is judged, of which rules that contradict each other are told; None: they are not.
+        scenario: judged scenario, to print rules that contradict each other; None: without these.
     """
     for profile in profiles:
         own = [one for one in verdicts if one.profile == profile.name]
@@ -58,7 +58,7 @@ def print_verdicts(
 
 
 def _demand(one: Asked) -> str:
-    """Demand of a check in words."""
+    """Text of the demand of a rule check: quantity, limit, profile, check, clause."""
     name = QUANTITIES[one.quantity.partition("/")[0]].name.format("").strip(" ,")
     why = f" ({one.why})" if one.why else ""
     case = f" in {one.load_case}" if one.load_case else ""
@@ -104,7 +104,7 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
 
 
 def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: Sequence[RuleVerdict]) -> None:
-    """Print a row for each quantity on which profiles differ, and a line of quantities of one profile only."""
+    """Print a row for each quantity on which rule profiles differ, and a line of quantities of one profile only."""
     names = [profile.name for profile in profiles]
     table = Table("where the profiles differ", *names, box=box.SIMPLE_HEAD, pad_edge=False)
     alone: dict[str, list[str]] = {}
@@ -143,7 +143,7 @@ def _say(console: Console, text: str, style: str | None = None) -> None:
 
 
 def verdict_columns(one: RuleVerdict) -> dict[str, Any]:
-    """Verdict as a mapping by the names of `COLUMNS`, numbers in the unit of the rule."""
+    """Rule verdict as a mapping by column name, of `COLUMNS`; numbers in the unit of the rule."""
     figure = one.figure
     id_, time, place = (str(figure.id), figure.time, figure.place) if figure is not None else (None, None, None)
     values = (one.profile, one.check, one.document, one.edition, one.clause, one.text, one.state, one.reason)
@@ -157,14 +157,14 @@ def verdict_columns(one: RuleVerdict) -> dict[str, Any]:
 
 
 def verdict_of_columns(columns: Mapping[str, Any], names: Mapping[str, str]) -> RuleVerdict:
-    """Verdict from a mapping of `verdict_columns`; its figure has the printed name of its id in `names`.
+    """Rule verdict from a mapping by column name, inverse of `verdict_columns`; figures get printed names by id.
 
     Args:
         columns: by the names of `COLUMNS`.
         names: printed name by id of a figure.
 
     Raises:
-        KeyError, TypeError, ValueError: it is none.
+        KeyError, TypeError, ValueError: the mapping is of no verdict.
     """
     scale, figure = UNITS.get(columns["unit"], ("", 1.0))[1], None
     if columns["figure"] is not None:
@@ -179,7 +179,7 @@ def verdict_of_columns(columns: Mapping[str, Any], names: Mapping[str, str]) -> 
 
 
 def verdict_rows(verdicts: Iterable[RuleVerdict]) -> list[list[Any]]:
-    """Rows of verdicts for CSV, in the order of `COLUMNS`."""
+    """Rows of rule verdicts for CSV, in the order of `COLUMNS`."""
     return [
         [" to ".join(map(repr, value)) if isinstance(value, list) else value for value in verdict_columns(one).values()]
         for one in verdicts

@@ -1,4 +1,4 @@
-"""Command `what_if`: branch a recorded run at a time, with other commands or values, and compare both."""
+"""Command `what_if`: branch of a recorded run at a time, with other commands or values, and comparison of both runs."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ examples:
 
 
 class BranchError(ValueError):
-    """Error of an impossible branch of a run: lines with given and allowed values."""
+    """Faults of a branch of a run that cannot be made: lines with given and allowed values."""
 
 
 UNUSABLE_INPUT = (BranchError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
@@ -67,7 +67,7 @@ UNUSABLE_INPUT = (BranchError, LogError, ScriptError, ScenarioError, Equilibrium
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Run from a branching time on, with valid inputs."""
+    """Prepared branch of a recorded run: simulation at the branching time, script, duration."""
 
     simulation: Simulation
     script: Sequence[ScriptedCommand]
@@ -126,7 +126,7 @@ def parser() -> OneLineParser:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command `what_if`; the help has the exit codes."""
+    """Branch a recorded run and compare both runs; returns the exit code that the help lists."""
     arguments = parser()
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     if fault := export_fault(options) or (plots_fault("--plots") if options.plots is not None else ""):
@@ -168,10 +168,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
-    """Repeat a run to the branching time, and prepare its continuations.
+    """Repeat a recorded run to the branching time, and prepare the branch with its script and values.
 
     Raises:
-        One of UNUSABLE_INPUT: something cannot be used.
+        One of UNUSABLE_INPUT: an option, the log or the script cannot be used.
     """
     source = dict(options.set)
     scenario = load_scenario(log.scenario, source)  # what is wrong is said before anything runs
@@ -181,19 +181,19 @@ def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
     if log.damage:
         tell("what_if", f"{log.path}: {log.condition}: what is lost is not repeated")
     if not log.end >= options.at:
-        raise BranchError(f"--at {options.at:g} s given; allowed: up to {log.end:g} s, the end of {log.path}")
+        raise BranchError(f"--at: given {options.at:g} s; allowed: up to {log.end:g} s, the end of {log.path}")
     with left_at_once("what_if"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
         part, simulation = first_start(_from_nearest_state(log, options.at))
     period = float(log.metadata["frame_period"])
     frame_steps = max(round(period / simulation.step), 1)
     start = simulation.time + round((options.at - simulation.time) / period) * period
     if start < simulation.time:
-        raise BranchError(f"--at {options.at:g} s given; allowed: from {simulation.time:g} s, the start of {log.path}")
+        raise BranchError(f"--at: given {options.at:g} s; allowed: from {simulation.time:g} s, the start of {log.path}")
     recorded = script_of_log(part)
     later = [item for item in recorded if item.time > start - 0.5 * simulation.step] if script is None else script
     if early := [one for one in later if one.at is None and one.time < start - 0.5 * simulation.step]:
         lines = [
-            f"{one.place}: time {one.time:g} s given; allowed: from {start:g} s, the time of --at" for one in early
+            f"{one.place}: time: given {one.time:g} s; allowed: from {start:g} s, the time of --at" for one in early
         ]
         raise ScriptError("\n".join(lines))
     duration = _duration(log, start, period, options.duration)
@@ -206,10 +206,10 @@ def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
 
 
 def _duration(log: Log, start: float, period: float, given: float | None) -> float:
-    """Simulated time (s) of a branch: as given, or to the last frame of the log."""
+    """Duration (s) of a branch in simulated time: given, or to the last frame of the log."""
     duration = math.floor((log.end - start) / period + 1e-6) * period if given is None else given
     if duration < period:
-        what = f"--duration {given:g} s given" if given is not None else f"--at {start:g} s given, the end of the log"
+        what = f"--duration: given {given:g} s" if given is not None else f"--at: given {start:g} s, the end of the log"
         raise BranchError(
             f"{what}; allowed: at least one frame of {period:g} s" + ("" if given else "; give --duration")
         )
@@ -217,7 +217,7 @@ def _duration(log: Log, start: float, period: float, given: float | None) -> flo
 
 
 def _from_nearest_state(log: Log, at: float) -> Log:
-    """Log from the last file on whose attached state is not after a time (s)."""
+    """Log from its last file on whose attached full state is not after a time (s)."""
     for first in range(len(log.files) - 1, 0, -1):
         try:
             state = read_full_state(BytesIO(log.files[first].snapshot() or b""), log.files[first].path.name)
@@ -229,16 +229,18 @@ def _from_nearest_state(log: Log, at: float) -> Log:
 
 
 def _repeat(simulation: Simulation, recorded: Sequence[ScriptedCommand], until: float, console: Console) -> None:
-    """Repeat a run with its recorded commands before a time (s).
+    """Repeat a recorded run with its commands up to a time (s).
 
     Raises:
-        LogError: it cannot be repeated.
+        LogError: the run cannot be repeated.
     """
     before = [item for item in recorded if item.time < until - 0.5 * simulation.step]
 
     def advance_to(time: float, show: Callable[[float], None]) -> None:
         if time - simulation.time > LONGEST_GAP:
-            raise LogError(f"nothing from {simulation.time:g} s to {time:g} s; allowed: {LONGEST_GAP:g} s")
+            raise LogError(
+                f"frames: given none from {simulation.time:g} to {time:g} s; allowed: gaps of at most {LONGEST_GAP:g} s"
+            )
         while simulation.time < time - 0.5 * simulation.step:
             show(simulation.advance_to(min(simulation.time + 1.0, time)).time)
 
@@ -253,7 +255,7 @@ def _repeat(simulation: Simulation, recorded: Sequence[ScriptedCommand], until: 
 
 
 def _changed(simulation: Simulation, scenario: Scenario, log: Log, values: dict[str, Any]) -> Simulation:
-    """Simulation that goes on from the present state with other values of its scenario."""
+    """Continue a simulation from its present state with other values of its scenario; returns a new simulation."""
     ensemble = Ensemble(simulation.scenario, 1, samples=int(log.metadata["sample_count"]), threads=1)
     try:
         ensemble.fork(simulation)
@@ -268,7 +270,7 @@ def _changed(simulation: Simulation, scenario: Scenario, log: Log, values: dict[
 
 
 def _start(branch: Branch, options: argparse.Namespace) -> Run:
-    """Open the log of the branch."""
+    """Open the log of a branch in a new directory."""
     simulation = branch.simulation
     return start_run(
         simulation,
@@ -280,7 +282,7 @@ def _start(branch: Branch, options: argparse.Namespace) -> Run:
 
 
 def _run(branch: Branch, run: Run, epoch_ns: int, console: Console) -> Outcome:
-    """Run the branch with a progress bar, and close its log."""
+    """Carry out a branch with a progress bar, and close its log."""
     simulation = branch.simulation
     run.begin(epoch_ns)
     try:
@@ -300,7 +302,7 @@ def _run(branch: Branch, run: Run, epoch_ns: int, console: Console) -> Outcome:
 
 
 def _compare(a: Log, b: Log, start: float, options: argparse.Namespace, export: Export, console: Console) -> bool:
-    """Print the comparison of both runs from a time (s) on, with plots and tables; returns whether all is written."""
+    """Compare run and branch from a time (s) on: print, plots, tables; returns whether all files are written."""
     readings = [Reading(log, start=start) for log in (a, b)]
     for reading in readings:
         reading.table = export.add(str(reading.log.source), reading.scenario.name)
@@ -319,9 +321,9 @@ def _compare(a: Log, b: Log, start: float, options: argparse.Namespace, export: 
 
 
 def differs(comparison: Comparison) -> bool:
-    """Whether any sample of two runs differs, or is missing in one run.
+    """Whether any sample of two compared runs differs, or a signal is missing in one run.
 
-    Between complete frames a log holds tensions along the rope in single precision; there they are compared in it.
+    Between complete frames a log holds tensions along the rope in single precision; these are compared to its rounding.
     """
     if any(comparison.only_in):
         return True

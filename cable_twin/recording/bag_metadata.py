@@ -20,7 +20,7 @@ NO_TEXT = ("true", "false", "null", "yes", "no", "on", "off", "y", "n")  # in an
 
 @dataclass(frozen=True, slots=True)
 class BagFile:
-    """Contents of one file of a bag: name, time span, message counts."""
+    """Summary of one file of a rosbag2 bag: name, time span, message counts."""
 
     name: str
     first_ns: int  # stamp (ns since 1970) of the earliest message
@@ -29,7 +29,7 @@ class BagFile:
 
     @property
     def span(self) -> dict[str, Any]:
-        """Start time, duration and message count of the file, in the form of rosbag2."""
+        """Start time, duration and message count of the bag file, in the form of rosbag2."""
         return _span([self])
 
 
@@ -45,14 +45,14 @@ class BagChannel:
 
 
 class BagTopics:
-    """All topics of a bag, described once for every file of a run, to save time beside a frame loop.
+    """Topics of a bag with their channel records and metadata, made once for all files of a run to save time.
 
     Attributes:
         channels: In the order of the topics.
     """
 
     def __init__(self, topics: Sequence[Topic], names: TopicNames) -> None:
-        """Describe all topics of a bag in rosbag2's form.
+        """Prepare channel records and metadata text of all topics of a bag in rosbag2's form.
 
         Args:
             topics: Everything that may be written.
@@ -71,7 +71,7 @@ class BagTopics:
             self._texts.append(as_yaml([{"topic_metadata": described}]))
 
     def information(self, files: Sequence[BagFile]) -> str:
-        """Return the metadata of a bag in rosbag2's format, as YAML; files in order."""
+        """YAML text of the metadata of a bag in rosbag2's format, from its files in order."""
         head = {"version": 9, "storage_identifier": "mcap", **_span(files)}
         counts = (sum(counts) for counts in zip(*(file.counts for file in files), strict=True))
         topics = [f"{text}  message_count: {count}\n" for text, count in zip(self._texts, counts, strict=False)]
@@ -108,7 +108,7 @@ def _span(files: Sequence[BagFile]) -> dict[str, Any]:
 
 
 def qos_profile(topic: Topic) -> dict[str, Any]:
-    """Return the offered QoS of a topic in rosbag2's format."""
+    """Offered QoS of a topic in rosbag2's format."""
     return {
         "history": "keep_last",
         "depth": topic.depth,
@@ -123,9 +123,9 @@ def qos_profile(topic: Topic) -> dict[str, Any]:
 
 
 def as_yaml(value: Any) -> str:
-    """Return mappings, lists, texts and numbers as YAML in rosbag2's style: no folded lines, no anchors.
+    """Write mappings, lists, texts and numbers as YAML in rosbag2's style: no folded lines, no anchors.
 
-    A library takes a hundred times as long, which is time that a frame loop in the same interpreter may wait for.
+    A library takes a hundred times as long, which may delay a frame loop in the same interpreter.
     """
     return "\n".join(_lines(value)) + "\n"
 

@@ -1,4 +1,4 @@
-"""Frames on their way into a log: due messages, splitting into files, and the limit of the backlog."""
+"""Encoding of frames for publisher and log: due messages, splitting of the log into files, limit of its backlog."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Messages = list[tuple[str, bytes]]
 
 
 class Prepared(NamedTuple):
-    """Computed and encoded frame that waits for its due time."""
+    """Encoded frame of a simulation, to be published and recorded at its due time."""
 
     snapshot: Snapshot
     stamp_ns: int
@@ -44,9 +44,9 @@ class FrameOutput:
     """Encoder and recorder of the frames of a running simulation.
 
     Attributes:
-        run: where they are recorded, or None.
-        encoder: makes their messages.
-        frames: number of those that were prepared.
+        run: log in which frames are recorded, or None.
+        encoder: message encoder of the frames.
+        frames: count of prepared frames.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class FrameOutput:
 
         Args:
             simulation: Running simulation.
-            table: Its topics.
+            table: Topics of the simulation.
             rates: Hz by group of topics, of each taker; the log is the last one.
             frame_rate: Hz.
-            run: Where frames are recorded, or None.
+            run: Log in which frames are recorded, or None.
             epoch_ns: ns since 1970 of simulated time zero.
             own: Carriers with topics of their own.
-            frames: Names of coordinate frames, where they are not the usual ones.
+            frames: Names of coordinate frames; the default names where None.
             backlog: Frames that may wait for the disk before the simulation does.
         """
         self.run = run
@@ -90,7 +90,7 @@ class FrameOutput:
         self.encoder.frame(self._simulation.snapshot, self._schedule.due(0, everything=True).names)
 
     def listen(self, group: str, listening: bool) -> None:
-        """Give the first taker a group of topics at its rate, or stop the group while nobody listens."""
+        """Start a group of topics at its rate for the first taker, or stop the group while nobody listens."""
         self._schedule.listen(0, group, listening)
 
     def prepare(self, snapshot: Snapshot) -> Prepared:
@@ -122,13 +122,13 @@ class FrameOutput:
             time.sleep(0.002)
 
     def refusal(self, refused: RefusedCommand) -> None:
-        """Record a refused command as a message."""
+        """Record a refused command in the log, as a message."""
         if self.run is not None:
             stamp_ns = self.encoder.epoch_ns + nanoseconds(refused.time)
             self.run.recorder.record([(REFUSED_COMMANDS, refused_command_message(refused, stamp_ns))], stamp_ns)
 
     def command(self, applied: AppliedCommand) -> bytes:
-        """Record an applied command; returns the command's message."""
+        """Record an applied command in the log; returns the command's message."""
         if self._sensors is not None and applied.command.kind == "reset":
             self._sensors.restart()
         data = applied_command_message(applied, self.encoder.epoch_ns)

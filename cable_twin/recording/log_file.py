@@ -60,11 +60,11 @@ SHOWN = 40  # characters of what is given
 
 
 class LogError(ValueError):
-    """File that is no readable log of this package: one line with the file and its fault."""
+    """Fault of a file that is no readable log of this package: one line with the file and the fault."""
 
 
 class _Piece(NamedTuple):
-    """Chunk of a log file, unpacked or lost."""
+    """Chunk of an MCAP log file: its unpacked data, or the reason of its loss."""
 
     place: ChunkPlace | None  # none without an index
     data: bytes
@@ -73,7 +73,7 @@ class _Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class LogFile:
-    """One file of a log, opened anew for every pass over its messages."""
+    """One MCAP file of a log, opened anew for every pass over its messages."""
 
     path: Path
     metadata: Mapping[str, str]
@@ -85,7 +85,7 @@ class LogFile:
 
     @property
     def number(self) -> int:
-        """Number of the file within the run, from its name."""
+        """Number of the log file within the run, from its name."""
         return file_number(self.path)
 
     @property
@@ -95,13 +95,13 @@ class LogFile:
 
     @cached_property
     def index(self) -> Index | None:
-        """Index at the end of a closed file, None where missing or damaged."""
+        """MCAP index at the end of a closed log file, None where missing or damaged."""
         with _open(self.path) as stream:
             return read_index(stream)
 
     @property
     def complete(self) -> bool:
-        """Whether the file was closed; a killed process leaves an open one without about its last second."""
+        """Whether the log file was closed; a killed process leaves an open file without about its last second."""
         return self.index is not None and bool(self.index.chunks)
 
     @property
@@ -111,28 +111,28 @@ class LogFile:
 
     @property
     def starts_from_snapshot(self) -> bool:
-        """Whether the file starts from an attached full state, else from the start of the scenario."""
+        """Whether the log file starts from an attached full state, else from the start of the scenario."""
         return self.metadata.get("starts_from") == SNAPSHOT_NAME
 
     @property
     def commands_lost(self) -> bool:
-        """Whether commands may be missing in the file, as far as read."""
+        """Whether commands may be missing in the log file, as far as read."""
         return bool(self._lost_from) or LOST_FROM in self.metadata
 
     @property
     def lost_from_ns(self) -> int | None:
-        """Stamp (ns since 1970) after which commands may be missing, as far as read; None for no loss."""
+        """Stamp (ns since 1970) after which commands may be missing in the log file, as far as read; None if none."""
         given = [int(self.metadata[LOST_FROM])] if LOST_FROM in self.metadata else []
         return min((*given, *self._lost_from), default=None)
 
     def follows(self, before: LogFile) -> bool:
-        """Whether no command is missing between a previous, fully read file and this one."""
+        """Whether no command is missing between a previous, fully read log file and this one."""
         lost = not before.complete or before.commands_lost or AFTER_LOSS in self.metadata
         return not lost and self.number <= before.number + 1
 
     @property
     def scenario(self) -> dict[str, Any] | None:
-        """Scenario from the metadata of the file; None where missing or damaged, by a checksum of its own."""
+        """Scenario from the metadata of the log file; None where missing or damaged, by its checksum."""
         text = self.metadata.get(SCENARIO_TEXT, "")
         if self.metadata.get(SCENARIO_CHECKSUM) != str(zlib.crc32(text.encode())):
             return None
@@ -143,9 +143,9 @@ class LogFile:
         return scenario if isinstance(scenario, dict) else None
 
     def snapshot(self) -> bytes | None:
-        """Read the attached full state from which the file starts, None where that is the start of the scenario.
+        """Read the attached full state from which the file starts; None where the file starts with the scenario.
 
-        Where it is damaged, it is given as it is; nothing at all where it is not found.
+        A damaged state is returned as it is in the file; empty bytes where it is not found.
         """
         if not self.starts_from_snapshot:
             return None
@@ -153,7 +153,7 @@ class LogFile:
             return _attached(stream, self.index)
 
     def declared(self) -> tuple[dict[int, Channel], dict[int, Schema]]:
-        """Channels and schemas by number, from the index or else in one pass."""
+        """MCAP channels and schemas of the log file by number, from the index or else in one pass."""
         if self.index is not None and self.index.channels:
             return dict(self.index.channels), dict(self.index.schemas)
         channels: dict[int, Channel] = {}
@@ -169,7 +169,7 @@ class LogFile:
         return channels, schemas
 
     def end_ns(self) -> int:
-        """Stamp (ns since 1970) of the last message, from the index or a pass; the epoch for an empty file."""
+        """Stamp (ns since 1970) of the last message of the log file, from the index or a pass; epoch if empty."""
         last = self.epoch_ns
         ends = [chunk.last_ns for chunk in self.index.chunks if chunk.last_ns] if self.index and self.complete else []
         for before, end in zip([None if self.starts_from_snapshot else last, *ends], ends, strict=False):
@@ -187,7 +187,7 @@ class LogFile:
         *,
         whole: bool = False,
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Stream messages in the order of their writing, never more than a chunk in memory.
+        """Stream the messages of the log file in the order of their writing, with at most one chunk in memory.
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
@@ -197,7 +197,7 @@ class LogFile:
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
 
-        A file cut short just ends. Chunks that are damaged are left out, and `damage` then says so.
+        A file cut short just ends. Damaged chunks are left out and listed in `damage`.
         """
         own = cache(self.names.own)
         wanted = None if topics is None else {self.names.full(topic) for topic in topics}
@@ -231,7 +231,7 @@ class LogFile:
                         return
 
     def _pieces(self, stream: IO[bytes], wanted: Collection[str] | None) -> Iterator[_Piece]:
-        """Chunks one after the other: those with wanted topics by the index, all chunks without an index."""
+        """Unpacked chunks of the file in order: by the index those with wanted topics, without an index all."""
         total, allowed = 0, CHUNK_LIMIT + RATIO_LIMIT * self.size
         for place, record in self._chunk_records(stream, wanted):
             try:
@@ -251,7 +251,7 @@ class LogFile:
     def _chunk_records(
         self, stream: IO[bytes], wanted: Collection[str] | None
     ) -> Iterator[tuple[ChunkPlace | None, bytes | Exception]]:
-        """Packed record of each chunk, or the error in its place."""
+        """Packed record of each chunk with wanted topics, or the error in its place."""
         if self.index is None or not self.complete:
             for record in walk(stream):
                 if isinstance(record, McapError):
@@ -272,11 +272,11 @@ class LogFile:
                 yield place, error
 
     def _may_follow(self, stamp_ns: int, last: int | None) -> bool:
-        """Whether a stamp (ns since 1970) is plausible after the stamp `last`."""
+        """Whether the stamp (ns since 1970) of a message is plausible after the stamp `last` of the one before."""
         return 0 <= stamp_ns < LATEST and (last is None or stamp_ns - last <= LONGEST_GAP * SECOND)
 
     def _lose(self, why: str, last: int | None, place: ChunkPlace | None = None) -> None:
-        """Record a loss of data, and whether commands may be lost."""
+        """Note a loss of data in `damage`, and the stamp after which commands may be lost."""
         commands = self.names.full(APPLIED_COMMANDS)
         channels = self.index.channels if self.index is not None else {}
         if (
@@ -297,16 +297,16 @@ class LogFile:
 
 
 def file_number(path: Path) -> int:
-    """Number of a file within a run, from its name; 0 for a name without a number."""
+    """Number of a log file within its run, from its name; 0 for a name without a number."""
     digits = path.stem.rpartition("_")[2]
     return int(digits) if digits.isdecimal() else 0
 
 
 def open_file(path: Path) -> LogFile:
-    """Open one file of a log.
+    """Open one MCAP file of a log and check its metadata.
 
     Raises:
-        LogError: It is no bag, not one of this package, or of a format that this version does not know.
+        LogError: The file is no bag, not one of this package, or of a format that this version does not know.
     """
     with _open(path) as stream:
         metadata = _metadata(path, stream)
@@ -318,11 +318,11 @@ def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
     """Refuse a bag with metadata that do not belong to a run.
 
     Raises:
-        LogError: with what is given, and what is allowed.
+        LogError: a value is invalid; one line with the given and the allowed values.
     """
     version = metadata.get("format_version", "")
     if len(version) > DIGITS:
-        raise LogError(f"{file}: format version {_shown(version)}; allowed: a number of {DIGITS} digits at most")
+        raise LogError(f"{file}: format version: given {_shown(version)}; allowed: a number of {DIGITS} digits at most")
     _check_format(file, metadata)
     for key, (low, high, unit, optional) in NUMBERS.items():
         if optional and key not in metadata:
@@ -330,20 +330,20 @@ def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
         given = metadata.get(key, "")
         sound = len(given) <= DIGITS and given.isascii() and given.isdecimal()
         if not (sound and low <= int(given) <= high):
-            raise LogError(f"{file}: {key} is {_shown(given)}, a whole number of {unit} is expected, {low} to {high}")
+            raise LogError(f"{file}: {key}: given {_shown(given)}; allowed: a whole number of {unit}, {low} to {high}")
     try:
         remapped = json.loads(metadata.get("remapped", "{}"))
     except (ValueError, RecursionError):
         remapped = None
     if not isinstance(remapped, dict) or not all(isinstance(name, str) for name in remapped.values()):
-        raise LogError(f"{file}: remapped is {_shown(metadata['remapped'])}; allowed: full topic names by topic")
+        raise LogError(f"{file}: remapped: given {_shown(metadata['remapped'])}; allowed: full topic names by topic")
 
 
 def _check_format(file: Path, metadata: Mapping[str, str]) -> None:
-    """Refuse an unknown log format, with advice for a newer format.
+    """Refuse a log file of an unknown format version, with advice for a newer one.
 
     Raises:
-        LogError: with what the file is, and what is read.
+        LogError: one line with the version of the file and the readable one.
     """
     given = metadata.get("format_version", "")
     if given == FORMAT_VERSION:
@@ -373,7 +373,7 @@ def _open(file: Path) -> IO[bytes]:
 
 
 def _metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
-    """Find the metadata of the run: before the first message, or by the index."""
+    """Find the metadata of the run in a log file: before the first message, or by the index."""
     if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         raise LogError(f"{file}: not a bag: no MCAP file")
     fault = ""
@@ -395,7 +395,7 @@ def _metadata(file: Path, stream: IO[bytes]) -> dict[str, str]:
 
 
 def _attached(stream: IO[bytes], index: Index | None) -> bytes:
-    """Attached full state, damaged or not; empty where not found."""
+    """Full state attached to a log file, damaged or not; empty where not found."""
     for content in (*_of_kind(stream, None, Opcode.ATTACHMENT), *_of_kind(stream, index, Opcode.ATTACHMENT)):
         try:
             record = parsed(Attachment, content)
@@ -407,7 +407,7 @@ def _attached(stream: IO[bytes], index: Index | None) -> bytes:
 
 
 def _of_kind(stream: IO[bytes], index: Index | None, opcode: Opcode) -> list[bytes]:
-    """Contents of the records of a kind, found by the index or before the second chunk."""
+    """Contents of the MCAP records of a kind, found by the index or before the second chunk."""
     found: list[bytes] = []
     if index is not None:
         for offset in index.others:

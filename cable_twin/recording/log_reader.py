@@ -20,7 +20,7 @@ STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: t
 
 @dataclass(frozen=True)
 class Log:
-    """Log to read, complete or cut short; files are opened anew for every pass over messages."""
+    """Log of a run to read, complete or cut short; files are opened anew for every pass over messages."""
 
     path: Path  # .mcap file, or directory of several
     files: tuple[LogFile, ...]  # readable files in order
@@ -29,7 +29,7 @@ class Log:
 
     @property
     def source(self) -> Path:
-        """Path for the names of copies: directory of the run, or one of several files without its suffix."""
+        """Path after which copies of the log are named: directory of the run, or a file of several, without suffix."""
         path = self.path.resolve()
         if path.is_dir():
             return path
@@ -39,7 +39,7 @@ class Log:
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """Metadata of a log about the origin of its run."""
+        """Metadata of the log about the origin of its run, from its first file."""
         return self.files[0].metadata
 
     @property
@@ -49,17 +49,17 @@ class Log:
 
     @cached_property
     def snapshot(self) -> bytes | None:
-        """Full state from which the log starts, None where that is the start of the scenario."""
+        """Full state from which the log starts; None where it starts from the start of its scenario."""
         return self.files[0].snapshot()
 
     @property
     def complete(self) -> bool:
-        """Whether every file was closed; else the process was killed, or data is lost."""
+        """Whether every file of the log was closed; else the process was killed, or data is lost."""
         return not self.lost and all(file.complete for file in self.files)
 
     @property
     def damage(self) -> list[str]:
-        """Reasons of unread data, as far as read; a file cut short at the end of the log is no damage."""
+        """Lines about data of the log that cannot be read, as far as read; a last file cut short is no damage."""
         several = len(self.files) + len(self.lost) > 1
         named = "{0.path.name}: {1}".format if several else "{1}".format
         damage = [named(file, line) for file in self.files for line in file.damage]
@@ -68,11 +68,11 @@ class Log:
 
     @cached_property
     def commands(self) -> list[AppliedCommand]:
-        """All commands in the order of their effect, found by the index or else in one pass."""
+        """All applied commands of the log in the order of their effect, found by the index or else in one pass."""
         return [self.command(stamp_ns, data) for _, stamp_ns, data in self.messages([APPLIED_COMMANDS])]
 
     def command(self, stamp_ns: int, data: bytes) -> AppliedCommand:
-        """Decode a message of applied_commands; raises LogError where unreadable."""
+        """Decode a message of topic applied_commands of the log; raises LogError where unreadable."""
         when = (stamp_ns - self.epoch_ns) / SECOND
         try:
             applied = applied_command_from_message(data, self.epoch_ns)
@@ -84,7 +84,7 @@ class Log:
 
     @cached_property
     def end(self) -> float:
-        """Simulated time (s) of the last message, from the index or else in one pass."""
+        """Simulated time (s) of the last message of the log, from the index or else in one pass."""
         ends = (file.end_ns() for file in reversed(self.files))
         return (next((end for end in ends if end > self.epoch_ns), self.epoch_ns) - self.epoch_ns) / SECOND
 
@@ -105,7 +105,7 @@ class Log:
     def messages(
         self, topics: Collection[str] | None = None, on_position: Callable[[int], None] | None = None
     ) -> Iterator[tuple[str, int, bytes]]:
-        """Stream messages in the order of their writing, never more than a chunk in memory.
+        """Stream the messages of all files of the log in the order of their writing, with at most one chunk in memory.
 
         Args:
             topics: Names as they were given to `McapLog`; all where None.
@@ -114,8 +114,8 @@ class Log:
         Yields:
             Topic name as it was given to `McapLog` (relative, or absolute), stamp (ns since 1970), CDR.
 
-        A file that is cut short ends there, and the next one follows; of a damaged one the rest is read. `damage` then
-        says so.
+        After a file that is cut short the next one follows; of a damaged file all readable data is streamed, and
+        `damage` lists the rest.
         """
         for file, moved in self.files_in_turn(on_position):
             yield from file.messages(topics, moved)
@@ -123,14 +123,14 @@ class Log:
     def files_in_turn(
         self, on_position: Callable[[int], None] | None = None
     ) -> Iterator[tuple[LogFile, Callable[[int], None] | None]]:
-        """Iterate over the files; yields each with a callback that adds its offset for `on_position`."""
+        """Iterate over the files of the log; yields each with a callback that adds its offset for `on_position`."""
         before = 0
         for file in self.files:
             yield file, None if on_position is None else partial(_add_and_tell, on_position, before)
             before += file.size
 
     def row_decoder(self, layout: Layout) -> RowDecoder:
-        """Decoder of the columns of frames in a layout; raises LogError where the log has other columns."""
+        """Decoder of the messages `columns` of the log; raises LogError where its columns differ from the layout's."""
         try:
             return RowDecoder(self.metadata, layout)
         except ValueError as error:
@@ -151,7 +151,7 @@ def read_log(path: Path | str) -> Log:
         The log, with metadata and scenario read. It begins with the first file that can be read.
 
     Raises:
-        LogError: There is no such file, it is no bag, not one of this package, or it holds nothing.
+        LogError: The file does not exist, is no bag, is not one of this package, or holds nothing.
     """
     path = Path(path)
     found = _find(path)
@@ -181,17 +181,17 @@ def read_log(path: Path | str) -> Log:
 
 
 def _find(path: Path) -> list[Path]:
-    """Files of a log in the order of their numbers."""
+    """Find the MCAP files of a log in the order of their numbers."""
     if not path.exists():
         raise LogError(f"{path}: no such file or directory")
     if path.is_file():
         return [path]
     files = sorted(path.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
     if not files:
-        raise LogError(f"{path}: not a log: 0 .mcap files in it, those of one run are expected")
+        raise LogError(f"{path}: not a log: given 0 .mcap files; allowed: those of one run")
     runs = sorted({file.stem.rpartition("_")[0] if len(files) > 1 else "" for file in files})
     if len(runs) > 1:
-        raise LogError(f"{path}: not a log: .mcap files of several runs in it: {', '.join(runs)}; give one file")
+        raise LogError(f"{path}: not a log: given .mcap files of several runs: {', '.join(runs)}; allowed: one run")
     return files
 
 

@@ -2,9 +2,9 @@
 
 Files have profile ros2, CDR messages, ros2msg schemas with type hashes and QoS as rosbag2 writes them, zstd chunks
 of at most half a second. Log time and publish time are the stamp of the message: the epoch of the run plus simulated
-time. A metadata record `cable_twin` at the start of each file says where the run came from and which file of it this
-is; with the scenario, the applied commands and, where a file does not start as the scenario does, the attached full
-state, each file is enough to repeat what it holds.
+time. A metadata record `cable_twin` at the start of each file has the origin of the run and the number of the file;
+with the scenario, the applied commands and, where a file does not start as the scenario does, the attached full
+state, each file is enough to repeat its part of the run.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SCENARIO_TEXT, SCENARIO_CHECKSUM = "scenario_text", "scenario_crc32"
 
 
 def program_metadata() -> dict[str, str]:
-    """Metadata about versions and machine, on which the bits of a result depend."""
+    """Log metadata about versions, machine and arithmetic, on which the bits of a result depend."""
     return {
         "package_version": package_version("cable_twin"),
         "python_version": platform.python_version(),
@@ -52,21 +52,21 @@ def program_metadata() -> dict[str, str]:
 
 
 def program_sources() -> str:
-    """Fingerprint of the sources that results depend on: from scenarios to key figures."""
+    """Fingerprint of all source files of the package that results depend on, from scenarios to key figures."""
     return sources(*(PACKAGE / room for room in OF_RESULTS)).fingerprint
 
 
 def run_metadata(
     scenario: Mapping[str, Any], layout: Layout, *, frame_period: float, frames: FrameNames | None = None
 ) -> dict[str, str]:
-    """Metadata about the origin of a run.
+    """Log metadata about the origin of a run: versions, scenario, frame period, layout of its frames.
 
     Args:
         scenario: The whole scenario, resolved; a second copy of it with a checksum is in each file, in case the chunk
             with its message is damaged.
         layout: Of the frames.
         frame_period: s of simulated time between frames.
-        frames: Names of coordinate frames, where they are not the usual ones.
+        frames: Names of coordinate frames; the default names where None.
 
     Returns:
         The metadata for `McapLog`.
@@ -91,7 +91,7 @@ class _Closed:
 
 
 class McapLog:
-    """Log being written, in one file after the other; not for several threads at once."""
+    """Writer of the log of a run, in one MCAP file after the other; not for several threads at once."""
 
     def __init__(
         self,
@@ -105,10 +105,10 @@ class McapLog:
         """Create the directory, the first file with all its channels, and a provisional metadata.yaml.
 
         Args:
-            directory: Made where it does not exist; the files in it are named after it.
+            directory: Of the log, made where it does not exist; the files in it are named after it.
             topics: Everything that may be written.
-            metadata: Where the run comes from, as `run_metadata` gives it.
-            names: Full names of topics, where they are not the usual ones.
+            metadata: Origin of the run, from `run_metadata`.
+            names: Full names of topics; the default names where None.
             number: Of the first file.
 
         Raises:
@@ -148,24 +148,24 @@ class McapLog:
 
     @property
     def safe_until(self) -> float:
-        """Simulated time (s) up to which all data is safe on disk."""
+        """Simulated time (s) up to which all data of the log is safe on disk."""
         stamps = (self._file.safe_ns, *(closed.contents.last_ns for closed in self._closed[-1:]))
         return max(max(stamps) - (self._epoch_ns or 0), 0) / SECOND
 
     def path_of(self, number: int) -> Path:
-        """Return the path of a file of the run; its rerun recording has the suffix .rrd."""
+        """Path of a file of the log by its number; the rerun recording beside it has the suffix .rrd."""
         return self.directory / f"{self.directory.resolve().name}_{number}.mcap"
 
     def begin(self, epoch_ns: int, snapshot: bytes | None = None, *, lost_from_ns: int | None = None) -> None:
-        """Write the metadata of the run, before the first message.
+        """Write the metadata of the run into the first file of the log, before the first message.
 
         Args:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
-            snapshot: Full state from which the run starts, attached; none where it starts as its scenario does.
-            lost_from_ns: Stamp (ns since 1970) after which commands are missing in the first file, if they are.
+            snapshot: Full state from which the run starts, attached; None where it starts as its scenario does.
+            lost_from_ns: Stamp (ns since 1970) after which commands are missing in the first file, if any.
 
         Raises:
-            OSError: The disk refuses; the log only wants to be closed.
+            OSError: The disk refuses; the log can only be closed.
         """
         self._epoch_ns = epoch_ns
         try:
@@ -183,18 +183,18 @@ class McapLog:
             data: CDR.
 
         Raises:
-            OSError: The disk refuses; what was flushed before stays readable, and the log only wants to be closed.
+            OSError: The disk refuses; messages flushed before stay readable, and the log can only be closed.
         """
         if self._epoch_ns is None:
             raise ValueError(f"{self.path}: the log has not begun")
         self._file.write(topic, stamp_ns, data)
 
     def flush_if_due(self) -> None:
-        """Flush messages older than a flush period; `write` does too, call this where messages may be rare."""
+        """Flush messages of the log older than a flush period, as `write` does; to call where messages are rare."""
         self._file.flush_if_due()
 
     def flush(self) -> None:
-        """Flush all messages to disk, safe from a kill or a power cut."""
+        """Flush all messages of the log to disk, safe from a kill or a power cut."""
         self._file.flush()
 
     def split(
@@ -210,11 +210,11 @@ class McapLog:
         Args:
             snapshot: Full state from which the next file starts, attached.
             number: Of the next file; by default the next number.
-            after_loss: Something is missing before it, and its metadata say so.
-            lost_from_ns: Stamp (ns since 1970) after which commands are missing in it, likewise.
+            after_loss: Whether its metadata tell that data is missing before it.
+            lost_from_ns: Stamp (ns since 1970) in its metadata after which commands are missing in it, if any.
 
         Raises:
-            OSError: The disk refuses; all closed files stay readable, and the log only wants to be closed.
+            OSError: The disk refuses; all closed files stay readable, and the log can only be closed.
         """
         if self._ended or not self._file.is_open:
             raise ValueError(f"{self.path}: log is closed")
@@ -222,15 +222,15 @@ class McapLog:
         self._go_on(snapshot, self._number + 1 if number is None else number, lost_from_ns, after_loss=after_loss)
 
     def move(self, directory: Path, snapshot: bytes | None, number: int) -> None:
-        """Continue in another directory after the loss of the present one.
+        """Continue the log in another directory after the loss of the present one.
 
         Args:
-            directory: Which exists.
+            directory: Existing directory.
             snapshot: Full state from which the next file starts, attached.
             number: Of the next file.
 
         Raises:
-            OSError: The disk refuses; the log only wants to be closed.
+            OSError: The disk refuses; the log can only be closed.
         """
         self._file.abandon()
         self.directory, self._closed, self._ended = directory, [], False
@@ -238,7 +238,7 @@ class McapLog:
 
     @property
     def is_gone(self) -> bool:
-        """Whether the file being written was deleted or moved."""
+        """Whether the log file being written was deleted or moved."""
         return self._file.is_gone
 
     def _go_on(self, snapshot: bytes | None, number: int, lost_from_ns: int | None, *, after_loss: bool) -> None:
@@ -259,7 +259,7 @@ class McapLog:
             raise
 
     def remove_oldest(self, splitting: Splitting, now_ns: int) -> None:
-        """Remove closed files beyond the kept age or size, each with its rerun recording.
+        """Remove the oldest closed files of the log beyond its limits of age and size, with their rerun recordings.
 
         Args:
             splitting: Limits of age and size.
@@ -286,10 +286,10 @@ class McapLog:
                 path.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Write the index and the final metadata.yaml; a second call does nothing.
+        """Close the log: write the index and the final metadata.yaml; a second call does nothing.
 
         Raises:
-            OSError: The disk refuses; the file is closed nevertheless, and what was flushed before is readable.
+            OSError: The disk refuses; the file is closed nevertheless, and messages flushed before are readable.
         """
         if not self._ended and self._file.is_open:
             self._close_file()
@@ -322,7 +322,7 @@ class McapLog:
         return bag, bag.with_suffix(".rrd")
 
     def _size_of(self, number: int) -> int:
-        """Size (bytes) of a file and of its rerun recording."""
+        """Size (bytes) of a file of the log, by its number, with its rerun recording."""
         size = 0
         for path in self._paths_of(number):
             with suppress(FileNotFoundError):
@@ -330,7 +330,7 @@ class McapLog:
         return size
 
     def _write_bag_metadata(self, *, running: bool) -> None:
-        """Write metadata.yaml atomically by rename, with all closed files and the one being written."""
+        """Write metadata.yaml of the log atomically by rename, with all closed files and the one being written."""
         files = [closed.contents for closed in self._closed]
         if running:
             files.append(self._file.contents)

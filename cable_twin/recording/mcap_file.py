@@ -1,4 +1,4 @@
-"""One MCAP file being written, with less than a second lost by a kill or a power cut."""
+"""Writer of one MCAP file, with less than a second lost by a kill or a power cut."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _PackedIndexes(list[_PackedIndex]):
 
 
 class _Writer(Writer):
-    """MCAP writer for runs of days: plain chunk indexes would take 10 MB of memory an hour at two chunks a second."""
+    """MCAP writer with packed chunk indexes, for runs of days: plain ones take 10 MB an hour at two chunks a second."""
 
     def __init__(self, stream: IO[bytes], compression: CompressionType) -> None:
         super().__init__(stream, compression=compression)
@@ -66,27 +66,27 @@ class _Writer(Writer):
 
 
 class GoneError(FileNotFoundError):
-    """Deletion or replacement of a file being written, or of its directory."""
+    """Deletion or replacement of an MCAP file being written, or of its directory."""
 
 
 class McapFile:
-    """MCAP file being written.
+    """MCAP file being written, flushed to disk at least every flush period.
 
     Attributes:
         path: Of the file.
         size: Bytes written so far, without the chunk that is being gathered.
-        safe_ns: Stamp (ns since 1970) up to which nothing can be lost any more; 0 where nothing is written.
+        safe_ns: Stamp (ns since 1970) up to which all messages are safe on disk; 0 where nothing is written.
     """
 
     def __init__(self, path: Path, topics: BagTopics) -> None:
         """Create an MCAP file with all its channels.
 
         Args:
-            path: Where no file is yet.
+            path: Of the file, which must not exist.
             topics: Everything that may be written.
 
         Raises:
-            OSError: The disk refuses, and there is no file; or it exists.
+            OSError: The disk refuses, and no file is left; or the file exists.
         """
         self.path = path
         self.size = 0
@@ -112,12 +112,12 @@ class McapFile:
 
     @property
     def is_open(self) -> bool:
-        """Whether the file is neither closed nor given up."""
+        """Whether the MCAP file is neither closed nor given up."""
         return self._stream is not None
 
     @property
     def is_gone(self) -> bool:
-        """Whether the open file was deleted or moved; the check takes some microseconds."""
+        """Whether the open MCAP file was deleted or moved; the check takes some microseconds."""
         if self._stream is None:
             return False
         own = os.fstat(self._stream.fileno())
@@ -131,11 +131,11 @@ class McapFile:
 
     @property
     def contents(self) -> BagFile:
-        """Name, time span and message counts of the file up to now."""
+        """Name, time span and message counts of the MCAP file up to now."""
         return BagFile(self.path.name, self._first_ns, self._last_ns, array("Q", self._counts.values()))
 
     def begin(self, metadata: Mapping[str, str], snapshot: bytes | None) -> None:
-        """Write metadata and snapshot to disk, before the first message.
+        """Write metadata and full state of a run to the MCAP file, before the first message.
 
         Args:
             metadata: The record `cable_twin`.
@@ -157,7 +157,7 @@ class McapFile:
         self.flush()
 
     def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Append one message; raises OSError where the disk refuses, while flushed messages stay readable."""
+        """Append a message to the MCAP file; raises OSError where the disk refuses, flushed ones stay readable."""
         if self._stream is None:
             raise ValueError(f"{self.path}: log is closed")
         if topic not in self._channels:
@@ -174,12 +174,12 @@ class McapFile:
         self.flush_if_due()
 
     def flush_if_due(self) -> None:
-        """Flush messages older than a flush period."""
+        """Flush messages of the MCAP file older than a flush period."""
         if time.monotonic() - self._flushed >= FLUSH_PERIOD:
             self.flush()
 
     def flush(self) -> None:
-        """Finish the chunk and flush to disk, safe from a kill or a power cut.
+        """Finish the current chunk of the MCAP file and flush it to disk, safe from a kill or a power cut.
 
         Raises:
             GoneError: The file on the disk was deleted or replaced; it is given up.
@@ -200,10 +200,10 @@ class McapFile:
         self._flushed = time.monotonic()
 
     def close(self) -> None:
-        """Write remaining data, rosbag2's metadata and the index to disk; a second call does nothing.
+        """Close the MCAP file with remaining data, rosbag2's metadata and the index; a second call does nothing.
 
         Raises:
-            OSError: The disk refuses; the file is closed nevertheless, and what was flushed before is readable.
+            OSError: The disk refuses; the file is closed nevertheless, and messages flushed before are readable.
         """
         if self._stream is None:
             return
@@ -226,7 +226,7 @@ class McapFile:
         self.safe_ns = self._last_ns
 
     def abandon(self) -> None:
-        """Close without an index, cut after the last complete chunk, as a partial one would spoil a later repair."""
+        """Close the MCAP file without an index, cut after its last complete chunk, as a partial one spoils a repair."""
         gone = self.is_gone  # of a file that is none of ours nothing is cut
         stream, self._stream = self._stream, None
         if stream is None:
@@ -238,7 +238,7 @@ class McapFile:
                 os.truncate(self.path, self._readable_size)
 
     def _declare(self) -> None:
-        """Write all channels again in a separate chunk, as the first chunk with messages may be damaged."""
+        """Write all MCAP channels again in a separate chunk, as the first chunk with messages may be damaged."""
         builder = RecordBuilder()
         for record in (*self._writer.schemas, *self._writer.channels):
             record.write(builder)
@@ -260,7 +260,7 @@ class McapFile:
 
 
 def package_version(package: str) -> str:
-    """Version of an installed package."""
+    """Version of an installed Python package; "unknown" where it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:

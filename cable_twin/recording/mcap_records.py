@@ -1,7 +1,7 @@
 """Records of an MCAP file that may be damaged or malicious, loaded and unpacked within limits.
 
-mcap takes single records apart. Its readers are not used: they unpack a chunk wherever one stands, to whatever size it
-grows, take lengths within a record at their word, and end at the first damage.
+The package mcap parses single records. Its readers are not used: they unpack any chunk to any size, trust lengths
+within a record, and end at the first damage.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Record(NamedTuple):
 
 
 class ChunkPlace(NamedTuple):
-    """Place of a chunk in an MCAP file, by the index entry."""
+    """Place of a chunk in an MCAP file, from the index: offset, length, time span, channels."""
 
     offset: int
     length: int
@@ -55,7 +55,7 @@ class ChunkPlace(NamedTuple):
 
 
 class Index(NamedTuple):
-    """Index at the end of a closed MCAP file."""
+    """Index at the end of a closed MCAP file: channels, schemas, chunks, offsets of other records."""
 
     channels: Mapping[int, Channel]
     schemas: Mapping[int, Schema]
@@ -64,7 +64,7 @@ class Index(NamedTuple):
 
 
 def parsed(kind: type, content: bytes) -> Any:
-    """Parse a record of an mcap class from its content; raises one of UNREADABLE."""
+    """Parse an MCAP record of a class of the package mcap from its content; raises one of UNREADABLE."""
     return kind.read(ReadDataStream(BytesIO(content)))  # type: ignore[attr-defined]
 
 
@@ -72,7 +72,7 @@ def record_at(stream: IO[bytes], offset: int) -> Record:
     """Read one record of an MCAP file at an offset.
 
     Raises:
-        McapError: There is none, or it is longer than the rest of the file or than is allowed.
+        McapError: No record is there, or it is longer than the rest of the file or than the limit.
     """
     size = stream.seek(0, os.SEEK_END)
     stream.seek(offset)
@@ -85,14 +85,14 @@ def record_at(stream: IO[bytes], offset: int) -> Record:
     if length > size - offset - HEAD.size:
         raise McapError(f"ends within a record at byte {offset}")
     if length > RECORD_LIMIT:
-        raise McapError(f"a record of {length} bytes at byte {offset}; allowed: {RECORD_LIMIT}")
+        raise McapError(f"record at byte {offset}: given {length} bytes; allowed: up to {RECORD_LIMIT}")
     return Record(offset, opcode, stream.read(length))
 
 
 def walk(stream: IO[bytes]) -> Iterator[Record | McapError]:
-    """Iterate over all records up to the end of the data.
+    """Iterate over all records of an MCAP file up to the end of its data, past damaged places.
 
-    Where one is no record, its fault is given, and it goes on with the next chunk, if there is one behind it.
+    A damaged place yields its fault; iteration goes on with the next chunk behind it, if any.
     """
     offset = len(MCAP0_MAGIC)
     left = TRIED * stream.seek(0, os.SEEK_END)  # bytes, of which what looks like a chunk may take to be none
@@ -123,7 +123,7 @@ def walk(stream: IO[bytes]) -> Iterator[Record | McapError]:
 
 
 def _signatures(stream: IO[bytes], offset: int) -> Iterator[int]:
-    """Offsets of probable chunk starts from a byte on, found by the signature in their head."""
+    """Offsets in an MCAP file of probable chunk starts from a byte on, found by the signature in their head."""
     within, before = HEAD.size + CHUNK_HEAD.size - 4, b""
     stream.seek(offset)
     while data := stream.read(SEARCHED):
@@ -140,7 +140,7 @@ def _signatures(stream: IO[bytes], offset: int) -> Iterator[int]:
 
 
 def _is_consistent(content: bytes) -> bool:
-    """Whether the length of a chunk agrees with its header, so that the next record follows directly."""
+    """Whether the length of an MCAP chunk agrees with its header, so that the next record follows directly."""
     try:
         start = CHUNK_HEAD.size + CHUNK_HEAD.unpack_from(content)[-1]
         return bool(struct.unpack_from("<Q", content, start)[0] == len(content) - start - 8)
@@ -149,20 +149,20 @@ def _is_consistent(content: bytes) -> bool:
 
 
 def unpacked_size(content: bytes) -> int:
-    """Unpacked size (bytes) according to the header of a chunk."""
+    """Unpacked size (bytes) of an MCAP chunk according to its header."""
     return int(CHUNK_HEAD.unpack_from(content)[2])
 
 
 def has_messages(content: bytes) -> bool:
-    """Whether a chunk declares messages, by the stamp of its last one."""
+    """Whether an MCAP chunk declares messages, by the stamp of the last message in its header."""
     return bool(CHUNK_HEAD.unpack_from(content)[1])
 
 
 def unpacked(content: bytes) -> bytes:
-    """Unpacked data of a chunk, from the content of its record.
+    """Unpack the data of an MCAP chunk from the content of its record.
 
     Raises:
-        McapError: It is damaged, of another compression, or would unpack to more than is allowed.
+        McapError: The chunk is damaged, of another compression, or would unpack to more than the limit.
     """
     _, _, size, checksum, name = CHUNK_HEAD.unpack_from(content)
     start = CHUNK_HEAD.size + name + 8
@@ -170,7 +170,7 @@ def unpacked(content: bytes) -> bytes:
     if not _is_consistent(content):
         raise McapError("a chunk of another length than its header gives")
     if size > CHUNK_LIMIT:
-        raise McapError(f"a chunk that unpacks to {size} bytes; allowed: {CHUNK_LIMIT}")
+        raise McapError(f"a chunk that unpacks to too much: given {size} bytes; allowed: up to {CHUNK_LIMIT}")
     data = content[start:]
     if compression == "zstd":
         # the frame says so too, and zstandard believes it rather than a limit
@@ -178,21 +178,21 @@ def unpacked(content: bytes) -> bytes:
             raise McapError(f"a chunk that unpacks to another size than the {size} bytes in its header")
         data = zstandard.decompress(data, size)
     elif compression:
-        raise McapError(f"compression {compression!r}; allowed: 'zstd', or none")
+        raise McapError(f"compression of a chunk: given {compression!r}; allowed: 'zstd', or none")
     if len(data) != size or (checksum and zlib.crc32(data) != checksum):
         raise McapError("a chunk with a wrong checksum")
     return data
 
 
 def chunk_messages(data: bytes, names: dict[int, str]) -> Iterator[tuple[int, int, bytes]]:
-    """Channel, stamp (ns since 1970) and data of the messages in an unpacked chunk.
+    """Channel, stamp (ns since 1970) and data of each message in an unpacked MCAP chunk.
 
     Args:
         data: Of the chunk.
-        names: Topics by channel, to which those that the chunk declares are added.
+        names: Topics by channel, to which channels declared in the chunk are added.
 
     Raises:
-        One of UNREADABLE: A record in it is longer than it, or none that belongs there.
+        One of UNREADABLE: A record in the chunk is longer than the chunk, or of a kind that no chunk has.
     """
     position, end = 0, len(data)
     while position < end:
@@ -212,7 +212,7 @@ def chunk_messages(data: bytes, names: dict[int, str]) -> Iterator[tuple[int, in
 
 
 def declared(data: bytes) -> Iterator[Channel | Schema]:
-    """Channels and schemas declared in an unpacked chunk; raises as `chunk_messages`."""
+    """Channels and schemas declared in an unpacked MCAP chunk; raises as `chunk_messages`."""
     position = 0
     while position < len(data):
         opcode, length = HEAD.unpack_from(data, position)
@@ -223,7 +223,7 @@ def declared(data: bytes) -> Iterator[Channel | Schema]:
 
 
 def read_index(stream: IO[bytes]) -> Index | None:
-    """Index of a file; None where missing or damaged."""
+    """Read the index at the end of an MCAP file; None where missing or damaged."""
     try:
         size = stream.seek(0, os.SEEK_END)
         footer = record_at(stream, size - FOOTER_SIZE)
@@ -243,7 +243,7 @@ def _ends_well(stream: IO[bytes]) -> bool:
 
 
 def _checksum(stream: IO[bytes], start: int, size: int) -> int:
-    """CRC of the index up to the checksum itself in the footer."""
+    """CRC of the index of an MCAP file, up to the checksum in its footer."""
     left, checksum = size - len(MCAP0_MAGIC) - 4 - start, 0
     stream.seek(start)
     while left > 0 and (data := stream.read(min(left, SEARCHED))):

@@ -4,7 +4,7 @@ The frame loop never waits: `record` only appends to a queue. The thread sleeps,
 after some frames, so it holds the interpreter for fractions of a millisecond. It owns its sinks: it alone writes,
 splits and closes them. There is no lock anywhere, so a signal handler may do anything at any time.
 
-Whoever makes frames asks before each whether a new file is due, and then hands over the full state of that moment:
+The caller asks before each frame whether a new file is due, and then hands over the full state of that moment:
 
     if recorder.split_due(simulation.time):
         recorder.split(simulation.capture())
@@ -50,7 +50,7 @@ class View(Protocol):
         """Show an applied command in the picture."""
 
     def log_ahead(self, ahead: TensionAhead) -> None:
-        """Show an outlook in the picture."""
+        """Show the tension range of an outlook in the picture."""
 
     def flush(self) -> None:
         """Send waiting data of the picture to disk."""
@@ -63,7 +63,7 @@ class View(Protocol):
 
 
 class _Beginning(NamedTuple):
-    """Queue item: start of the first or of a later file."""
+    """Queue item: start of the first or of a later file of the log."""
 
     epoch_ns: int
     stamp_ns: int
@@ -82,10 +82,10 @@ class _Item(NamedTuple):
 
 
 class _LogSink:
-    """Sink for the bag; after the loss of its directory idle until a new file begins in another directory.
+    """Sink that writes queued items into the bag; idle between the loss of its directory and the next new file.
 
     Attributes:
-        gone: Whether that is so.
+        gone: Whether the directory is lost and no new file has begun in another one.
     """
 
     name = "log"
@@ -103,7 +103,7 @@ class _LogSink:
 
     @property
     def left(self) -> str:
-        """Note about readable data after a failure, for its message."""
+        """End of the message about a failure of the log: simulated time up to which the log is readable."""
         return f"; readable up to {self._log.safe_until:.2f} s of simulated time, nothing later is written"
 
     def write(self, item: _Item) -> None:
@@ -182,11 +182,11 @@ class Recorder:
 
         Args:
             log: Where messages go; the recorder closes it.
-            *views: Where snapshots and commands go, None for nowhere; the recorder closes them.
-            splitting: When log and view go on in new files, and how long old ones are kept.
+            *views: Where snapshots and commands go; None is left out. The recorder closes them.
+            splitting: When log and view go on in new files, and how long old files are kept.
             capacity: Frames that may wait before new ones are dropped.
-            new_directory: Makes the directory in which the log goes on where its own, the argument, is deleted; else it
-                ends then.
+            new_directory: Makes another directory for the log where its own one, the argument, is deleted; the log ends
+                then where None.
         """
         self.faults: list[str] = []
         self.dropped = 0
@@ -215,26 +215,26 @@ class Recorder:
 
     @property
     def backlog(self) -> int:
-        """Number of frames that wait to be written."""
+        """Number of queued frames and other items that wait to be written."""
         return len(self._queue)
 
     @property
     def idle(self) -> bool:
-        """Whether all queued frames and commands have been written."""
+        """Whether the recorder has written all queued frames and commands."""
         return not self._queue and not self._writing
 
     @property
     def recording(self) -> bool:
-        """Whether any log or view is still being written."""
+        """Whether the recorder still writes any log or view."""
         return bool(self._sinks)
 
     def begin(self, epoch_ns: int, simulated_time: float, scenario: bytes, full_state: FullState | None = None) -> None:
-        """Queue the start of the run with its initial state, before the first frame; returns at once.
+        """Queue the start of the run with its initial state for the log, before the first frame; returns at once.
 
         Args:
             epoch_ns: Wall time (ns since 1970) of simulated time zero.
             simulated_time: s, at which the run begins.
-            scenario: Its message, written at the start of each file.
+            scenario: Message of the scenario, written at the start of each file.
             full_state: State at the start of the run; None for the start of its scenario.
         """
         stamp_ns = epoch_ns + nanoseconds(simulated_time)
@@ -243,7 +243,7 @@ class Recorder:
         self._split_time = self._next_split(simulated_time)
 
     def split_due(self, simulated_time: float) -> bool:
-        """Whether a new file is to begin with the frame of a simulated time (s); a cheap check for every frame."""
+        """Whether a new log file is due with the frame of a simulated time (s); a cheap check for every frame."""
         if simulated_time >= self._split_time:
             return True
         if self._asked != self._number or self._log is None or self._log_sink is None:
@@ -251,10 +251,10 @@ class Recorder:
         return self._log.size >= self._split_size or self._log_sink.gone
 
     def split(self, full_state: FullState) -> None:
-        """Queue the start of a new file for all later items; returns at once.
+        """Queue the start of a new file of log and views for all later items; returns at once.
 
         Args:
-            full_state: The simulation at the time of the next frame, which is handed over afterwards.
+            full_state: State of the simulation at the time of the next frame, which is recorded afterwards.
         """
         if self._first is None or self._closing or not self.recording or self._log is None:
             self._split_time = math.inf
@@ -286,7 +286,7 @@ class Recorder:
             self._queue.append(_Item(messages, stamp_ns, snapshot, columns, None))
 
     def record_ahead(self, ahead: TensionAhead, stamp_ns: int) -> None:
-        """Queue an outlook for the view; returns at once."""
+        """Queue the tension range of an outlook for the views; returns at once."""
         if not self._closing and self.recording and len(self._queue) < self._capacity:
             self._queue.append(_Item((), stamp_ns, None, (), None, ahead))
 
@@ -295,8 +295,8 @@ class Recorder:
 
         Args:
             applied: The command, for the view.
-            message: The same as `applied_command_message` gives it, for the log.
-            stamp_ns: Its stamp (ns since 1970).
+            message: The command encoded by `applied_command_message`, for the log.
+            stamp_ns: Stamp (ns since 1970) of the message.
         """
         if self._closing:
             self.dropped += 1
@@ -335,7 +335,7 @@ class Recorder:
         self._writing = False
 
     def _begin_files(self, beginning: _Beginning) -> None:
-        """Begin a file of log and view, then remove expired files."""
+        """Begin a new file of log and views, then remove the oldest files beyond their limits."""
         number = self._number + (not beginning.first)
         before = self.directory
         for sink in tuple(self._sinks):
@@ -355,12 +355,12 @@ class Recorder:
             self.faults.append(f"recording: old files cannot be removed: {' '.join(str(error).split())}")
 
     def _next_split(self, simulated_time: float) -> float:
-        """Simulated time (s) at which a file that begins now reaches its duration."""
+        """Simulated time (s) at which a log file that begins now reaches its longest duration."""
         duration = self._splitting.split_duration
         return simulated_time + duration - TICK if duration and self._log is not None else math.inf
 
     def _attempt(self, sink: _LogSink | _ViewSink, action: Callable[..., Any], *arguments: Any) -> None:
-        """Write to log or view; after an exception keep the fault and stop writing there."""
+        """Do an action of a log or view sink; after an exception note the fault and remove the sink."""
         try:
             action(*arguments)
         except Exception as error:

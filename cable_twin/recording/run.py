@@ -1,4 +1,4 @@
-"""Recorded run of a simulation: directory, writer, and logs: an MCAP bag, and rerun in a file, live or in a browser."""
+"""Recording of a run: directory, recorder thread, MCAP bag, and rerun view in a file, live or in a browser."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Recording of a run with its logs, active after `begin`."""
+    """Recording of a simulation's run into a bag and views, active after `begin`."""
 
     simulation: Simulation
     recorder: Recorder
@@ -51,7 +51,7 @@ class Run:
             self.web.close()
 
     def begin(self, epoch_ns: int) -> None:
-        """Begin the run, before its first frame is recorded and before the simulation continues.
+        """Begin the recording of the run, before its first frame is recorded and before the simulation continues.
 
         The scenario is the first message of each bag; where the simulation is not at its start, the full state is
         attached.
@@ -83,10 +83,10 @@ def start_run(
         topics: topics of the bag.
         record_directory: parent of the new directory.
         frame_period: s.
-        rerun: "none", "file", "live" (a file, and a server on 127.0.0.1), or "web" (that, and a page for a browser).
-        splitting: when the logs go on in new files, and how long old ones are kept.
-        names: full names of topics in the bag, where they are not the usual ones.
-        frames: names of coordinate frames, likewise.
+        rerun: "none", "file", "live" (file and server on 127.0.0.1), or "web" (file, server and page for a browser).
+        splitting: when the logs go on in new files, and how long old files are kept.
+        names: full names of topics in the bag; the default names where None.
+        frames: names of coordinate frames; the default names where None.
 
     Raises:
         OSError: when the directory or the bag in it cannot be made. A rerun recording that cannot be opened is a fault
@@ -101,7 +101,7 @@ def start_run(
 
 
 def _new_directory(parent: Path, gone: Path | None = None) -> Path:
-    """Make a directory named after the time; waits for the next second where the name exists, or did until now."""
+    """Make a directory for a run, named after the time; waits for the next second where the name is or was in use."""
     parent.mkdir(parents=True, exist_ok=True)
     while True:
         directory = parent / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
@@ -113,7 +113,7 @@ def _new_directory(parent: Path, gone: Path | None = None) -> Path:
 
 
 class _Logs(NamedTuple):
-    """All open logs of a run."""
+    """Open logs of a run: bag, rerun views, live view, and faults of views that could not be opened."""
 
     bag: McapLog
     views: tuple[View, ...]
@@ -132,7 +132,7 @@ def _open_logs(
     names: TopicNames | None = None,
     frames: FrameNames | None = None,
 ) -> _Logs:
-    """Open the logs of a run in its directory, with further arguments as in `start_run`.
+    """Open bag and views of a run in its directory, with further arguments as in `start_run`.
 
     Raises:
         OSError: when the bag cannot be made; all others are faults, and the bag goes on.

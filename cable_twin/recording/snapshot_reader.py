@@ -1,8 +1,8 @@
-"""Snapshots and commands read back from a log one after the other, without simulation.
+"""Reader of snapshots and commands from a log, one after the other and without simulation.
 
-A log holds each group of columns as often as it was told to; numbers that it does not hold at a time are NaN in the
-snapshot of that time. All others are those of the run, bit for bit, but for the shape and tension of the rope: between
-complete frames, usually one a second, they are those of the topic `cable`, in single precision.
+A log holds each group of columns at its own rate; numbers that it does not hold at a time are NaN in the snapshot of
+that time. All others are those of the run, bit for bit, but for the shape and tension of the rope: between complete
+frames, usually one a second, these come from the topic `cable`, in single precision.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TOPICS = (COLUMNS, CABLE, APPLIED_COMMANDS, REFUSED_COMMANDS, KEY_FIGURES)
 
 
 class RecordedFigures(NamedTuple):
-    """Key figures that the run itself has recorded in its log."""
+    """Key figures that a run has recorded in its log, with their time."""
 
     time: float  # s
     statuses: list[Status]
@@ -42,10 +42,10 @@ Item = Snapshot | AppliedCommand | RefusedCommand | RecordedFigures
 
 
 def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None) -> Iterator[Item]:
-    """Stream the frames of a log and the items between frames, with one frame in memory.
+    """Stream snapshots, commands and key figures of a log in its order, with one frame in memory.
 
     Args:
-        log: Finished, or cut short: its last frame then may be missing.
+        log: Finished, or cut short: the last frame then may be missing.
         on_position: Called with the bytes of the file read so far.
 
     Yields:

@@ -1,4 +1,4 @@
-"""Rules for splitting the logs of a run into files and for removing the oldest ones."""
+"""Rules for splitting the logs of a run into files and for removing the oldest files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STATES_SHARE = 0.5  # of `keep_size`, that saved states may have; the files of t
 
 
 class ClosedSize(NamedTuple):
-    """Age and size of a closed file, for its removal."""
+    """Age and size of a closed log file, from which its removal is decided."""
 
     last_ns: int  # stamp (ns since 1970) of its last message
     size: int  # bytes, with the rerun recording of the same number
@@ -25,7 +25,7 @@ class ClosedSize(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Splitting:
-    """Options for splitting and keeping of log files; 0 means no limit."""
+    """Options for splitting a log into files and for keeping these files; 0 means no limit."""
 
     split_duration: float = 3600.0  # s of simulated time in a file
     split_size: float = 0.0  # MB of the MCAP file
@@ -39,7 +39,7 @@ class Splitting:
             called: Name of an option in messages, by its name here.
 
         Returns:
-            A line for each fault, with what is given and what is allowed.
+            A line for each fault, with the given value and the allowed ones.
         """
         lowest = {"split_duration": (SHORTEST, "s"), "split_size": (SMALLEST, "MB")}
         faults = []
@@ -48,27 +48,27 @@ class Splitting:
             low, unit = lowest.get(field.name, (0.0, "s" if field.name == "keep_age" else "MB"))
             if not (value == 0.0 or low <= value < float("inf")):
                 allowed = f"0, or {low:g} {unit} and more" if low else f"0 {unit} and more"
-                faults.append(f"{called(field.name)} is {value:g} {unit}; allowed: {allowed}")
+                faults.append(f"{called(field.name)}: given {value:g} {unit}; allowed: {allowed}")
         if faults:
             return faults
         given = [called(name) for name in ("keep_age", "keep_size") if getattr(self, name)]
         if given and not (self.split_duration or self.split_size):
-            both = f"{called('split_duration')} and {called('split_size')}"
-            return [f"{' and '.join(given)} given without splitting: {both} are 0; one of them is needed"]
+            both = f"{called('split_duration')} or {called('split_size')}"
+            return [f"{' and '.join(given)}: given without splitting; allowed: with {both} above 0"]
         if 0.0 < self.keep_age < self.split_duration:
             faults.append(
-                f"{called('keep_age')} is {self.keep_age:g} s, less than a file; allowed: 0, or "
+                f"{called('keep_age')}: given {self.keep_age:g} s, less than a file; allowed: 0, or "
                 f"{called('split_duration')} of {self.split_duration:g} s and more"
             )
         if 0.0 < self.keep_size < 2.0 * self.split_size:
             faults.append(
-                f"{called('keep_size')} is {self.keep_size:g} MB, less than two files; allowed: 0, or "
+                f"{called('keep_size')}: given {self.keep_size:g} MB, less than two files; allowed: 0, or "
                 f"twice {called('split_size')}, {2.0 * self.split_size:g} MB, and more"
             )
         return faults
 
     def surplus(self, closed: Sequence[ClosedSize], running: int, now_ns: int) -> int:
-        """Number of log files to remove, from the oldest on.
+        """Number of log files to remove, from the oldest on, to keep the limits of age and size.
 
         Args:
             closed: All closed files, the oldest first.
@@ -86,7 +86,7 @@ class Splitting:
 
 
 def size_of_states(directory: Path) -> int:
-    """Bytes of the states saved in the directory of a run."""
+    """Size (bytes) of the full states saved in the directory of a run."""
     size = 0
     for file in directory.glob(f"{STATES}*"):
         with suppress(FileNotFoundError):

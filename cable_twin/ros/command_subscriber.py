@@ -77,7 +77,7 @@ class CommandSubscriber:
         """Accept or refuse a message of a topic of `INPUTS`."""
         try:
             if len(data) > self._limits.size:
-                raise CommandError(f"a message of {len(data)} bytes; allowed: up to {self._limits.size} bytes")
+                raise CommandError(f"message: given {len(data)} bytes; allowed: up to {self._limits.size} bytes")
             command = command_from_message(topic, data, self._limits.names)
             self._check_age(stamp_in(data))
             self._count()
@@ -87,13 +87,13 @@ class CommandSubscriber:
         self._loop.submit(command, topic).add_done_callback(partial(self._on_applied, topic, data))
 
     def _check_age(self, stamp_ns: int) -> None:
-        """Refuse a stamp (ns) too far from the newest frame; a stamp of 0 is accepted."""
+        """Refuse a command whose stamp (ns) is too far from the newest frame; a stamp of 0 is accepted."""
         most, age = self._limits.age, (self._now_ns() - stamp_ns) / NANOSECONDS
         if most > 0.0 and stamp_ns != 0 and abs(age) > most:
             when = "older" if age > 0.0 else "later"
             raise CommandError(
-                f"stamp {abs(age):.6g} s {when} than the newest frame; allowed: up to {most:g} s (command_max_age), or "
-                "a stamp of 0"
+                f"stamp: given {abs(age):.6g} s {when} than the newest frame; allowed: up to {most:g} s "
+                "(command_max_age), or a stamp of 0"
             )
 
     def _count(self) -> None:
@@ -105,7 +105,7 @@ class CommandSubscriber:
             self._second, self._accepted = now, 0
         self._accepted += 1
         if self._accepted > self._limits.rate:
-            raise CommandError(f"more commands than {self._limits.rate} a second")
+            raise CommandError(f"commands: given {self._accepted} in a second; allowed: up to {self._limits.rate}")
 
     def _on_applied(self, topic: str, data: bytes, future: Any) -> None:
         if future.cancelled():

@@ -183,7 +183,7 @@ class StatusLine:
         return named if len(named) <= width else _joined(parts, width)  # the log above has the name too
 
     def _pace(self, simulated: float) -> tuple[str, str]:
-        """Real-time factor and lateness, or that simulated time is paused or failed."""
+        """Text of real-time factor and lateness, or of a paused or failed simulation, with its style."""
         now = self._now()
         self._times.append((now, simulated))
         while now - self._times[0][0] > SPAN:
@@ -198,7 +198,7 @@ class StatusLine:
         return f"x{factor:.2f}{lateness}", "yellow" if late > LATE else "green"
 
     def _driven(self) -> list[tuple[str, str]]:
-        """Speed, and of carriages the place, of the first driven vehicles or drives."""
+        """Texts with the speed, and for carriages the place, of the first driven vehicles or drives."""
         snapshot = self._simulation.snapshot
         names, state = driven_names(snapshot.layout), driven(snapshot.layout, snapshot.columns)
         place = "" if snapshot.layout.drives else " at {:.1f} m"
@@ -209,13 +209,13 @@ class StatusLine:
         return parts + ([(f"and {len(names) - SHOWN} more", "dim")] if len(names) > SHOWN else [])
 
     def _slipping(self) -> list[tuple[str, str]]:
-        """Bullwheels with rope slip, and its distance (m)."""
+        """Texts about bullwheels on which the rope has slipped, with the distance (m)."""
         snapshot = self._simulation.snapshot
         slips = dict(zip(snapshot.layout.sheaves, snapshot.columns.sheave_slip.tolist(), strict=True))
         return [(f"{name} slip {slip:+.2f} m", "red") for name, slip in slips.items() if abs(slip) > SLIPPED]
 
     def _tension(self) -> tuple[str, str]:
-        """Highest tension; of several ropes, that of the rope nearest to the limit of its safety factor."""
+        """Text of the highest tension; with several ropes, of the rope nearest to the limit of its safety factor."""
         snapshot = self._simulation.snapshot
         ropes = [*snapshot.layout.ropes] if self._simulation.scenario.ropes else ["tension"]
         highest = dict(zip(ropes, snapshot.columns.highest_tension[:, 0].tolist(), strict=True))
@@ -235,7 +235,7 @@ class StatusLine:
 
 
 def _joined(parts: Sequence[tuple[str, str]], width: int = sys.maxsize) -> Text:
-    """Styled texts in a row, each shown whole or left out, as half a number would mislead."""
+    """Join styled texts to a line of limited width; each is shown whole or left out, as half a number misleads."""
     line = Text()
     for text, style in parts:
         part = Text("  " if line else "").append(text, style)

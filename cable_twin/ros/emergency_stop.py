@@ -35,8 +35,8 @@ class EmergencyStop:
     """Service `emergency_stop`, available as long as the process lives, also between frame loops.
 
     Args:
-        node: node of the twin; its name is in that of the service.
-        arguments: ROS arguments, of which the enclave is used.
+        node: node of the twin; the service has its name.
+        arguments: ROS arguments, of which only the enclave is used.
     """
 
     def __init__(self, node: Node, arguments: Sequence[str] = ()) -> None:
@@ -56,7 +56,7 @@ class EmergencyStop:
             raise self._fault
 
     def serve(self, loop: FrameLoop) -> None:
-        """Stop the drives of a frame loop at calls from now on, and at once for a call received before."""
+        """Stop or release the drives of a frame loop at calls from now on, and at once for a call received before."""
         with self._lock:
             self._loop = loop
             waiting, self._waiting = self._waiting, None

@@ -46,7 +46,7 @@ ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
 
 class Markers:
-    """Message of all markers, filled from the columns of each frame."""
+    """Message of all markers of a twin for RViz, filled from the columns of each frame."""
 
     def __init__(self, scenario: Scenario, layout: Layout, columns: Columns, frame_id: str) -> None:
         """Prepare the markers for RViz of a scenario.
@@ -106,7 +106,7 @@ class Markers:
         self._template = Template(MarkerArray(markers), self._sources, singles=[self._colors])
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Message with a stamp (ns) and the present contents of the columns."""
+        """Encode the message of all markers, with a stamp (ns), from the present contents of the columns."""
         c = self._columns
         self._fill_rope(c)
         np.take(c.body_position, self._boxed, axis=0, out=self._box_position)
@@ -158,7 +158,7 @@ class Markers:
         return max(scenario.cable.diameter or 0.0, 5e-4 * self._span)
 
     def _marks(self) -> list[FloatArray]:
-        """Placeholder numbers for all sources, of the shape of each."""
+        """Placeholder numbers of the message template for all source arrays, in the shape of each."""
         numbers = marks(sum(source.size for source in self._sources))
         ends = np.cumsum([source.size for source in self._sources])[:-1]
         return [part.reshape(source.shape) for part, source in zip(np.split(numbers, ends), self._sources, strict=True)]

@@ -69,7 +69,7 @@ READY_TIMEOUT = 2.0  # s that simulated time waits for the logs to be ready
 
 
 class SecondTwinError(RuntimeError):
-    """Second twin of one name in a ROS domain, where both would publish and take commands on identical topics."""
+    """Error of a second twin of one name in a ROS domain: both would publish and take commands on the same topics."""
 
     def __init__(self, node: Node) -> None:
         name, domain = node.get_fully_qualified_name(), node.context.get_domain_id()
@@ -116,7 +116,7 @@ class TwinNode(Node):
     No file is opened before `start`, so that an interrupt before it leaves nothing behind.
 
     Args:
-        simulation: simulation built by a previous node of this process; None to build that of the parameters.
+        simulation: simulation built by a previous node of this process; None to build it from the parameters.
         overrides: parameters that take precedence over those of the command line.
         emergency: service of a previous node, which continues.
         arguments: ROS arguments of the process.
@@ -330,12 +330,12 @@ class TwinNode(Node):
             simulation = Simulation.load(self._settings["snapshot"], meanwhile=compile_figures)
         own = simulation.scenario.name
         if "scenario" in self._parameter_overrides and Path(given).stem != own:
-            raise ParameterError(f"parameter 'scenario' is '{given}'; allowed beside this 'snapshot': '{own}', its own")
+            raise ParameterError(f"parameter 'scenario': given '{given}'; allowed: '{own}', which the snapshot is of")
         self.set_parameters([RosParameter("scenario", value=own)])
         return simulation
 
     def _check(self, simulation: Simulation) -> None:
-        """Raise ParameterError if the parameters of the node do not fit a simulation."""
+        """Raise ParameterError if the parameters of the node do not fit a simulation of another scenario."""
         own = own_topics(self._settings, simulation.scenario)
         steps = count_frame_steps(self, self._settings["frame_rate"], simulation.step)
         topic_rates(self, self._settings, 1.0 / (steps * simulation.step))

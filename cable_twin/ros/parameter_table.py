@@ -30,7 +30,7 @@ class Parameter:
 
     @property
     def placeholder(self) -> str:
-        """Placeholder for the value in a usage line: unit or type."""
+        """Placeholder for the parameter's value in a usage line: unit or type."""
         return (
             self.unit.upper() or {bool: "{true,false}", str: "TEXT", int: "COUNT", float: "NUMBER"}[type(self.default)]
         )
@@ -54,23 +54,23 @@ class Parameter:
         return value
 
     def fault(self, value: object) -> str | None:
-        """Message about an invalid value; None for a valid one."""
+        """Message about an invalid value of the parameter; None for a valid one."""
         if self.pattern and not re.fullmatch(self.pattern, str(value)):
-            return f"parameter '{self.name}' is '{value}'; {self.description}"
+            return f"parameter '{self.name}': given '{value}'; allowed: {self.description}"
         if self.choices and value not in self.choices:
-            return f"parameter '{self.name}' is '{value}'; allowed: {', '.join(self.choices)}"
+            return f"parameter '{self.name}': given '{value}'; allowed: {', '.join(self.choices)}"
         if self.low is None or self.high is None:
             return None
         number = isinstance(value, int if isinstance(self.default, int) else int | float) and not isinstance(
             value, bool
         )
         if not number or not self.low <= value <= self.high:  # type: ignore[operator]
-            return f"parameter '{self.name}' is {value!r}; allowed are {self._range}"
+            return f"parameter '{self.name}': given {value!r}; allowed: {self._range}"
         return None
 
     @property
     def _range(self) -> str:
-        """Lowest and highest value with unit; whole numbers in full."""
+        """Lowest and highest value of the parameter with unit; whole numbers in full."""
         form = "" if isinstance(self.default, int) else "g"
         return f"{self.low:{form}} to {self.high:{form}} {self.unit}".rstrip()
 

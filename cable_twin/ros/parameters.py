@@ -64,7 +64,7 @@ def declare_parameters(node: Node) -> dict[str, Any]:
         value: Any = parameter.converted(node.declare_parameter(parameter.name, parameter.default, undescribed).value)
         if type(value) is not type(parameter.default):
             kind = type(parameter.default).__name__
-            faults.append(f"parameter '{parameter.name}' is {value!r}; a {kind} is needed: {parameter.help}")
+            faults.append(f"parameter '{parameter.name}': given {value!r}; allowed: a {kind}: {parameter.help}")
         elif fault := parameter.fault(value):
             faults.append(fault)
         else:
@@ -90,7 +90,7 @@ def changes_of(values: Mapping[str, Any]) -> dict[str, Any]:
         raise ParameterError(f"parameter 'set': {error}") from None
     if changes and values["snapshot"]:
         names = ", ".join(changes)
-        raise ParameterError(f"parameter 'set' changes {names}; allowed beside 'snapshot': no changes")
+        raise ParameterError(f"parameter 'set': given changes of {names}; allowed: none beside 'snapshot'")
     return changes
 
 
@@ -145,7 +145,7 @@ def own_topics(values: Mapping[str, Any], scenario: Scenario) -> tuple[str, ...]
     carriers = [*scenario.vehicles][len(scenario.carriages) :]
     known = f"the carriers {carriers[0]} to {carriers[-1]}" if carriers else "no carriers"
     faults = [
-        f"parameter 'carrier_topics' names '{name}'; scenario '{scenario.name}' has {known}"
+        f"parameter 'carrier_topics': given '{name}'; allowed: {known} of '{scenario.name}'"
         for name in dict.fromkeys(names)
         if name not in carriers
     ]
@@ -200,7 +200,7 @@ class LiveParameterService(ParameterService):
                 return
 
     def on_set(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        """Apply a set of parameters as a whole, or refuse all."""
+        """Apply a set of parameters as a whole, or refuse all of them; callback of rclpy."""
         given = {parameter.name: parameter.value for parameter in parameters}
         for parameter in PARAMETERS:
             if parameter.name in given and (fault := parameter.fault(given[parameter.name])):
@@ -218,7 +218,7 @@ class LiveParameterService(ParameterService):
             return "another scenario is being loaded"
         read, self._read = self._read, None
         if read is None or read[0] != wanted:
-            return f"scenario '{wanted}' given while another one is being read; allowed: one at a time"
+            return f"scenario: given '{wanted}' while another one is being read; allowed: one at a time"
         try:
             scenario = read[1].result()
         except ScenarioError as error:

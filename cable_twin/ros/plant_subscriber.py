@@ -1,4 +1,4 @@
-"""Messages of a plant from its topics: recorded, passed on to the estimator, and followed by the drives of the twin."""
+"""Messages of a plant from its topics: recorded, passed on to the estimator, followed by the drives of the twin."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ JOINTS = "sensors/joint_states"
 
 
 def with_plant_sensors(simulation: Simulation) -> Scenario:
-    """Scenario of a twin with the sensors of its plant: its own, else the usual ones.
+    """Scenario of a twin with the sensors of its plant: those of the scenario, else the usual ones.
 
     Raises:
-        ScenarioError: it is of a kind that cannot be followed; one line.
+        ScenarioError: the scenario is of a kind that cannot be followed; one line.
     """
     scenario = simulation.scenario
     if fault := unfollowable(scenario):
@@ -44,17 +44,17 @@ def with_plant_sensors(simulation: Simulation) -> Scenario:
 
 
 class PlantSubscriber:
-    """Subscriber to the topics of a plant.
+    """Subscriber to the topics of a plant, which records them, feeds the estimator and commands the twin's drives.
 
     Attributes:
-        topics: of the plant, as they are recorded.
+        topics: topics of the plant, as they are recorded.
 
     Args:
-        node: of the twin.
-        scenario: with the sensors of the plant.
+        node: node of the twin.
+        scenario: scenario with the sensors of the plant.
         simulation: running twin.
         loop: frame loop of the twin.
-        following: estimator beside it.
+        following: estimator beside the twin.
         stamp_ns: gives the stamp (ns) of a simulated time (s).
         record: called with the topic and the bytes of each message.
     """
@@ -117,7 +117,7 @@ class PlantSubscriber:
         self._drive(time, joint)
 
     def _drive(self, time: float, joint: str) -> None:
-        """Command the speed that is due to a drive of the twin."""
+        """Command a drive of the twin the speed by which it follows the plant, if one is due."""
         snapshot = self._simulation.snapshot
         if joint in snapshot.carriages:
             place, own_speed = snapshot.carriages[joint].arc_length, snapshot.carriages[joint].speed

@@ -92,7 +92,7 @@ class RvizTopics:
         self._sent_before = self._sent
 
     def once(self) -> list[tuple[str, bytes]]:
-        """Messages sent once, latched for late subscribers."""
+        """Messages sent once, latched for late subscribers: the URDF and the static frames."""
         described = serialize(String(robot_description(self._scenario, **self._names)))
         static = static_transforms(self._scenario, time.time_ns(), **self._names)
         return [(ROBOT_DESCRIPTION, described), (TF_STATIC, static)]

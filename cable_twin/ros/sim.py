@@ -143,9 +143,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _ended(code: int) -> int:
-    """Exit code at the end; the process ends here while a scenario is still read or built.
+    """Return the exit code of `sim`; end the process here if a scenario is still being read or built.
 
-    Python would end that thread by force as it ends itself, in the middle of code that is not Python's, which crashes.
+    At its own end Python would stop such a thread by force, in the middle of compiled code, which crashes.
     """
     if any(one.name in UNFINISHED for one in threading.enumerate()):
         for stream in (sys.stdout, sys.stderr):
@@ -178,7 +178,7 @@ def _run(node: TwinNode, ending: Ending) -> None:
 
 
 def _next(node: TwinNode) -> TwinNode:
-    """Node restarted with a loaded scenario, or with the previous one where the loaded one fails."""
+    """Make the node of a newly loaded scenario, or of the previous scenario where the loaded one fails."""
     from cable_twin.ros.node import TwinNode  # noqa: PLC0415
     from cable_twin.ros.parameters import inherited  # noqa: PLC0415 - as above
 

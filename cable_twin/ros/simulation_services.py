@@ -188,7 +188,7 @@ class SimulationServices:
         if self._loading.busy:
             return answered(response, INCORRECT_STATE, "another world is being loaded")
         if wanted not in (STOPPED, PLAYING, PAUSED):
-            return answered(response, UNSUPPORTED, f"state {wanted} given; allowed: 0 stopped, 1 playing, 2 paused")
+            return answered(response, UNSUPPORTED, f"state: given {wanted}; allowed: 0 stopped, 1 playing, 2 paused")
         if wanted == self._state:
             return answered(response, ALREADY_IN_TARGET_STATE, "the simulation is already in this state")
         if wanted == PLAYING and self._loop.fault:
@@ -206,7 +206,7 @@ class SimulationServices:
     async def step_simulation(self, request: Any, response: Any) -> Any:
         """Compute a number of frames while paused, as fast as possible."""
         if request.steps < 1:
-            return answered(response, FAILED, "0 steps given; allowed: 1 or more")
+            return answered(response, FAILED, "steps: given 0; allowed: 1 or more")
         taken, message = await self._services.step(int(request.steps))
         return answered(response) if taken else answered(response, FAILED, message)
 
@@ -219,7 +219,7 @@ class SimulationServices:
             goal.publish_feedback(feedback)
             return not goal.is_cancel_requested
 
-        finished, message = (False, "0 steps given; allowed: 1 or more")
+        finished, message = (False, "steps: given 0; allowed: 1 or more")
         if steps > 0:
             finished, message = await self._services.step(steps, on_frame)
         if finished:
@@ -232,28 +232,28 @@ class SimulationServices:
         return answered(result, FAILED, message)
 
     def reset_simulation(self, request: Any, response: Any) -> Any:
-        """Reset the state; time runs on, and nothing was spawned."""
+        """Reset the state of the twin to its start; simulated time runs on."""
         if request.scope != SCOPE_STATE:
-            given = f"scope {request.scope} given; allowed: {SCOPE_STATE} (SCOPE_STATE), for time never goes back"
+            given = f"scope: given {request.scope}; allowed: {SCOPE_STATE} (SCOPE_STATE), for time never goes back"
             return answered(response, UNSUPPORTED, given)
         fault = self._reset()
         return answered(response, FAILED, fault) if fault else answered(response)
 
     async def get_entities(self, request: Any, response: Any) -> Any:
-        """Report the names of bodies that match the filters."""
+        """Report the names of entities, which are bodies of vehicles, that match the filters."""
         response.entities, fault = await self._matching_entities(request.filters)
         return answered(response, *fault) if fault else answered(response)
 
     def get_entity_state(self, request: Any, response: Any) -> Any:
-        """Report pose and twist of a body."""
+        """Report the pose and the twist of an entity, which is a body of a vehicle."""
         if request.entity not in self._rows:
             known = ", ".join([*self._rows][:8])
-            return answered(response, NOT_FOUND, f"'{printable(request.entity)}' given; known: {known}")
+            return answered(response, NOT_FOUND, f"entity: given '{printable(request.entity)}'; allowed: {known}")
         response.state = self._entity_state(request.entity)
         return answered(response)
 
     async def get_entities_states(self, request: Any, response: Any) -> Any:
-        """Report the names and states of bodies that match the filters."""
+        """Report the names, poses and twists of entities, which are bodies, that match the filters."""
         response.entities, fault = await self._matching_entities(request.filters)
         response.states = [self._entity_state(name) for name in response.entities]
         return answered(response, *fault) if fault else answered(response)
@@ -276,7 +276,7 @@ class SimulationServices:
         """Build another scenario; the twin then closes its logs and restarts paused at its start."""
         resource = request.world_resource
         if not resource.uri and not resource.resource_string:
-            return answered(response, NO_RESOURCE, "nothing given; allowed: uri, or YAML as resource_string")
+            return answered(response, NO_RESOURCE, "world: given nothing; allowed: uri, or YAML as resource_string")
         if self._loading.busy:
             return answered(response, INCORRECT_STATE, "another world is being loaded")
         try:
@@ -285,7 +285,7 @@ class SimulationServices:
             address = urlsplit("none:")
         if address.scheme not in ("", "file") or address.netloc not in ("", "localhost"):
             shown = printable(resource.uri)
-            given = f"uri '{shown}' given; allowed: file:///PATH of a YAML file, or the name of a scenario"
+            given = f"uri: given '{shown}'; allowed: file:///PATH of a YAML file, or the name of a scenario"
             return answered(response, UNSUPPORTED_FORMAT, given)
         source = unquote(address.path) if address.scheme else resource.uri
         reading = self._reader.read(source, "" if source else resource.resource_string)
@@ -322,7 +322,7 @@ class SimulationServices:
         return STOPPED if self._stopped_at == self._loop.simulated_time else PAUSED
 
     def _reset(self) -> str:
-        """Reset the state; returns the reason of a refusal, empty otherwise."""
+        """Reset the state of the twin; returns the reason of a refusal, empty otherwise."""
         try:
             self._loop.submit(Command("reset", {}), "service").result(SERVICE_TIMEOUT)
         except (CommandError, FutureTimeoutError, CancelledError) as error:
@@ -330,7 +330,7 @@ class SimulationServices:
         return ""
 
     async def _matching_entities(self, filters: Any) -> tuple[list[str], tuple[int, str] | None]:
-        """Names that match the filters, or result code and message of an unsupported filter."""
+        """Names of bodies that match the filters, or result code and message of an unsupported filter."""
         if filters.categories or filters.tags.tags or filters.bounds.points:
             return [], (
                 UNSUPPORTED,
@@ -361,7 +361,7 @@ class SimulationServices:
 
 
 def service_name(kind: str) -> str:
-    """Name of the service of a type, such as get_entities of GetEntities."""
+    """Name of the service for a service type, such as get_entities for GetEntities."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind).lower()
 
 

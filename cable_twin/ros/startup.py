@@ -40,7 +40,7 @@ MAKING = 5.0  # s after which a port is not being created any more, which takes 
 
 
 class Ending:
-    """Flag set by ending signals such as SIGINT, which may come twice; while `starting` they end the process at once.
+    """Flag set by ending signals such as SIGINT, which may come twice; while `starting`, a signal ends the process.
 
     rclpy's own handlers would end the context before the logs are closed, and `ros2 launch` sends SIGINT twice.
 
@@ -61,7 +61,7 @@ class Ending:
         return self._flag.is_set()
 
     def close(self) -> None:
-        """Ignore signals from now on: all is closed, and Python would restore their defaults during its own exit."""
+        """Ignore ending signals from now on, as all is closed and Python would restore their defaults at its exit."""
         for number in self._signals:
             signal.signal(number, signal.SIG_IGN)
 
@@ -88,7 +88,7 @@ def rcl_fault(error: Exception) -> str:
         return f"unknown ROS arguments {text}"
     wrong = re.match(r"Trying to set parameter '(.+?)' to '(.*)' of type '\w+', expecting type '(\w+)'", text)
     if wrong:
-        return f"parameter '{wrong[1]}' is {wrong[2]!r}; a {wrong[3].lower()} is needed"
+        return f"parameter '{wrong[1]}': given {wrong[2]!r}; allowed: a {wrong[3].lower()}"
     return text
 
 
@@ -170,7 +170,7 @@ def _unfinished(port: Path) -> tuple[int, int] | None:
 
 
 def _remove(port: Path, identity: tuple[int, int]) -> bool:
-    """Remove a port, unless another file has taken its name since its inspection."""
+    """Remove a shared memory port, unless another file has taken its name since its inspection."""
     try:
         state = os.lstat(port)
     except FileNotFoundError:

@@ -1,1 +1,1 @@
-"""The loop of a running twin: frames on time, goals, pace and watches, without any of ROS."""
+"""Runtime of a twin, independent of ROS: real-time frame loop, goals, watches, output and companion processes."""

@@ -1,6 +1,6 @@
-"""Process that stands beside a running twin all its life: started again after its end, ended with the twin.
+"""Companion process, which runs beside a twin all the time: started again after its end, ended with the twin.
 
-Both talk over two pipes. Such a process has the lowest priority, so that it can never delay a frame.
+Twin and process talk over two pipes. The process has the lowest priority, so that it can never delay a frame.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ SIZE = struct.Struct("<Q")  # bytes of what follows in the pipe
 
 
 def send(stream: IO[bytes], item: Any) -> None:
-    """Write an object into a pipe."""
+    """Write an object into a pipe between a twin and its companion process."""
     data = pickle.dumps(item, protocol=5)
     stream.write(SIZE.pack(len(data)) + data)
     stream.flush()
 
 
 def receive(stream: IO[bytes]) -> Any:
-    """Read an object from a pipe between a twin and its own process; None at its end."""
+    """Read an object from a pipe between a twin and its companion process; None at the end of the pipe."""
     head = stream.read(SIZE.size)
     if len(head) < SIZE.size:
         return None
@@ -44,13 +44,13 @@ def receive(stream: IO[bytes]) -> Any:
 
 
 class Companion:
-    """Process beside a running twin, seen from the twin.
+    """Companion process of a running twin, as the twin starts, restarts and ends it.
 
     Attributes:
-        stopping: set as soon as the twin ends it.
+        stopping: set as soon as the twin ends the process.
 
     Args:
-        module: name within the package, such as "runtime.outlook_process".
+        module: name of the module within the package, such as "runtime.outlook_process".
         talk: called in a thread of its own with the pipes to and from the process; its return, and an `OSError` of a
             pipe, end the process.
         ended: called after an end that the twin did not want, before another process is started.
@@ -70,11 +70,11 @@ class Companion:
         self._thread = threading.Thread(target=self._run, name=module, daemon=True)
 
     def start(self) -> None:
-        """Start the thread that starts the process."""
+        """Start the thread that starts the companion process."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End the process and the thread."""
+        """End the companion process and the thread."""
         self.stopping.set()
         self._end_process()
         if self._thread.is_alive():
@@ -93,7 +93,7 @@ class Companion:
                 self._ended()
 
     def _end_process(self) -> None:
-        """End the process at once, which also ends a wait for its answer."""
+        """End the companion process at once, which also ends a wait for its answer."""
         process: Any = self._process
         if process is None:
             return
@@ -104,7 +104,7 @@ class Companion:
 
 
 def inbox(source: IO[bytes], leave: Callable[[], None]) -> SimpleQueue[Any]:
-    """Objects that arrive in a pipe, in order, read by a thread; `leave` is called as soon as the pipe is closed."""
+    """Queue of the objects that arrive in a pipe, read by a thread; `leave` is called when the pipe is closed."""
     waiting: SimpleQueue[Any] = SimpleQueue()
 
     def read() -> None:
@@ -117,10 +117,10 @@ def inbox(source: IO[bytes], leave: Callable[[], None]) -> SimpleQueue[Any]:
 
 
 def serve_twin(serve: Callable[[IO[bytes], IO[bytes], Callable[[], None]], None]) -> None:
-    """Run the work of such a process between its standard input and output, until the twin closes the pipe.
+    """Run the work of a companion process between its standard input and output, until the twin closes the pipe.
 
     Args:
-        serve: called with both pipes, and with what it has to call as soon as the first one is closed.
+        serve: called with both pipes, and with a function that it has to call as soon as the input is closed.
     """
     sink = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # nobody else writes into the pipe

@@ -1,4 +1,4 @@
-"""Process of a twin that follows a plant: takes the plant's messages from a pipe, and gives back estimates.
+"""Companion process by which a twin follows a plant: the plant's messages from a pipe, and estimates back.
 
 It stands beside the twin at the lowest priority, and ends with it: as soon as the pipe is closed.
 """
@@ -26,10 +26,10 @@ LONGEST_REASON = 300  # characters
 
 
 class Decoder:
-    """Messages of a plant on their way to a tracker.
+    """Decoder of a plant's messages, which gives their measurements and commands to a tracker.
 
     Args:
-        tracker: which gets them.
+        tracker: tracker that gets measurements and commands.
     """
 
     def __init__(self, tracker: Tracker) -> None:
@@ -37,7 +37,7 @@ class Decoder:
         self.epoch_ns: int | None = None  # by the clock of this machine: the arrival of the first message
 
     def take(self, one: Arrival) -> None:
-        """Give a message to the tracker; what cannot be read is counted, and told the first time."""
+        """Decode a message and give it to the tracker; unreadable messages are counted, the first one is noted."""
         if self.epoch_ns is None:
             self.epoch_ns = one.arrival_ns
         arrival = (one.arrival_ns - self.epoch_ns) / SECOND
@@ -54,7 +54,7 @@ class Decoder:
 
 
 def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimated]:
-    """Answer with what a tracker has to say."""
+    """Answers of the process with a tracker's news: estimates, alarms, lines to log and counts."""
     correction, lines = news.correction, list(news.lines)
     message = b""
     if correction is not None:
@@ -68,7 +68,7 @@ def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimate
 
 
 def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:
-    """Follow a plant until the pipe is closed.
+    """Follow a plant by the messages from a pipe, until the pipe is closed.
 
     Args:
         source: pipe with the options, then messages of the plant.
@@ -98,7 +98,7 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
 
 
 def main() -> None:
-    """Run the process between its standard input and output."""
+    """Run the process that follows a plant, between its standard input and output."""
     serve_twin(serve)
 
 

@@ -1,8 +1,7 @@
-"""Following beside a running twin: passes the messages of a plant to a process of its own, and publishes estimates.
+"""Following of a plant beside a running twin: messages of the plant to a process, and estimates published.
 
-The frame loop knows nothing of it but the speeds that it is commanded, which come as all commands do. All else is
-done by a process at the lowest priority. Where that is behind, estimates come later, and each has the time of which it
-is.
+The frame loop gets nothing from here but commands of speeds, as from any other source. All else is done by a process at
+the lowest priority. Where that process is behind, estimates come later, and each has the time for which it holds.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ MOST_WAITING = 20_000  # messages of a plant that may wait for the process
 
 
 class Arrival(NamedTuple):
-    """Message of a plant as it arrived."""
+    """Message of a plant as it arrived: topic, bytes, and time of arrival."""
 
     topic: str  # as `sensor_topic` has it, or `COMMANDS`
     data: bytes  # CDR
@@ -36,7 +35,7 @@ class Arrival(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Answer of the process."""
+    """Answer of the process that follows a plant: estimates, lines to log, state and counts."""
 
     time: float  # s, of the plant
     message: bytes  # diagnostic_msgs/DiagnosticArray, or empty
@@ -48,7 +47,7 @@ class Estimated(NamedTuple):
 
 
 class LiveFollowing:
-    """Plant followed by a running twin.
+    """Follower of a plant beside a running twin, with a process for the estimates.
 
     Attributes:
         shut: topics whose messages are left out at present, as two plants publish there.
@@ -70,21 +69,21 @@ class LiveFollowing:
         self._companion = Companion("runtime.follow_process", self._follow, self._ended)
 
     def start(self) -> None:
-        """Begin to follow."""
+        """Start the process that follows the plant."""
         self._companion.start()
 
     def stop(self) -> None:
-        """End the process and the threads."""
+        """End the process that follows the plant, and the threads."""
         self._companion.stop()
 
     def take(self, topic: str, data: bytes) -> None:
-        """Take a message of the plant."""
+        """Queue a message of the plant for the process."""
         self._arrived = time.monotonic()
         if self._waiting.qsize() < MOST_WAITING:
             self._waiting.put(Arrival(topic, data, time.time_ns()))
 
     def status(self) -> tuple[bool, str, dict[str, str]]:
-        """Whether all is well, a message and figures for the diagnostics."""
+        """Status of the following for the diagnostics: whether all is well, a message, and values."""
         last = self._last
         if last.state == FOLLOWING and time.monotonic() - self._arrived > SILENT:
             last = last._replace(state=ALONE)  # the process, which may be behind, will find that as well
@@ -99,7 +98,7 @@ class LiveFollowing:
         return last.state in (STARTING, FOLLOWING) and not last.left_out and not self.shut, text, values
 
     def shut_out(self, topics: Sequence[str]) -> None:
-        """Leave out the messages of topics on which several plants publish, and tell of each change."""
+        """Leave out the messages of topics on which several plants publish, and log each change."""
         now = frozenset(topics)
         for topic in sorted(now - self.shut):
             self._say(f"several plants publish on {topic}: it is left out until one of them is gone")
@@ -112,7 +111,7 @@ class LiveFollowing:
         self._say(f"following: its process has ended; another one begins in {AGAIN:g} s")
 
     def _follow(self, questions: IO[bytes], answers: IO[bytes]) -> None:
-        """Pass messages to the process, and its answers on, until it ends or this does."""
+        """Send messages of the plant to the process and read its answers, until either side ends."""
         send(questions, self._options)
         if receive(answers) is None:  # ready
             return
@@ -124,13 +123,13 @@ class LiveFollowing:
                 send(questions, self._waiting.get(timeout=GLANCE))
 
     def _drop_old(self) -> None:
-        """Forget messages that came while the process got ready."""
+        """Forget messages of the plant that arrived while the process started."""
         with suppress(Empty):
             while True:
                 self._waiting.get_nowait()
 
     def _read(self, answers: IO[bytes]) -> None:
-        """Publish answers until the pipe ends."""
+        """Publish the estimates in answers of the process, until the pipe ends."""
         while not self._companion.stopping.is_set() and (answer := receive(answers)) is not None:
             self._last = answer
             self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]

@@ -53,7 +53,7 @@ def wake_promptly() -> bool:
 
 @dataclass(slots=True)
 class Stepping:
-    """Requested number of frames while paused, with its progress."""
+    """Request to compute a number of frames while paused, with its progress."""
 
     count: int
     on_frame: Callable[[int], bool] | None = None  # takes the number of frames so far, returns whether to continue
@@ -91,7 +91,7 @@ class FrameLoop:
         clock: steady clock that paces the frames.
 
     Attributes:
-        command_timeout: as given; may be changed while the loop runs.
+        command_timeout: time (s) as given; may be changed while the loop runs.
         frame_period: simulated time (s) of a frame.
         fault: message of a failed step or of the program, empty while the loop works.
         failed: whether the loop has ended by a fault of the program.
@@ -212,7 +212,7 @@ class FrameLoop:
         return future
 
     def take_statistics(self) -> FrameStatistics:
-        """Statistics of the frames since the last call."""
+        """Return the statistics of the frames since the last call, and begin new ones."""
         taken, self._statistics = self._statistics, FrameStatistics(self._clock_period)
         return taken
 

@@ -44,7 +44,7 @@ class LatenessHistogram:
             self.missed += 1
 
     def percentile(self, percent: float) -> float:
-        """Lateness (s) not exceeded by `percent` of the frames: upper edge of its bin."""
+        """Lateness (s) not exceeded by `percent` of the frames: upper edge of the histogram's bin."""
         if self.count == 0:
             return 0.0
         cumulated = np.cumsum(self._counts)

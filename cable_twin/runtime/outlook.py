@@ -1,8 +1,7 @@
-"""Outlook beside a running twin: state copied between two steps, and forecasts of a separate process published.
+"""Outlook beside a running twin: its state is copied between two steps, and a process's forecasts are published.
 
-The frame loop gives a copy of its memory at a frame boundary, and knows nothing else of it. All else is done by a
-process at the lowest priority. Where that takes longer than the period, the next outlook is later, and each says its
-age.
+The frame loop only gives a copy of its memory at a frame boundary. All else is done by a process at the lowest
+priority. Where that takes longer than the period, the next outlook is later; each outlook has its age.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ FIRST = 3.0  # s after the start until the process is started: a start has other
 
 
 class Question(NamedTuple):
-    """State of a twin, as bytes."""
+    """Request for an outlook: state of a twin as bytes, with its commands and loading."""
 
     time: float  # s, simulated
     blocks: tuple[bytes, ...]  # ropes and vehicles, the same at the start, and of couplings likewise
@@ -34,7 +33,7 @@ class Question(NamedTuple):
 
     @classmethod
     def of(cls, full: FullState, stamp_ns: int, taken: float) -> Question:
-        """Question about a full state."""
+        """Request for an outlook from a full state of a twin."""
         kept = (full.now, full.before, *full.couplings)
         commands = {name: (one.kind, one.values[name]) for name, one in full.commands.items()}
         blocks = tuple(one.memory.tobytes() for one in kept)
@@ -42,7 +41,7 @@ class Question(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Outlook as a message, and for pictures."""
+    """Outlook as a ROS message, with warnings, and ranges of tension for pictures."""
 
     time: float  # s, simulated, of the state
     message: bytes  # diagnostic_msgs/DiagnosticArray
@@ -84,18 +83,18 @@ class LiveOutlook:
         self._companion = Companion("runtime.outlook_process", self._look, self._ended, FIRST)
 
     def start(self) -> None:
-        """Begin to look ahead, some seconds after the start of simulated time."""
+        """Start the outlook, whose process begins some seconds after the start of simulated time."""
         self._companion.start()
 
     def stop(self) -> None:
-        """End the process and the thread."""
+        """End the process of the outlook and its thread."""
         self._companion.stop()
 
     def _ended(self) -> None:
         self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
 
     def _look(self, questions: IO[bytes], answers: IO[bytes]) -> None:
-        """Request forecasts of the present state from the separate process, until either of both ends."""
+        """Request outlooks from the present state of the process, again and again, until either side ends."""
         send(questions, self._options)
         while not self._companion.stopping.is_set():
             begun = time.monotonic()
@@ -113,14 +112,14 @@ class LiveOutlook:
             self._companion.stopping.wait(max(begun + self._period - time.monotonic(), 0.0))
 
     def _capture(self) -> FullState | None:
-        """Copy of the state at the next frame boundary; None where there is none any more."""
+        """Copy of the twin's state at the next frame boundary; None after the end of the frame loop."""
         future: Future[FullState] = self._loop.capture()
         while not self._companion.stopping.is_set() and not future.done():
             wait([future], GLANCE)
         return future.result() if future.done() and not future.cancelled() else None
 
     def _take(self, answer: Answer) -> None:
-        """Publish an answer, and warn of limits that would be passed for the first time."""
+        """Publish an outlook, and warn of limits that would be passed for the first time."""
         if self._companion.stopping.is_set():
             return
         self._publish(answer)

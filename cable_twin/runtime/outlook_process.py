@@ -1,4 +1,4 @@
-"""Process of the outlook: takes states of a running twin from a pipe, runs its futures, and gives back the message.
+"""Companion process of the outlook: states of a running twin from a pipe, and messages about its futures back.
 
 It stands beside the twin at the lowest priority, and ends with it: as soon as the pipe is closed.
 """
@@ -24,7 +24,7 @@ from cable_twin.simulation.snapshot_file import FullState
 
 
 def restore(twin: Simulation, like: FullState, question: Question) -> None:
-    """Take over the state of a question; `like` is a full state of the twin, which is overwritten."""
+    """Restore the state of an outlook request in a simulation; `like` is a full state, which is overwritten."""
     for kept, block in zip((like.now, like.before, *like.couplings), question.blocks, strict=True):
         kept.memory[:] = np.frombuffer(block, np.uint8)
     commands = {name: Command(kind, {name: value}) for name, (kind, value) in question.commands.items()}
@@ -33,7 +33,7 @@ def restore(twin: Simulation, like: FullState, question: Question) -> None:
 
 
 def answer_of(outlook: Outlook, question: Question) -> Answer:
-    """Message and series of an outlook."""
+    """Answer of the process with an outlook: message, warnings and ranges of tension."""
     age = time.monotonic() - question.taken
     message = diagnostics_message(question.stamp_ns, *outlook_statuses(outlook, age))
     ahead = outlook[AS_COMMANDED]
@@ -45,10 +45,10 @@ def answer_of(outlook: Outlook, question: Question) -> Answer:
 
 
 def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:
-    """Answer questions until the pipe is closed, the newest one at a time.
+    """Answer requests for outlooks from a pipe, one at a time, until the pipe is closed.
 
     Args:
-        source: pipe with the scenario and options, then questions.
+        source: pipe with the scenario and options, then requests.
         sink: pipe for the answers.
         leave: called as soon as the source is closed.
     """
@@ -64,7 +64,7 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
 
 
 def main() -> None:
-    """Run the process between its standard input and output."""
+    """Run the process of the outlook between its standard input and output."""
     serve_twin(serve)
 
 

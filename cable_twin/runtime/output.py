@@ -107,7 +107,7 @@ class Output:
             self.record(self._once, frame.stamp_ns)  # each file of a log stands alone
 
     def listen(self, group: str, listening: bool) -> None:
-        """Publish a group of topics at its rate, or not at all without subscribers."""
+        """Set whether a group of topics has subscribers: it is published at its rate, or not at all."""
         self._frames.listen(group, listening)
 
     def send_again(self, topic: str) -> None:
@@ -123,7 +123,7 @@ class Output:
         self.record(messages, stamp_ns)
 
     def send_ahead(self, message: bytes, ahead: TensionAhead, stamp_ns: int) -> None:
-        """Publish, record and draw an outlook."""
+        """Publish an outlook, record it, and draw its ranges of tension."""
         self.send([(OUTLOOK, message)], stamp_ns)
         if self.run is not None and self._frames.frames > 0:
             self.run.recorder.record_ahead(ahead, stamp_ns)

@@ -51,7 +51,8 @@ class PointToPoint:
         limits = drive.limits if drive is not None else scenario.carriages[name].drive.limits
         fastest = at_most or limits.speed
         if not fastest:
-            raise ValueError(f"the drive of '{name}' has no speed limit: give the highest speed of the trip, in m/s")
+            allowed = "the highest speed of the trip, in m/s, as its drive has no limit"
+            raise ValueError(f"speed of '{name}': given nothing; allowed: {allowed}")
         self.name, self.target, self.fastest = name, target, fastest
         slowing = limits.acceleration if limits.deceleration is None else limits.deceleration
         self._gaining = SHARE * limits.acceleration
@@ -94,7 +95,7 @@ class PointToPoint:
         return self._last[1]
 
     def continue_from(self, before: PointToPoint) -> None:
-        """Take over the speed and the swing filter of a motion to another place."""
+        """Continue from the speed and the swing filter of a previous motion to another place."""
         self._last, self._filters, self._filtered = before._last, before._filters, before._filtered
 
     def stalled(self, time: float, place: float) -> str:
@@ -121,7 +122,7 @@ class PointToPoint:
 
 
 def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, float] | None = None) -> float:
-    """Arc length (m) of a place for a carriage, or cable travel (m) for a drive.
+    """Convert a place to drive to into an arc length (m) of a carriage, or a cable travel (m) of a drive.
 
     Args:
         scenario: running scenario.
@@ -145,7 +146,7 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
         allowed = (
             f"{low:g} to {high:g} m of cable travel, or start, end" if math.isfinite(low) else "cable travel, in m"
         )
-        raise ValueError(f"{place!r} given for '{name}', which moves the cable; allowed: {allowed}")
+        raise ValueError(f"place for '{name}': given {place!r}; allowed: {allowed}")
     rope = scenario.carriages[name].rope
     cable = scenario.cable if rope is None else scenario.ropes[rope]
     ends = {"start": low, "end": high}
@@ -154,14 +155,14 @@ def target_of(scenario: Scenario, name: str, place: str, towers: Mapping[str, fl
     target = {**(towers or {}), **ends}.get(place, metres)
     if not low <= target <= high:
         raise ValueError(
-            f"{place!r} given for '{name}'; allowed: {low:.6g} to {high:.6g} m along the cable, or "
+            f"place for '{name}': given {place!r}; allowed: {low:.6g} to {high:.6g} m along the cable, or "
             f"{', '.join((*STATIONS, *scenario.towers))}"
         )
     return target
 
 
 class Goals:
-    """Goals of the carriages and drives of a simulation, with a motion to each.
+    """Goals (places to drive to) of the carriages and drives of a simulation, with a motion to each goal.
 
     Args:
         simulation: running simulation.

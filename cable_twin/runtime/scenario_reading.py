@@ -30,7 +30,7 @@ SUFFIXES = (".yaml", ".yml")
 
 
 class NoScenarioError(ScenarioError):
-    """Scenario that does not exist or must not be named."""
+    """Error of a scenario that does not exist, or whose path is not allowed."""
 
 
 class ScenarioReader:
@@ -52,7 +52,8 @@ class ScenarioReader:
         """Read a scenario from its name or path, or from its text; the future may give `ScenarioError`."""
         future: Future[Scenario] = Future()
         if not self._lock.acquire(blocking=False):
-            future.set_exception(ScenarioError("another scenario is being read"))
+            given = f"scenario: given {printable(source or 'text')} while another one is being read"
+            future.set_exception(ScenarioError(f"{given}; allowed: one at a time"))
             return future
         Thread(target=self._run, args=(future, source, text), name="reading", daemon=True).start()
         return future
@@ -97,7 +98,7 @@ class ScenarioReader:
         return load_scenario(found["scenario"])
 
     def _place(self, source: str) -> tuple[str, bool]:
-        """Source to read for a name or path, and whether error messages may quote its contents.
+        """Check the name or path of a scenario; returns what to read, and whether messages may quote its contents.
 
         Raises:
             NoScenarioError: there is no such scenario, or its path is not allowed.

@@ -64,7 +64,7 @@ def ask_process(module: str, request: Any, seconds: float) -> Any:
         seconds: time (s) within which it has to answer.
 
     Raises:
-        SeparateProcessError: it took too long, or has ended, by itself or by a signal such as for want of memory.
+        SeparateProcessError: the process took too long, or has ended, by itself or by a signal, as without memory.
     """
     process = start_process(module)
     try:
@@ -80,21 +80,21 @@ def ask_process(module: str, request: Any, seconds: float) -> Any:
 
 
 def answer(work: Callable[[Any], Any]) -> None:
-    """Process the request on standard input within the memory limit, as the separate process."""
+    """Answer the request on standard input on standard output, within the memory limit; in the separate process."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     json.dump(work(json.load(sys.stdin)), sys.stdout)
 
 
 class FilterError(ValueError):
-    """Regular expression that cannot be applied, in a line."""
+    """Error of a regular expression that cannot be applied; the message is one line."""
 
 
 def matching_names(expression: str, names: Sequence[str]) -> Future[list[str]]:
-    """Names that match an expression, at once for plain text; the future may give `FilterError`."""
+    """Names that match a regular expression, at once for plain text; the future may give `FilterError`."""
     future: Future[list[str]] = Future()
     if len(expression) > LONGEST_FILTER:
-        future.set_exception(FilterError(f"filter of {len(expression)} characters given; {ALLOWED}"))
+        future.set_exception(FilterError(f"filter: given {len(expression)} characters; {ALLOWED}"))
     elif re.fullmatch(r"[\w/ -]*", expression):
         future.set_result([name for name in names if expression in name])
     else:
@@ -108,7 +108,7 @@ def _match(future: Future[list[str]], expression: str, names: list[str]) -> None
     except SeparateProcessError as error:
         found = str(error)
     if isinstance(found, str):
-        future.set_exception(FilterError(f"filter '{printable(expression)}' given: {printable(found)}; {ALLOWED}"))
+        future.set_exception(FilterError(f"filter: given '{printable(expression)}': {printable(found)}; {ALLOWED}"))
     else:
         future.set_result(found)
 

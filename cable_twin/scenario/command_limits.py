@@ -48,19 +48,19 @@ def command_fault(scenario: Scenario, kind: str, unit: str, name: str, value: fl
     Args:
         scenario: scenario of the twin.
         kind: "speed" or "force".
-        unit: of the value, m/s or N.
+        unit: unit of the value, m/s or N.
         name: name of a drive or carriage.
         value: commanded value.
     """
     if (limits := limits_of(scenario, name)) is None:
         return _not_commanded(scenario, name)
     if (limit := limits.of(kind)) == 0.0:
-        return f"'{name}' moves the cable and takes no force; give it a speed (m/s)"
+        return f"force of '{name}': given {value:g} N; allowed: none, as this drive takes speeds only (m/s)"
     if not isfinite(value):
-        return f"{kind} of '{name}' is {value} {unit}; a finite number is needed"
+        return f"{kind} of '{name}': given {value} {unit}; allowed: a finite number"
     if abs(value) > limit:
         most = rounded(limit, 6)
-        return f"{kind} of '{name}' is {rounded(value, 6)} {unit}; allowed are -{most} to {most} {unit}"
+        return f"{kind} of '{name}': given {rounded(value, 6)} {unit}; allowed: -{most} to {most} {unit}"
     return None
 
 
@@ -80,7 +80,7 @@ def unknown_name(scenario: Scenario, name: str) -> str:
     """Message for a command to a name that the scenario does not have."""
     own = [other for other, one in scenario.vehicles.items() if one.joint != "clamped" and not one.clamped_to]
     known = ", ".join([*scenario.drives, *own]) or "none in this scenario"
-    return f"unknown carriage or drive '{printable(name)}'; known: {known}"
+    return f"carriage or drive: given '{printable(name)}'; allowed: {known}"
 
 
 def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
@@ -91,7 +91,7 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
         name: name of a drive or carriage.
 
     Returns:
-        The lowest and the highest; infinite of a drive without `travel`.
+        Lowest and highest place; infinite for a drive without `travel`.
     """
     if (drive := scenario.drives.get(name)) is not None:
         return drive.travel or (-inf, inf)

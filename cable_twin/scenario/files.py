@@ -54,13 +54,13 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
     Args:
         source: name of a scenario in the config directory, path of a YAML file, or the content of one.
         overrides: values by dotted key, as in `{"cable.elements": 48, "wind.x": 12.0}`; a key may end in a list, with
-            an axis or a number from 0 on, and a whole thing with a name may be new.
+            an axis or a number from 0 on, and a whole named section may be new.
 
     Returns:
         The scenario, with defaults for keys that are not given.
 
     Raises:
-        ScenarioError: with every fault of the scenario, one line each.
+        ScenarioError: the scenario is invalid; one line for each fault.
     """
     if isinstance(source, Mapping):
         return _build("mapping", "custom", source, [], overrides or {})
@@ -72,13 +72,13 @@ def parse_scenario(text: str) -> Scenario:
     """Read a scenario from a YAML text.
 
     Raises:
-        ScenarioError: with every fault of it, one line each.
+        ScenarioError: the text is invalid; one line for each fault.
     """
     return _build("text", "custom", *_parse(text, "text"), {})
 
 
 def _without_kinks(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield overrides but those of the former key `kinks` of ropes, which are warned of."""
+    """Yield scenario overrides except those of the former key `kinks` of ropes, for which it warns."""
     for key, value in given.items():
         parts = key.split(".")
         if parts[-1] == "kinks" and value in KINKS and (parts[0], len(parts)) in (("cable", 2), ("ropes", 3)):
@@ -88,7 +88,7 @@ def _without_kinks(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: Mapping[str, Any]) -> Scenario:
-    """Scenario from parsed content, with `label` as its name in faults; raises ScenarioError with all faults."""
+    """Build a scenario from parsed content; `label` is its name in faults; raises ScenarioError with all faults."""
     try:
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
@@ -166,7 +166,7 @@ def config_directory() -> Path:
     """Directory of the scenario files: beside the package in a checkout, else in the share directory of its prefix.
 
     Raises:
-        ScenarioError: when there is none.
+        ScenarioError: there is no such directory.
     """
     for module in (Path(__file__).absolute(), Path(__file__).resolve()):
         checkout = module.parents[2]
@@ -199,7 +199,7 @@ def _find(source: Any) -> Path:
 
 
 def _read(file: Path) -> tuple[Any, list[Fault]]:
-    """Content of a YAML 1.2 file (1e6 is a number), and a fault for every key given twice."""
+    """Read the content of a scenario file in YAML 1.2 (1e6 is a number), and a fault for every key given twice."""
     try:
         text = limited_text(file.expanduser())
     except FileNotFoundError:
@@ -216,7 +216,7 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
 
 
 def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
-    """Content of a YAML text, with `label` as its name in faults, and a fault for every key given twice."""
+    """Parse the YAML text of a scenario, `label` in faults; returns content, and faults of keys given twice."""
     try:
         document = _document(text)
     except UnreadableYamlError as error:

@@ -37,11 +37,11 @@ def assignment(text: str) -> tuple[str, Any]:
     """
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise ValueError(f"{text!r} given, KEY=VALUE is needed")
+        raise ValueError(f"given {text!r}; allowed: KEY=VALUE")
     try:
         return key.strip(), read_yaml(value).content
     except (UnreadableYamlError, ValueError):
-        raise ValueError(f"{text!r} given, the value is not YAML") from None
+        raise ValueError(f"given {text!r}; allowed: a value in YAML") from None
 
 
 def full_key(key: str) -> str:
@@ -67,9 +67,9 @@ def without_aliases(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> KeyPath:
-    """Set one value by its dotted key; in a list, the key ends with an axis or an index from 0 on.
+    """Set one value of a scenario by its dotted key; in a list, the key ends with an axis or an index from 0 on.
 
-    Carriages, bodies and other named things have to exist, or are given whole; other sections are made.
+    Carriages, bodies and other named sections have to exist, or are given whole; other sections are made.
 
     Args:
         data: a scenario as plain data; changed parts of it are copies.
@@ -185,7 +185,7 @@ class _Place(NamedTuple):
 
 
 class Written:
-    """Keys of a file before `expand_bullwheels` rewrites drives at bullwheels and towers of several ropes.
+    """Keys of a scenario file as written, before `expand_bullwheels` rewrites drives and towers of several ropes.
 
     Args:
         data: content of the file as plain dicts; overrides of such keys are put into it.
@@ -249,7 +249,7 @@ class Written:
         self._given.add(".".join(map(str, path)))
 
     def depth(self, key: str) -> int:
-        """Number of parts that a scenario key has in the file."""
+        """Number of dotted parts that a scenario key has in the file."""
         return len(self.path(tuple(key.split("."))))
 
     def expanded(self, key: str) -> list[str]:
@@ -270,7 +270,7 @@ class Written:
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
 
     def shown(self, path: KeyPath) -> str:
-        """Key path in words, with the names of its sections."""
+        """Key path as dotted text, with the names of sections that the file uses."""
         words = [self._aliases.get(str(path[0]), path[0]), *path[1:]] if path else []
         return ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in words)
 

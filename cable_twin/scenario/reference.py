@@ -71,7 +71,7 @@ TOWER_OF_ROPES = Entry(
 
 
 def tables() -> list[Table]:
-    """All kinds of sections, in the order of the schema."""
+    """Reference tables of all kinds of scenario sections, in the order of the schema."""
     places: dict[type[BaseModel], list[str]] = {}
     for place, model in _sections("", Scenario):
         places.setdefault(model, []).append(place)
@@ -80,7 +80,7 @@ def tables() -> list[Table]:
 
 @cache
 def entries() -> list[Entry]:
-    """Every key of a scenario file, in the order of the schema."""
+    """Reference entries of every key of a scenario file, in the order of the schema."""
     return [
         entry._replace(key=_join(place, entry.key))
         for place, model in _sections("", Scenario)
@@ -89,7 +89,7 @@ def entries() -> list[Entry]:
 
 
 def explained(key: str) -> list[Entry]:
-    """Entries of a key and of all keys below, for a key with placeholders or with names.
+    """Reference entries of a scenario key and of all keys below, for a key with placeholders or with names.
 
     Raises:
         KeyError: there is no such key; its text is one line with the nearest ones.
@@ -141,7 +141,7 @@ def _or_null(definition: str) -> dict[str, Any]:
 
 
 def write(directory: Path) -> list[Path]:
-    """Write page and JSON schema into a directory; returns the files."""
+    """Write the reference page and the JSON schema into a directory; returns the files."""
     files = [directory / PAGE, directory / JSON_SCHEMA]
     files[0].write_text(page(), encoding="utf-8")
     files[1].write_text(json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -189,14 +189,14 @@ def _default(field: FieldInfo) -> str:
 
 
 def _fits(given: list[str], key: list[str]) -> bool:
-    """Return whether a key is equal to the given one or below."""
+    """Return whether a scenario key is equal to the given one or below."""
     return len(given) <= len(key) and all(
         part in (word, NAME, NUMBER) for word, part in zip(given, key[: len(given)], strict=True)
     )
 
 
 def _summary(model: type[BaseModel]) -> str:
-    """Docstring of a section on one line."""
+    """Docstring of a section model on one line."""
     return " ".join((model.__doc__ or "").split())
 
 

@@ -355,7 +355,7 @@ class Scenario(Section):
         return dict(self._made("vehicles", parts, self._vehicles))
 
     def __getstate__(self) -> dict[Any, Any]:
-        """State for copies and other processes, without what is made of it."""
+        """State of the scenario for copies and other processes, without cached objects."""
         state = super().__getstate__()
         own = {key: value for key, value in state["__dict__"].items() if not key.endswith("_made")}
         return {**state, "__dict__": own}
@@ -394,7 +394,7 @@ class Scenario(Section):
         return carriages | found
 
     def _load(self, kind: CarrierKind, place: float) -> float | None:
-        """Payload (kg) of a carrier at a place (m) of the loop; None without any."""
+        """Initial payload (kg) of a carrier at a place (m) of the loop; None for carriers without payload."""
         given, beyond = kind.payload, place - self.cable.unstrained_length
         if given is None:
             return None
@@ -404,7 +404,7 @@ class Scenario(Section):
         return given.from_start if given.on_cable is None else given.on_cable
 
     def _carrier(self, kind: CarrierKind, mass: float | None) -> Carriage:
-        """Carrier with a payload (kg), at no place yet."""
+        """Carrier of a kind with a payload (kg), before it is placed on the loop."""
         given, carriers, payload = kind.payload, self.carriers, None
         if given is not None:
             payload = Payload.model_construct(
@@ -436,7 +436,7 @@ class Scenario(Section):
         return self.space or self._made("dim", (self.ropes, self.cable, self.towers), self._dim)
 
     def _dim(self) -> int:
-        """Most coordinates of a position of a support."""
+        """Dimension of a scenario: the largest number of coordinates of a support's position."""
         cables = self.cables.values()
         places = [place for cable in cables for place in (cable.start.position, cable.end.position)]
         return max(map(len, [*places, *(tower.position for tower in self.towers.values())]))
@@ -473,6 +473,6 @@ class Scenario(Section):
 
 
 def _in_plan(cable: Cable) -> tuple[float, float]:
-    """Vector from start to end of a cable in plan, x, y in m."""
+    """Vector from the start to the end of a cable in plan, x, y in m."""
     (x, y, _), (x_end, y_end, _) = in_space(cable.start.position), in_space(cable.end.position)
     return x_end - x, y_end - y

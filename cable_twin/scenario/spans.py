@@ -69,7 +69,7 @@ class Spans(NamedTuple):
 def spans_under_tension(
     corner: FloatArray, tension: float, weight: float, stiffness: float, free_stretch: float = 1.0
 ) -> Spans:
-    """Taut rope over supports with a given tension at its start.
+    """Calculate the taut rope over supports with a given tension at its start.
 
     Args:
         corner: (spans + 1, 2) m, x and z of start, supports and end, in rising x.
@@ -86,10 +86,9 @@ def spans_under_tension(
         span = high - low
         pull, length = _span(span, here, weight, stiffness, free_stretch)
         if not length > 0.0:
-            text = (
-                f"a tension of {with_unit(here, 'N')} does not carry {with_unit(weight, 'N/m')} over span {number} of"
-            )
-            raise SpanError(f"{text} {with_unit(float(span[0]), 'm')}; allowed: more tension, or shorter spans")
+            over = f"over span {number} of {with_unit(float(span[0]), 'm')}"
+            text = f"tension: given {with_unit(here, 'N')}, which does not carry {with_unit(weight, 'N/m')} {over}"
+            raise SpanError(f"{text}; allowed: more tension, or shorter spans")
         pulls.append(pull)
         lengths.append(length)
         here = float(np.hypot(pull[0], pull[1] + weight * length))

@@ -1,4 +1,4 @@
-"""Twin: only owner of state and solver time, effects of commands on the state, and snapshots."""
+"""Simulation of a ropeway, the only owner of state and solver time: static start, steps, commands, snapshots."""
 
 from cable_twin.mechanics.solution.catenary import EquilibriumError
 from cable_twin.simulation.snapshot_file import SnapshotError

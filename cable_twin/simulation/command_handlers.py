@@ -32,7 +32,7 @@ def check_drive(command: Command, scenario: Scenario) -> None:
         CommandError: unknown carriage, fixed one, not finite, over the limit.
     """
     if not command.values:
-        raise CommandError("a command without a name")
+        raise CommandError(f"{command.kind}: given no name; allowed: a carriage or drive")
     unit = KINDS[command.kind].unit
     for name, value in command.values.items():
         if fault := command_fault(scenario, command.kind, unit, name, value):
@@ -40,25 +40,25 @@ def check_drive(command: Command, scenario: Scenario) -> None:
 
 
 def check_room(command: Command, scenario: Scenario) -> None:
-    """Refuse a payload of an unknown carriage, without a payload in the scenario, or beyond the capacity.
+    """Refuse a payload command for an unknown carriage, one without payload in the scenario, or beyond its capacity.
 
     Raises:
         CommandError: unknown carriage, no room, beyond the capacity.
     """
     if not command.values:
-        raise CommandError("a payload is given without the name of a carriage")
+        raise CommandError("payload: given no name; allowed: a carriage")
     for name, mass in command.values.items():
         if name not in scenario.carriages:
             known = ", ".join(key for key, one in scenario.carriages.items() if one.payload is not None)
-            what = f"'{name}' is a carrier, loaded in stations as carriers.payload says"
-            what = what if name in scenario.vehicles else f"unknown carriage '{printable(name)}'"
-            what = f"'{name}' is a drive and carries nothing" if name in scenario.drives else what
-            raise CommandError(f"{what}; known: {known or 'none in this scenario'}")
+            what = f"carrier '{name}', which carriers.payload loads in stations"
+            what = what if name in scenario.vehicles else f"carriage '{printable(name)}'"
+            what = f"drive '{name}'" if name in scenario.drives else what
+            raise CommandError(f"payload: given for {what}; allowed: {known or 'none in this scenario'}")
         room = scenario.carriages[name].payload
         if room is None:
-            raise CommandError(f"'{name}' has no payload in the scenario")
+            raise CommandError(f"payload of '{name}': given {mass:g} kg; allowed: none, as the scenario has no payload")
         if not 0.0 <= mass <= room.capacity:
-            raise CommandError(f"payload of '{name}' is {mass:g} kg; allowed are 0 to {room.capacity:g} kg")
+            raise CommandError(f"payload of '{name}': given {mass:g} kg; allowed: 0 to {room.capacity:g} kg")
 
 
 def check_station(command: Command, ropeway: Ropeway) -> None:
@@ -76,12 +76,12 @@ def check_station(command: Command, ropeway: Ropeway) -> None:
         distance = room.station_distance or 2.0 * float(system.carriages.stop_stroke[index])
         if min(place, length - place) > distance:
             raise CommandError(
-                f"payload of '{name}', which is at {place:.1f} m of {length:.1f} m; "
-                f"allowed within {distance:g} m of an end of the track"
+                f"payload of '{name}': given at {place:.1f} m of {length:.1f} m; "
+                f"allowed: within {distance:g} m of an end of the track"
             )
         if abs(speed) > room.station_speed:
             raise CommandError(
-                f"payload of '{name}', which moves at {speed:.3g} m/s; allowed up to {room.station_speed:g} m/s"
+                f"payload of '{name}': given at a speed of {speed:.3g} m/s; allowed: up to {room.station_speed:g} m/s"
             )
 
 
@@ -97,59 +97,59 @@ def check_wind(command: Command, scenario: Scenario) -> None:
 def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) -> None:
     """Refuse wind speeds (m/s) by axis that are incomplete, too high, across a planar track or without any effect."""
     if not {"x", "z"} <= {*values} <= {"x", "y", "z"}:
-        raise CommandError(f"{kind} given with {printable(', '.join(values)) or 'no axis'}; needed are x and z, in m/s")
+        raise CommandError(f"{kind}: given {printable(', '.join(values)) or 'no axis'}; allowed: x, z or x, y, z, m/s")
     for axis, speed in values.items():
         if not abs(speed) <= STRONGEST_WIND:
             raise CommandError(
-                f"{kind} {axis} is {speed:g} m/s; allowed are -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"
+                f"{kind} {axis}: given {speed:g} m/s; allowed: -{STRONGEST_WIND:g} to {STRONGEST_WIND:g} m/s"
             )
     across = values.get("y", 0.0)
     if across != 0.0 and scenario.dim == 2:
         raise CommandError(
-            f"{kind} y is {across:g} m/s; allowed is 0: the twin moves in the plane of the track, x and z"
+            f"{kind} y: given {across:g} m/s; allowed: 0 m/s, as the twin moves in the plane of the track, x and z"
         )
     if any(values.values()) and (unfelt := wind_unfelt(scenario)):
         speeds = ", ".join(f"{axis} {speed:g}" for axis, speed in values.items())
-        raise CommandError(f"{kind} {speeds} m/s, but {unfelt}; allowed: 0 m/s")
+        raise CommandError(f"{kind}: given {speeds} m/s: {unfelt}; allowed: 0 m/s")
 
 
 def check_temperature(command: Command, _: Scenario) -> None:
     """Refuse a temperature (degC) that is not finite, or that no rope in the open has.
 
     Raises:
-        CommandError: no number, or one out of range.
+        CommandError: the temperature is no number, or out of range.
     """
     value = command.values.get("ropes", nan)
     if not COLDEST <= value <= HOTTEST:
-        raise CommandError(f"temperature is {value:g} degC; allowed are {COLDEST:g} to {HOTTEST:g} degC")
+        raise CommandError(f"temperature: given {value:g} degC; allowed: {COLDEST:g} to {HOTTEST:g} degC")
 
 
 def check_gust(command: Command, scenario: Scenario) -> None:
     """Refuse a gust with invalid axes, speeds (m/s) or duration (s).
 
     Raises:
-        CommandError: as a wind, or with a duration that is none.
+        CommandError: axes or speeds are invalid as of a wind, or the duration is invalid.
     """
     kind = command.kind.replace("_", " ")
     speeds = {axis: value for axis, value in command.values.items() if axis != "duration"}
     _check_speeds(kind, speeds, scenario)
     duration = command.values.get("duration", 1.0)
     if not 0.0 < duration <= LONGEST_GUST:
-        raise CommandError(f"{kind} duration is {duration:g} s; allowed are more than 0 to {LONGEST_GUST:g} s")
+        raise CommandError(f"{kind} duration: given {duration:g} s; allowed: more than 0 to {LONGEST_GUST:g} s")
 
 
 def check_no_gust(command: Command, ropeway: Ropeway) -> None:
     """Refuse a gust during another gust.
 
     Raises:
-        CommandError: with how long it still lasts.
+        CommandError: another gust lasts; the message has the remaining time.
     """
     field = ropeway.state.wind_field
     start, duration = float(field.gust[3]), float(field.gust[4])
     left = start + duration - float(field.time[0])
     if duration > 0.0 and left > 0.5 * ropeway.system.solver.step:
         kind = command.kind.replace("_", " ")
-        raise CommandError(f"{kind} given while another one lasts; allowed: in {left:.3g} s, when that one has ended")
+        raise CommandError(f"{kind}: given while another one lasts; allowed: in {left:.3g} s, when that has ended")
 
 
 class Handler(NamedTuple):
@@ -162,13 +162,13 @@ class Handler(NamedTuple):
 
 
 def check_ahead(scenario: Scenario, command: Command, *, stopped: bool) -> None:
-    """Refuse a command impossible in any state; `stopped` tells of an emergency stop in force by then.
+    """Refuse a command impossible in any state; `stopped`: whether an emergency stop is in force by then.
 
     Raises:
         CommandError: one line with what was given and what is allowed.
     """
     if command.kind not in HANDLERS:
-        raise CommandError(f"a command of kind {command.kind!r}; known: {', '.join(HANDLERS)}")
+        raise CommandError(f"command: given kind {command.kind!r}; allowed: {', '.join(HANDLERS)}")
     if KINDS[command.kind].drives and stopped:
         raise CommandError("the emergency stop is in force: release it before the next command")
     if (check := HANDLERS[command.kind].check) is not None:

@@ -55,7 +55,7 @@ SLACKEST_REST = 1e-11  # of the length of the longest rope: the last increment o
 
 
 class Start(NamedTuple):
-    """State and commands to which a reset goes back."""
+    """Initial state and commands, to which a reset goes back."""
 
     before: Kept  # states of all ropes
     moving: BundleState
@@ -85,27 +85,27 @@ class Engine:
     """Ropes of a scenario with their vehicles, and the couplings between ropes.
 
     Attributes:
-        parts: one a rope, with what is on it.
-        commands: the last one in force of each drive of a bullwheel.
+        parts: ropes with their vehicles, one for each rope.
+        commands: last command in force of each drive of a bullwheel.
         vehicles: payloads of the vehicles of all ropes.
-        moving: motion of what couples ropes.
-        couplings: parameters of that.
-        integrator: the kernel that takes steps.
-        at_rest: the kernels that find the rest.
+        moving: motion of bullwheels and of rope couplings.
+        couplings: parameters of the bullwheels and rope couplings.
+        integrator: kernel that takes steps.
+        at_rest: kernels that find the static equilibrium.
     """
 
     def __init__(self, scenario: Scenario, like: Engine | None = None, *, own_mesh: bool = False) -> None:
         """Build the ropes and couplings of a scenario, before the search for equilibrium.
 
-        With another engine, its mesh, states and workspaces serve for this one as well, and the two take turns.
+        With another engine, this one shares its mesh, states and workspaces, and the two take turns.
 
         Args:
-            scenario: what is built.
+            scenario: scenario that is built.
             like: the other engine.
-            own_mesh: refuse one whose mesh is not that which the scenario would have by itself.
+            own_mesh: refuse another engine whose mesh is not that which the scenario would have by itself.
 
         Raises:
-            OtherModelError: the scenario is no other values of that of the other engine.
+            OtherModelError: the scenario differs from that of the other engine in more than values.
         """
         if like is not None:
             check_same_parts(scenario, like._scenario)
@@ -170,7 +170,7 @@ class Engine:
         """Refuse ropes without an equilibrium even when bare and uncoupled, before any compilation.
 
         Raises:
-            EquilibriumError: one of them has none.
+            EquilibriumError: a rope has no equilibrium.
         """
         self._layout.check_bare()
         for name, part in self._by_name():
@@ -179,14 +179,14 @@ class Engine:
                     part.check_bare(loaded=name in self._hung_from)
 
     def find_rest(self, near: tuple[Kept, BundleState] | None = None) -> None:
-        """Find the equilibrium of all ropes.
+        """Find the static equilibrium of all ropes.
 
         Args:
-            near: states of ropes and couplings at the rest of like ropes, where the search begins; None for from
-                scratch, with checks of the bare ropes.
+            near: states of ropes and couplings at the equilibrium of similar ropes, where the search begins; None for
+                a search from scratch, with checks of the bare ropes.
 
         Raises:
-            EquilibriumError: there is none.
+            EquilibriumError: there is no equilibrium.
         """
         self._near = near is not None
         if near is None:
@@ -210,7 +210,7 @@ class Engine:
                 part.check_travel(self.parts, again)
 
     def _take_shape(self, states: Kept, moving: BundleState) -> None:
-        """Take over the shape of ropes and bodies at a rest, and the bullwheels there."""
+        """Copy the shape of ropes and bodies and the places of bullwheels from another static equilibrium."""
         for own, record in zip(self._states, states.records, strict=True):
             mine, given = arrays_of(own), arrays_of(record)
             for name in SHAPE:
@@ -219,10 +219,10 @@ class Engine:
         self.loop.take_up()
 
     def take_loads(self, scenario: Scenario) -> None:
-        """Take payloads, wind and tensioning of a scenario that is else equal, written into the present parameters.
+        """Write payloads, wind and tensioning of an otherwise equal scenario into the present parameters.
 
         Raises:
-            OtherModelError: tensioning devices are others.
+            OtherModelError: tensioning devices are of other kinds.
         """
         sheaves, own = build_bullwheels(scenario), self.couplings.sheaves
         check_same_structure([sheaves], [own])
@@ -274,7 +274,7 @@ class Engine:
         """Find the common equilibrium of all ropes without friction.
 
         Raises:
-            EquilibriumError: there is no such rest.
+            EquilibriumError: there is no such equilibrium.
         """
         for row, part in enumerate(self.parts):
             if self._smooth.get(row, (None, None))[0] is not part.system:
@@ -308,7 +308,7 @@ class Engine:
         return *self._ropes.arguments, steps
 
     def typical(self) -> dict[str, Any]:
-        """Arguments of kernels below the integrator by parameter name; only their types count."""
+        """Sample arguments, by parameter name, of kernels below the integrator; only their types count."""
         first, bundle, moving = self.parts[0], self.bundle, self.moving
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves}
@@ -377,14 +377,14 @@ class Engine:
         self.loop.observe(columns)
 
     def acting(self) -> bytes:
-        """Modes and forces of all drives, payloads, wind and temperatures: what commands change at once."""
+        """Bytes of drive modes and forces, payloads, wind and temperatures, which commands change at once."""
         state, wheels = self._states[0], self.moving.sheaves.drives
         own = [(part.state.wind, part.state.temperature) for part in self.parts]
         drives = state.drives.mode, state.drives.force, wheels.mode, wheels.force
         return b"".join(array.tobytes() for array in (*drives, state.payload, *chain(*own)))
 
     def forget_accelerations(self) -> None:
-        """Let the next step use no acceleration of the last one, where forces set in between them."""
+        """Discard the accelerations of the last step, as forces have changed abruptly before the next one."""
         self._states[0].newton_curvature[0] = 0.0
 
     def drive(self, command: Command) -> None:
@@ -458,23 +458,23 @@ class Engine:
         write(self._start, self.moving)
 
     def follow_temperature(self, _: Command | None = None) -> None:
-        """Put the temperatures of the state into the parameters of ropes."""
+        """Write the temperatures of the state into the parameters of ropes."""
         for part in self.parts:
             part.follow_temperature()
         self._put_parameters()
 
     def carry_loads(self) -> None:
-        """Put payloads and temperatures of the state into the parameters."""
+        """Write payloads and temperatures of the state into the parameters."""
         self.vehicles.carry(self._states[0].payload)
         self.follow_temperature()
 
     def _follow_state(self) -> None:
-        """Take over payloads, stations and temperatures of a state that has been written whole."""
+        """Update parameters and stations after a whole state has been written into memory."""
         self.vehicles.follow_state()
         self.follow_temperature()
 
     def rest_of(self, like: Engine) -> None:
-        """Copy the equilibrium of another engine and all constants from it, instead of a search for equilibrium."""
+        """Take the equilibrium of another engine and its constants, instead of searching for an own one."""
         self.bundle.wires.tension[:] = like.bundle.wires.tension
         own = tuple((part.system, part.packed_system) for part in self.parts)
         settings = like.settings()
@@ -482,7 +482,7 @@ class Engine:
         self.carry_loads()
 
     def settings(self) -> Settings:
-        """Settings beside the state, for `take_over` of this engine at the state of now."""
+        """Settings of the engine beside its present state, as `take_over` restores them."""
         return Settings(
             tuple((part.system, part.packed_system) for part in self.parts),
             self.parts[0].stopped,
@@ -493,7 +493,7 @@ class Engine:
         )
 
     def take_over(self, settings: Settings) -> None:
-        """Take over settings from another time, together with the state of that time."""
+        """Restore settings of an earlier moment, whose state has been written into memory."""
         self._before, self._start, self._first_commands, self._first_of_ropes = settings.start
         self.commands = dict(settings.commands)
         each = zip(self.parts, settings.parameters, settings.of_ropes, self._before.records, strict=True)
@@ -504,11 +504,11 @@ class Engine:
         self._put_parameters()
 
     def kept_states(self) -> tuple[Kept, Kept]:
-        """Copy of the states of all ropes with their vehicles, now and at the start."""
+        """Copies of the states of all ropes with their vehicles, now and at the start."""
         return Kept(*self._states), Kept(*self._before.records)
 
     def kept(self) -> tuple[Kept, ...]:
-        """Copy of the motion of couplings between ropes, now and at the start; empty without couplings."""
+        """Copies of the motion of couplings between ropes, now and at the start; empty without couplings."""
         return (Kept(self.moving), Kept(self._start)) if self._coupled else ()
 
     def restore(self, full: FullState) -> None:
@@ -548,9 +548,9 @@ def _ropeways(scenario: Scenario, systems: list[System], like: Engine | None) ->
 
 
 def leave_out_absent(systems: list[System]) -> list[System]:
-    """Systems of one common type, which leaves features absent from all systems out of compiled kernels.
+    """Give systems one common type, which leaves features absent from all of them out of compiled kernels.
 
-    There are few such types, as what is compiled for one of them is of no use to another one: beside the continuum's
+    There are few such types, as kernels compiled for one type are of no use to another: beside the continuum's
     elastic model nodes that follow loads are left in, whether there is one or not, and beside the paper's they are
     left out; of a rope by itself its number and all that several ropes need, unless it moves or vehicles on it can
     meet, where it has the type of several.

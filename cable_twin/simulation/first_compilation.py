@@ -1,7 +1,7 @@
-"""First start on a machine, compiled by two processes, as numba compiles one kernel at a time in each.
+"""First compilation of kernels on a machine, by two processes, as numba compiles one kernel at a time in each.
 
-Both take parts, from those that call no others on, and find those of the other one in the cache. Then one of them puts
-the integrator together, and the other one what finds the rest and what reads the state.
+Both compile kernels, beginning with those that call no others, and find the other process's kernels in the cache. Then
+one links the integrator, and the other one the kernels that find the equilibrium and that read the state.
 
 The progress is the share compiled by both processes, weighted by the size of the kernels.
 """
@@ -44,10 +44,10 @@ PR_SET_PDEATHSIG = 1  # of linux/prctl.h
 def compiling_ahead(scenario: Scenario, engine: Engine) -> Iterator[None]:
     """Compile the kernels of a scenario, its integrator in a second process where a second core is free.
 
-    On leaving, that is in the cache; if the other process failed, it will be compiled on its first call as ever.
+    On leaving, the integrator is in the cache; if the other process failed, it is compiled on its first call as usual.
 
     Raises:
-        EquilibriumError: a bare rope of it has no rest.
+        EquilibriumError: a bare rope of the scenario has no equilibrium.
     """
     integrator = engine.integrator
     if not isinstance(integrator, Kernel) or integrator.is_kept(engine.arguments(0)):
@@ -101,7 +101,7 @@ def called_at_start(engine: Engine) -> tuple[Kernel, ...]:
 def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel, ...]]:
     """Direct and indirect callees of kernels of an engine, each with its own callees: callers before callees.
 
-    What its scenario has none of is left out.
+    Kernels for features that the scenario does not have are left out.
     """
     known = {name: numba.typeof(value) for name, value in engine.typical().items()}
     found: dict[Kernel, tuple[Kernel, ...]] = {}
@@ -128,8 +128,8 @@ def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel
 def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel, ...]]]:
     """Kernels of a start with callers in other kernels, with their argument types and their callees in this table.
 
-    Those of the integrator come first, and callees before callers. Arguments go by their names; a kernel that has
-    others is compiled with its caller.
+    Kernels of the integrator come first, and callees before callers. Argument types are known by parameter name; a
+    kernel with other parameters is compiled with its caller.
     """
     known = engine.typical()
     order: dict[Kernel, tuple[Kernel, ...]] = {}
@@ -149,7 +149,7 @@ def compile_parts(engine: Engine, board: Path) -> None:
 
     Args:
         engine: of the scenario that starts.
-        board: a directory, in which each process says what it begins with and what is done.
+        board: directory in which each process marks the kernels that it begins and has compiled.
     """
     parts = parts_of(engine)
     numbers = {kernel: str(number) for number, kernel in enumerate(parts)}
@@ -240,7 +240,7 @@ def expect_kernels(engine: Engine) -> None:
 def watching_compilation(shown: Callable[[Moment], None]) -> Iterator[None]:
     """Report compilation progress some times a second from another thread, from the first compiled kernel on.
 
-    Where all are there already, nothing is told.
+    Where all kernels are compiled already, nothing is reported.
     """
     if not isinstance(observe, Kernel):  # the JIT is off
         yield
@@ -276,7 +276,7 @@ class _Watch(event.Listener):
         self._kernels: list[Kernel] = []
 
     def share(self, since: float) -> float:
-        """Share (0 to 1) of the compilation done by this process, by its helper, or before."""
+        """Share (0 to 1) of the compilation done by this process, by the second one, or before."""
         if _expected and not self._ahead:  # once: asked for some times a second, for which what compiles has to wait
             (engine,) = _expected
             called = called_at_start(engine)

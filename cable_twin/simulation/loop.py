@@ -47,9 +47,9 @@ class Loop:
 
     Args:
         scenario: scenario of the run.
-        bundle: its mechanics.
-        motion: of the bullwheels.
-        parts: one a rope, with what is on it.
+        bundle: parameters of its bullwheels and rope couplings.
+        motion: motion of the bullwheels.
+        parts: ropes with their vehicles, one for each rope.
     """
 
     def __init__(self, scenario: Scenario, bundle: Bundle, motion: BullwheelMotion, parts: list[Ropeway]) -> None:
@@ -68,11 +68,11 @@ class Loop:
         """Find the equilibrium of a loop of strands; `relax` finds the equilibrium of all ropes between given ends.
 
         Args:
-            relax: as said.
-            near: whether it begins at the rest of like strands.
+            relax: finds the equilibrium of all ropes between their given ends.
+            near: whether the search begins at the equilibrium of similar strands.
 
         Raises:
-            EquilibriumError: there is none, or a bullwheel cannot hold it by friction.
+            EquilibriumError: there is none, or a bullwheel cannot hold the rope by friction.
         """
         first = next(iter(self._parts.values()))
         lengths = np.array([part.system.cable.unstrained_length for part in self._parts.values()])
@@ -126,8 +126,8 @@ class Loop:
         """Move strand ends to their bullwheels, and clamped vehicles to their places on the moved strands.
 
         Args:
-            along: whether nodes move along the rope, which keeps it on its towers, and vehicles go with them as they
-                are; else nodes move as the ends do, and vehicles hang down.
+            along: whether nodes move along the rope, which keeps it on its towers, and vehicles keep their pose beside
+                them; else nodes move as the ends do, and vehicles hang down.
         """
         motion, sheaves = self.motion, self._bundle.sheaves
         parts, passed = list(self._parts.values()), 0.0
@@ -217,7 +217,7 @@ class Loop:
             )
 
     def set_in_motion(self) -> dict[str, Command]:
-        """Give the rope its initial speed; returns the commands that keep that speed, by drive."""
+        """Give the rope of the loop its initial speed; returns the commands that keep that speed, by drive."""
         held = {}
         for name in self._drives:
             if (drive := self.scenario.drives[name]).speed != 0.0:
@@ -281,14 +281,14 @@ class Loop:
 
 
 def _move_along(part: Ropeway, moved: FloatArray, share: FloatArray, end: int) -> None:
-    """Move the nodes of a strand along it as far as their shares of what an end moves.
+    """Move the nodes of a strand along the rope by their shares of the displacement of one end.
 
-    What the end moves across the strand is left to its last span.
+    The displacement of the end across the strand is taken by the last span alone.
 
     Args:
-        part: the strand.
-        moved: (dim,) m, way of the end.
-        share: (nodes,) of it, from 0 at the other end to 1.
+        part: rope of the strand.
+        moved: (dim,) m, displacement of the end.
+        share: (nodes,) shares of the displacement, from 0 at the other end to 1.
         end: row of the node at the end, 0 or -1.
     """
     state, places = part.state, part.state.mesh.arc_length
@@ -302,7 +302,7 @@ def _move_along(part: Ropeway, moved: FloatArray, share: FloatArray, end: int) -
 
 
 def _take_load_nodes_along(part: Ropeway) -> None:
-    """Move nodes with the loads that they follow, where these have moved a little, so that no bend at one is lost."""
+    """Move nodes with the loads that they follow after small moves of these, so that the bend at a load is kept."""
     state, mesh = part.state, part.state.mesh
     nodes = np.flatnonzero(state.node_load >= 0)
     nodes = nodes[state.node_follows[state.node_load[nodes]]]
@@ -328,21 +328,21 @@ def _points(part: Ropeway) -> FloatArray:
 def settle_near(
     sheaves: Bullwheels, motion: BullwheelMotion, relax: Callable[[], None], slopes: FloatArray | None
 ) -> FloatArray:
-    """Solve for the equilibrium of strands over their bullwheels near that of like strands, as `settle_loop` does.
+    """Find the equilibrium of strands over their bullwheels near that of similar strands, as `settle_loop` does.
 
-    One set of derivatives serves for all loads; in each search it is corrected by what the iterations find (Broyden).
+    One set of derivatives serves for all loads; each search corrects it in its iterations by Broyden's method.
 
     Args:
-        sheaves: the wheels.
-        motion: their motion, at rest, from which this goes on.
-        relax: brings all ropes to rest with the ends that `motion` gives them, and notes what they pull with.
-        slopes: derivatives (N/m) of the balance of wheels by their ways near here; None: they are found.
+        sheaves: parameters of the bullwheels.
+        motion: their motion at rest, from which the search begins.
+        relax: brings all ropes to rest between the ends that `motion` gives them, and stores their pulls.
+        slopes: derivatives (N/m) of the bullwheels' balance by their displacements; None to find them.
 
     Returns:
         These derivatives, as they were given or found.
 
     Raises:
-        EquilibriumError: it is not found.
+        EquilibriumError: the equilibrium is not found.
     """
     free = np.flatnonzero(sheaves.driven == 0) if np.any(sheaves.driven) else np.arange(1, sheaves.driven.size)
     pulled = np.flatnonzero(sheaves.tensioning != FIXED)
@@ -379,8 +379,8 @@ class LoopLayout:
 
     Args:
         scenario: scenario of the run.
-        sheaves: its bullwheels.
-        parts: one a rope, with what is on it.
+        sheaves: parameters of its bullwheels.
+        parts: ropes with their vehicles, one for each rope.
     """
 
     def __init__(self, scenario: Scenario, sheaves: Bullwheels, parts: list[Ropeway]) -> None:
@@ -393,7 +393,7 @@ class LoopLayout:
         """Refuse towers without contact to the bare strands at the tension over their bullwheels.
 
         Raises:
-            EquilibriumError: naming one, or a strand that has no rest even by itself.
+            EquilibriumError: names such a tower, or a strand that has no equilibrium even by itself.
         """
         if not self._rows:
             return
@@ -411,9 +411,9 @@ class LoopLayout:
                     raise EquilibriumError(f"{'.'.join(map(str, fault.path))}: {fault.text}")
 
     def lay_out(self, motion: BullwheelMotion) -> None:
-        """Start bullwheels near their equilibrium: that with vehicles spread evenly over their strands.
+        """Place bullwheels near their equilibrium: at that with vehicles spread evenly over their strands.
 
-        Where there is no such rest, they begin as the strands are by themselves, and what finds none later says why.
+        Without such an equilibrium they stay as the strands lie by themselves; the later search reports the reason.
         """
         if not self._rows:
             return
@@ -433,7 +433,7 @@ class LoopLayout:
             part.state.rope.position[1 - side] = motion.rope.position[sheave]
 
     def ends(self, name: str, motion: BullwheelMotion) -> FloatArray | None:
-        """Ends (2, dim) in m of a strand at the places of its bullwheels, None of any other rope."""
+        """Ends (2, dim) in m of a strand at the places of its bullwheels; None for any other rope."""
         if name not in self._strands:
             return None
         row = self._names.index(name)

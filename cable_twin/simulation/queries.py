@@ -32,7 +32,7 @@ def time_of(clock: int, step: float) -> float:
 
 
 class Queries:
-    """Queries of the present state of a ropeway, without any change."""
+    """Queries of the present state of a simulation, which leave it unchanged."""
 
     _ropeway: Ropeway  # the first rope with what is on it
     _parts: list[Ropeway]
@@ -65,7 +65,7 @@ class Queries:
     def cable_tension(self, arc_lengths: FloatArray, rope: str | None = None) -> FloatArray:
         """Tension (n,) in N of a rope at unstrained arc lengths (n,) in m, from the forces in its sections.
 
-        It jumps where a load is, and is that before the load there.
+        The tension jumps at a load; at the load itself it is the tension before.
 
         Raises:
             ValueError: when there is no rope of that name, or no such place on it.
@@ -85,7 +85,7 @@ class Queries:
             ValueError: when the scenario has no terrain.
         """
         if not self._ropeway.scenario.terrain:
-            raise ValueError("clearance: the scenario has no terrain")
+            raise ValueError("clearance: given a scenario without terrain; allowed: with terrain")
         each = {name: self._clearance_of(name, part) for name, part in zip(self._lookouts, self._parts, strict=True)}
         ropes = {name: one.rope for name, one in each.items()}
         vehicles = {name: place for one in each.values() for name, place in one.vehicles.items()}
@@ -136,7 +136,7 @@ class Queries:
 
         if len(self._parts) > 1:
             count = len(self._parts)
-            raise ValueError(f"natural frequencies are those of one rope alone; this scenario has {count}")
+            raise ValueError(f"natural frequencies: given a scenario of {count} ropes; allowed: one rope")
         return natural_modes(self._ropeway.system, self._ropeway.state, count)
 
     def _show(self, report: SolverReport) -> None:
@@ -168,18 +168,18 @@ class Queries:
         length = part.system.cable.unstrained_length
         off = places[~((places >= -LEAST * length) & (places <= (1.0 + LEAST) * length))]
         if off.size:
-            raise ValueError(f"arc length {off.flat[0]:.9g} m given; allowed: 0 to {length:.9g} m, on the rope")
+            raise ValueError(f"arc length: given {off.flat[0]:.9g} m; allowed: 0 to {length:.9g} m, on the rope")
         return part, places
 
     def _part(self, rope: str | None) -> Ropeway:
         """Ropeway of a rope by name; without a name, of the first rope.
 
         Raises:
-            ValueError: there is none of that name.
+            ValueError: there is no rope of that name.
         """
         names = list(self._observer.layout.ropes)
         if rope is not None and rope not in names:
-            raise ValueError(f"rope {rope!r} is unknown; known: {', '.join(names)}")
+            raise ValueError(f"rope: given {rope!r}; allowed: {', '.join(names)}")
         return self._parts[0 if rope is None else names.index(rope)]
 
 
@@ -200,7 +200,7 @@ class Observer:
         self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], tuple[Any, ...]]] = []
 
     def _prepare(self) -> None:
-        """Find the sample places on ropes: by kernels, for which a bare rope without an equilibrium is not to wait."""
+        """Find the sample places on ropes; at the first reading, so that checks of the start come before kernels."""
         for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
             places = places_on(part.system.cable, part.state, self.layout.arc_lengths[samples])
             read = pack(part.state), pack(part.sections), pack(places)

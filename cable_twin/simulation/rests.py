@@ -1,4 +1,4 @@
-"""Rests of one line under many loads, in one memory: payloads, wind and tensioning change in place."""
+"""Static equilibria of one line under many loads, in one memory: payloads, wind, tensioning change in place."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ LOADS: Mapping[str, frozenset[str]] = {  # keys that change in place, by the sec
 
 
 class Rests(Simulation):
-    """Simulation that goes to the rests of other loads of its line, each searched for from its own rest.
+    """Simulation that finds static equilibria of its line under other loads, each searched for from its own.
 
-    Of a scenario that differs in payloads, wind and tensioning devices alone, nothing is built anew: a rest costs its
-    iterations. Each begins at the same state, so that none depends on those before it.
+    For a scenario that differs only in payloads, wind and tensioning devices nothing is rebuilt: an equilibrium costs
+    its iterations. Each search begins at the same state, so that no result depends on earlier ones.
 
     Args:
-        scenario: of the first rest.
+        scenario: scenario of the first equilibrium.
         samples: points (at least 2) at which snapshots hold the cable.
 
     Raises:
-        EquilibriumError: the first one has no rest.
+        EquilibriumError: the scenario has no static equilibrium.
     """
 
     def __init__(self, scenario: Scenario, *, samples: int = SAMPLES) -> None:
@@ -48,15 +48,15 @@ class Rests(Simulation):
         self.under(scenario)  # with the derivatives of the loop, which are not to depend on what comes first
 
     def under(self, scenario: Scenario) -> Simulation:
-        """Simulation at the rest of a scenario, valid until the next call.
+        """Simulation at the static equilibrium of a scenario, valid until the next call.
 
-        It is this one where only loads differ and the rope keeps to its towers, else one of its own.
+        It is this simulation where only loads differ and the rope stays on its towers, else a new one.
 
         Args:
-            scenario: such as another load of the same line.
+            scenario: scenario such as another load of the same line.
 
         Raises:
-            EquilibriumError: it has no rest.
+            EquilibriumError: the scenario has no static equilibrium.
         """
         if differ_in_loads(scenario, self._first):
             engine = self._engine
@@ -80,7 +80,7 @@ def differ_in_loads(one: Scenario, other: Scenario) -> bool:
 
 
 def _equal(one: Any, other: Any, name: str) -> bool:
-    """Whether two parts of a scenario are equal but for loads."""
+    """Whether two parts of scenarios, of a key `name`, are equal but for loads."""
     if one is other or one == other:
         return True
     if isinstance(one, Mapping) and isinstance(other, Mapping):

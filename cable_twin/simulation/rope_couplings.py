@@ -28,10 +28,10 @@ def along_track(scenario: Scenario, parts: list[Ropeway]) -> list[FloatArray]:
 
 
 def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) -> None:
-    """Release the drives of all joints held by clamps; each rope is in equilibrium by itself.
+    """Release the drives of all joints held by clamps, while each rope is in equilibrium by itself.
 
     Raises:
-        EquilibriumError: a carriage is far from its place on the other rope; the line names it.
+        EquilibriumError: a carriage is far from its place on the other rope; the message names it.
     """
     ropes = list(scenario.ropes)
     for clamp, (row, carriage, name, one) in enumerate(clamped(scenario)):
@@ -53,10 +53,10 @@ def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) ->
 
 
 def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:
-    """Check the distance that each connector has to span; each rope is in equilibrium by itself.
+    """Check the distance that each connector has to span, while each rope is in equilibrium by itself.
 
     Raises:
-        EquilibriumError: its ends are much farther apart than it is long; the line names it.
+        EquilibriumError: the ends of a connector are much farther apart than it is long; the message names it.
     """
     of = dict(zip(scenario.ropes, parts, strict=True))
     for name, rod in scenario.connectors.items():
@@ -74,14 +74,14 @@ def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:
 
 
 def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
-    """Start friction and drives of all clamped carriages from their places in equilibrium."""
+    """Set the reference places of friction and drives of clamped carriages to their places in equilibrium."""
     for row, carriage in zip(clamps.rope.tolist(), clamps.carriage.tolist(), strict=True):
         state = parts[row].state
         state.friction_origin[carriage] = state.reference.position[carriage] = state.joints.position[carriage]
 
 
 def observe_clamps(parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns) -> None:
-    """Fill the pull of clamps: zero for opened clamps, and without the share carried by station rails."""
+    """Fill the columns of clamp pulls: zero for opened clamps, and without the share carried by station rails."""
     rows = clamps.carriage.tolist()
     held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
     for clamp, row in enumerate(rows):

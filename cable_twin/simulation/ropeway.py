@@ -38,9 +38,9 @@ class Ropeway:
     """One rope with its vehicles, before its equilibrium is found; after that, at its start.
 
     Attributes:
-        scenario: of the rope alone.
-        vehicles: those that may be on the rope, by name, as in that scenario.
-        rows: row of each among the vehicles of all ropes.
+        scenario: scenario of the rope alone.
+        vehicles: vehicles that may be on the rope, by name, as in that scenario.
+        rows: row of each vehicle among the vehicles of all ropes.
         packed_system: parameters, with payloads, for kernels.
         state: motion, written in place; in one block of memory with that of all ropes.
         sections: forces in the rope, for a readout.
@@ -69,7 +69,7 @@ class Ropeway:
         return vehicle.joint != "clamped" or vehicle.arc_length <= self.scenario.cable.unstrained_length
 
     def place(self, row: int, vehicle: Carriage) -> None:
-        """Place a vehicle on the rope or in a station of it, at the start."""
+        """Place a vehicle on the rope or in a station of the rope, at the start."""
         self.state.vehicle_rope[row] = max(self.system.number, 0)
         self.state.joints.position[row] = vehicle.arc_length
         if vehicle.joint == "sliding":
@@ -89,10 +89,10 @@ class Ropeway:
         """Refuse a bare cable without an equilibrium at its start, by checks without any kernel.
 
         Args:
-            loaded: whether anything hangs on it besides its own vehicles and loads.
+            loaded: whether anything hangs on the cable besides its own vehicles and loads.
 
         Raises:
-            EquilibriumError: naming what does not fit.
+            EquilibriumError: there is none; the message names the value that does not fit.
         """
         if self.scenario.cable.initial_shape != "straight":
             check_rest(self.system, tuple(self.scenario.towers), loaded=loaded or self._is_loaded)
@@ -103,10 +103,10 @@ class Ropeway:
 
         Args:
             work: scratch space.
-            ends: places (2, dim) in m of its ends, None where they are those of the scenario.
+            ends: places (2, dim) in m of its ends, None for those of the scenario.
 
         Raises:
-            EquilibriumError: when it finds no rest with its carriages on it.
+            EquilibriumError: the cable with its carriages has no static equilibrium.
         """
         cable = self.scenario.cable
         if cable.initial_shape == "straight":
@@ -158,14 +158,14 @@ class Ropeway:
             brake(self.system, self.state, row)
 
     def check_travel(self, together: list[Ropeway], find_rest: Callable[[], None]) -> None:
-        """Refuse a counterweight that rests on its upper travel limit in equilibrium and does not tension the rope.
+        """Refuse a counterweight that rests on its upper travel limit and so does not tension the rope in equilibrium.
 
         Args:
-            together: all ropes that rest together, this one too.
-            find_rest: brings them to rest; called again, without limits of any travel, before one is refused.
+            together: all ropes of a common equilibrium, this one included.
+            find_rest: finds their equilibrium; called again, without limits of any travel, before a refusal.
 
         Raises:
-            EquilibriumError: where it would rest, and how much the length has to change.
+            EquilibriumError: tells where the counterweight would rest, and how much the length has to change.
         """
         weights = self.system.counterweights
         for end in np.flatnonzero(weights.mass > 0.0).tolist():
@@ -183,7 +183,7 @@ class Ropeway:
 
     @property
     def riding(self) -> NDArray[np.bool_]:
-        """Condition (vehicles,) of being attached to the rope now."""
+        """Mask (vehicles,) of the vehicles that are attached to the rope now."""
         return self.state.attached & vehicles_of(self.system, self.state)
 
     @property
@@ -200,9 +200,9 @@ class Ropeway:
         return held and not self.scenario.towers and cable.unstrained_length < apart
 
     def typical(self, work: Workspace) -> dict[str, Any]:
-        """Arguments of kernels for one rope by parameter name; only their types count.
+        """Sample arguments, by parameter name, of kernels for one rope; only their types count.
 
-        A kernel with the workspace whose argument is missing here is not compiled ahead; a test names it.
+        A kernel with a parameter that is missing here is not compiled ahead; a test names such kernels.
         """
         system, state = self.system, self.state
         whole = {"system": system, "state": state, "before": state, "work": work, "sections": self.sections}
@@ -245,14 +245,14 @@ class Ropeway:
         self.take(system, pack(system))
 
     def follow_temperature(self) -> None:
-        """Put the temperature of the state into the parameters, if it has changed."""
+        """Write the temperature of the state into the parameters of the rope, if it has changed."""
         cable = self.system.cable
         stretch = self.scenario.cable.free_stretch(float(self.state.temperature[0]))
         if stretch != cable.free_stretch:
             self.system = self.system._replace(cable=cable._replace(free_stretch=stretch))
 
     def take(self, system: System, packed: Any) -> None:
-        """Take other parameters, which have been packed before."""
+        """Set the parameters of the rope and its vehicles, with their packed form for kernels."""
         self._system, self.packed_system = system, packed
 
 
@@ -286,7 +286,7 @@ def hang_in_ropes(system: System, state: State, rows: Mapping[str, int]) -> None
     """Initialise the haul rope of each vehicle, of `rows` by name, with the force that holds the vehicle.
 
     Raises:
-        EquilibriumError: when a haul rope would have to push; the line names the carriage.
+        EquilibriumError: a haul rope would have to push; the message names the carriage.
     """
     for name, index in rows.items():
         if state.axis[index] != DRUM:
@@ -294,8 +294,9 @@ def hang_in_ropes(system: System, state: State, rows: Mapping[str, int]) -> None
         force = float(state.drives.force[index])
         if not hang_in_rope(system, state, index, force):
             raise EquilibriumError(
-                f"carriages.{name}.drive.haul_rope: it would have to push with {with_unit(abs(force), 'N')} to hold "
-                f"the carriage at its start; allowed: a pretension of as much, in N, or the drive at the other station"
+                f"carriages.{name}.drive.haul_rope: given one that would have to push with "
+                f"{with_unit(abs(force), 'N')} to hold the carriage at its start; "
+                "allowed: a pretension of as much, in N, or the drive at the other station"
             )
         if state.drives.mode[index] != SPEED:
             state.drives.force[index] = 0.0
@@ -303,7 +304,7 @@ def hang_in_ropes(system: System, state: State, rows: Mapping[str, int]) -> None
 
 @contextmanager
 def of_rope(name: str) -> Iterator[None]:
-    """Name the keys of a rope in errors as the scenario does."""
+    """Context that renames keys `cable.` in equilibrium errors to `ropes.NAME.`, as the scenario has them."""
     try:
         yield
     except EquilibriumError as error:

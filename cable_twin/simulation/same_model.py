@@ -16,7 +16,7 @@ R = TypeVar("R")
 
 
 class OtherModelError(ValueError):
-    """Value that would need another mesh, other parts or another solver; the text is one line."""
+    """Error of a scenario value that would need another mesh, other parts or another solver; one line."""
 
 
 def check_same_parts(scenario: Scenario, like: Scenario) -> None:
@@ -43,14 +43,14 @@ def check_same_meshes(meshes: Sequence[FloatArray], like: Sequence[FloatArray]) 
     """Refuse meshes, by the arc lengths of their nodes, that are not equal to the last bit.
 
     Raises:
-        OtherModelError: one is another.
+        OtherModelError: a mesh differs.
     """
     if not all(np.array_equal(own, other) for own, other in zip(meshes, like, strict=True)):
         raise OtherModelError("another mesh")
 
 
 def check_same_structure(records: Sequence[Any], like: Sequence[Any]) -> None:
-    """Refuse parameters whose arrays have other sizes, or other indices.
+    """Refuse parameter records whose arrays have other sizes, or other indices.
 
     Raises:
         OtherModelError: one line with the first difference.
@@ -61,7 +61,7 @@ def check_same_structure(records: Sequence[Any], like: Sequence[Any]) -> None:
 
 
 def _differences(record: Any, like: Any, name: str = "") -> Iterator[str]:
-    """Names of fields that differ in type, size or index."""
+    """Names of fields of two parameter records that differ in type, size or index."""
     if isinstance(record, tuple) and hasattr(record, "_fields"):
         for field, own, other in zip(record._fields, record, like, strict=True):
             yield from _differences(own, other, field)
@@ -74,12 +74,12 @@ def _differences(record: Any, like: Any, name: str = "") -> Iterator[str]:
 
 
 def _is_whole(record: Any) -> bool:
-    """Whether a field is a count or a compile-time constant, conditions excluded."""
+    """Whether a field of a parameter record is a count or a compile-time constant, conditions excluded."""
     return isinstance(record, Known) or (isinstance(record, int) and not isinstance(record, bool))
 
 
 def sharing(record: R, like: Any) -> R:
-    """Copy of a record that shares all equal arrays and inner records with another one."""
+    """Copy of a parameter record that shares all equal arrays and inner records with another one."""
     if isinstance(record, np.ndarray):
         equal = record.shape == like.shape and record.tobytes() == like.tobytes()
         return like if equal else record  # type: ignore[return-value]

@@ -47,7 +47,7 @@ ANY_ERROR = Exception, MemoryError  # zipfile, zlib, numpy and json have dozens 
 
 
 class SnapshotError(ValueError):
-    """Snapshot file from which no simulation can start: one line with the file and its fault."""
+    """Error of a snapshot file from which no simulation can start: one line with the file and its fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +111,14 @@ class FullState:
             own: full state of the simulation, for the shapes of its arrays.
 
         Raises:
-            SnapshotError: They do not fit.
+            SnapshotError: the saved state does not fit the simulation.
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
             raise SnapshotError(f"saved from another scenario than '{scenario.name}', or from other values of its keys")
         if self.between.keys() != own.between.keys():
             raise SnapshotError(
-                f"{', '.join(self.between.keys() ^ own.between.keys())}: in either the snapshot or the simulation only"
+                f"{', '.join(self.between.keys() ^ own.between.keys())}: given in one of snapshot and simulation; "
+                "allowed: in both"
             )
         _check_shapes(self.between, own.between)
         for (part, number, state), (_, _, ours) in zip(self._numbered(), own._numbered(), strict=True):
@@ -140,7 +141,8 @@ class FullState:
         clock = int(self.state.clock[0])
         if not abs(self.time - clock * systems[0].solver.step) <= systems[0].solver.step:
             raise SnapshotError(
-                f"time is {self.time:g} s; state/clock is {clock} steps of {systems[0].solver.step:g} s"
+                f"time: given {self.time:g} s; allowed: that of state/clock, {clock} steps of "
+                f"{systems[0].solver.step:g} s"
             )
         sizes["beyond the rope"] = max(2.0 * system.cable.unstrained_length for system in systems)
         sizes["before the rope"] = -sizes["beyond the rope"]
@@ -153,17 +155,17 @@ class FullState:
         """Refuse commands and loadings of unknown carriages and drives, or of invalid kinds."""
         driven = [*scenario.vehicles, *scenario.drives]
         if strange := [name for name in self.commands if name not in driven]:
-            raise SnapshotError(f"command for {', '.join(strange)}; its scenario has: {', '.join(driven) or 'none'}")
+            raise SnapshotError(f"command: given for {', '.join(strange)}; allowed: {', '.join(driven) or 'none'}")
         for name, command in self.commands.items():
             value = command.values[name]
             if command.kind not in DRIVEN_BY or not abs(value) <= HUGEST:
-                given = f"command {command.kind!r} of {value!r} for {name}"
-                raise SnapshotError(f"{given}; allowed: a finite {' or '.join(DRIVEN_BY)}")
+                given = f"{command.kind!r} of {value!r}"
+                raise SnapshotError(f"command for {name}: given {given}; allowed: a finite {' or '.join(DRIVEN_BY)}")
         if strange := [name for name in self.loading if name not in scenario.vehicles]:
-            raise SnapshotError(f"{', '.join(strange)} being loaded; its scenario has: {', '.join(scenario.vehicles)}")
+            raise SnapshotError(f"loading: given for {', '.join(strange)}; allowed: {', '.join(scenario.vehicles)}")
         for name, mass in self.loading.items():
             if not 0.0 <= mass <= HUGEST:
-                raise SnapshotError(f"{name} being loaded with {mass:g} kg; allowed: a finite number from 0 on")
+                raise SnapshotError(f"loading of {name}: given {mass:g} kg; allowed: a finite number from 0 on")
 
     def _numbered(self) -> Iterator[tuple[str, str, State]]:
         """States with their part and the number of their rope, empty for the first rope."""
@@ -218,7 +220,7 @@ def read_full_state(source: Path | IO[bytes], name: str) -> FullState:
         name: Name of the file in messages.
 
     Raises:
-        SnapshotError: There is no such file, it is no snapshot, a newer or a damaged one, or of another version.
+        SnapshotError: there is no such file, or it is no snapshot, or a damaged one, or one of another version.
     """
     if not isinstance(source, Path):
         return _read(source, name)
@@ -272,7 +274,7 @@ def _read(stream: IO[bytes], name: str) -> FullState:
 
 
 def _check_archive(stream: IO[bytes]) -> None:
-    """Refuse an archive with compressed or too large members."""
+    """Refuse a snapshot archive with compressed or too large members."""
     with zipfile.ZipFile(stream) as archive:
         for member in archive.infolist():
             if member.compress_type != zipfile.ZIP_STORED or member.file_size > LARGEST:
@@ -282,7 +284,7 @@ def _check_archive(stream: IO[bytes]) -> None:
 
 
 def _check_header(header: Any) -> None:
-    """Refuse archives of other programs and newer formats."""
+    """Refuse the header of an archive of another program or of another format version."""
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise SnapshotError("not a snapshot of cable_twin: its header is another one")
     given = header.get("format_version")
@@ -316,13 +318,13 @@ def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
         array = given[name]
         if array.shape != target.shape or array.dtype != target.dtype:
             raise SnapshotError(
-                f"{name} is {array.dtype} of shape {array.shape}; "
-                f"its scenario needs {target.dtype} of shape {target.shape}"
+                f"{name}: given {array.dtype} of shape {array.shape}; "
+                f"allowed: {target.dtype} of shape {target.shape}, as its scenario needs"
             )
 
 
 def _sizes(system: System, ropes: int) -> dict[str, float]:
-    """Values of the symbolic limits in the ranges of a state."""
+    """Values of the symbolic limits that the ranges of a state's numbers use."""
     length = system.cable.unstrained_length
     return {
         "last element": system.cable.element_count - 1,
@@ -345,7 +347,7 @@ def _own_arrays(system: System, state: State) -> dict[str, Any]:
 
 
 def _mesh_faults(system: System, state: State) -> Iterator[str]:
-    """Faults of the mesh: nodes out of order, and nodes that follow a load without a reference back."""
+    """Faults of a saved mesh: nodes out of order, and nodes that follow a load without a reference back."""
     places = state.mesh.arc_length
     if not np.all(np.diff(places) > 0.0) or np.any(np.abs(np.diff(places) - state.mesh.length) > 1e-9 * places[-1]):
         yield "mesh.arc_length: nodes are out of order, or apart by other than mesh.length"
@@ -360,7 +362,7 @@ def _mesh_faults(system: System, state: State) -> Iterator[str]:
 
 
 def _state_faults(system: System, state: State) -> Iterator[str]:
-    """Faults beyond ranges: joints off their elements, and quaternions of bodies in space without unit length."""
+    """Faults of a saved state beyond ranges: mesh, joints off their elements, quaternions without unit length."""
     yield from _mesh_faults(system, state)
     nodes = state.mesh.arc_length
     near = system.cable.element_length.max()  # within a step it goes on to the next one
@@ -370,7 +372,7 @@ def _state_faults(system: System, state: State) -> Iterator[str]:
         end = np.inf if element == system.cable.element_count - 1 else nodes[element + 1] + near
         if not start <= place <= end:
             allowed = f"{start:.6g} to {end:.6g} m, for its joint_element {element}"
-            yield f"joints.position: {place:.6g} m of vehicle {joint}; allowed: {allowed}"
+            yield f"joints.position: given {place:.6g} m for vehicle {joint}; allowed: {allowed}"
     bodies = state.bodies.position
     if bodies.shape[1] == 7:
         lengths = np.linalg.norm(bodies[:, 3:], axis=1)

@@ -57,14 +57,14 @@ class SolverError(RuntimeError):
 
 
 def _starts(scenario: Scenario) -> list[tuple[Any, ...]]:
-    """Places of all vehicles at the start."""
+    """Places and joints of all vehicles of a scenario at the start, to compare scenarios."""
     return [(one.arc_length, one.joint, one.rope, one.clamped_to) for one in scenario.vehicles.values()]
 
 
 class Simulation(Queries):
-    """Simulation of one scenario.
+    """Simulation of one scenario: static start, time integration, commands and snapshots.
 
-    It starts in static equilibrium with every joint held at its arc length, and lets go. Commands take effect at
+    It starts in static equilibrium with every joint held at its arc length, then released. Commands take effect at
     the present time, which is always a whole number of solver steps; the same scenario and the same commands at the
     same times give bit-identical snapshots, whatever the pacing was.
 
@@ -75,7 +75,7 @@ class Simulation(Queries):
         meanwhile: gets the scenario and its first snapshot while another process may still compile the integrator.
 
     Raises:
-        EquilibriumError: the cable finds no rest with its carriages on it, or they start within each other.
+        EquilibriumError: the cable with its carriages has no static equilibrium, or carriages overlap at the start.
     """
 
     def __init__(
@@ -92,16 +92,16 @@ class Simulation(Queries):
     def with_values(self, scenario: Scenario, *, rest: bool = True) -> Simulation:
         """Simulation of other values of the scenario, on the compiled system, mesh and memory of this one.
 
-        The two take turns: the state of this one is overwritten, and whoever needs it keeps a copy.
+        The two simulations take turns: the state of this one is overwritten; keep a copy if it is needed.
 
         Args:
-            scenario: with the same ropes, vehicles, supports and drives, meshes and solver.
-            rest: find its own static equilibrium; else it begins at the present state of this one, and with its
-                start.
+            scenario: scenario with the same ropes, vehicles, supports and drives, meshes and solver.
+            rest: find its own static equilibrium; else it begins at the present state of this simulation, and with
+                the start of this one.
 
         Raises:
             OtherModelError: the scenario needs another mesh, other parts or another solver.
-            EquilibriumError: it has no rest.
+            EquilibriumError: the scenario has no static equilibrium.
         """
         other = Simulation.__new__(Simulation)
         present = Kept(self._state), Kept(self._engine.moving)
@@ -117,17 +117,17 @@ class Simulation(Queries):
         return other
 
     def near(self, scenario: Scenario) -> Simulation:
-        """Simulation of another scenario at its rest, which is searched for from the start of this one.
+        """Simulation of another scenario at its static equilibrium, searched for from the start of this simulation.
 
-        It is in equilibrium as one of its own, to the tolerance of that, and the search takes a fraction of the time.
-        Where the mesh or parts are others, vehicles start elsewhere, no rest is found nearby, or the rope leaves a
-        tower, it is one of its own. The two take turns, as with `with_values`.
+        The equilibrium has the usual tolerance, and the search takes a fraction of the time. Where mesh or parts
+        differ, vehicles start elsewhere, no equilibrium is found nearby, or the rope leaves a tower, a new simulation
+        is made; else the two take turns, as with `with_values`.
 
         Args:
-            scenario: such as another load of the same line.
+            scenario: scenario such as another load of the same line.
 
         Raises:
-            EquilibriumError: it has no rest.
+            EquilibriumError: the scenario has no static equilibrium.
         """
         self._engine.go_to_start()
         other, present = Simulation.__new__(Simulation), (Kept(*self._engine.states), clone(self._engine.moving))
@@ -142,7 +142,7 @@ class Simulation(Queries):
         return Simulation(scenario, samples=self._observer.samples, on_demand=True)
 
     def _set_up(self, scenario: Scenario, engine: Engine, samples: int, on_demand: bool) -> None:
-        """Take a scenario and its engine, before the search for rest."""
+        """Set up the simulation of a scenario with its engine, before the search for equilibrium."""
         self.scenario = scenario
         self._engine = engine
         self._parts = self._engine.parts
@@ -204,7 +204,7 @@ class Simulation(Queries):
 
     @property
     def engine(self) -> Engine:
-        """Ropes, vehicles and couplings, for an ensemble of simulations."""
+        """Engine with ropes, vehicles and couplings, for an ensemble of simulations."""
         return self._engine
 
     @property
@@ -219,7 +219,7 @@ class Simulation(Queries):
         return np.concatenate(before), np.concatenate(after)
 
     def take_over(self, settings: Settings, report: SolverReport) -> None:
-        """Take over the settings and the solver report of a state that has been written into memory."""
+        """Restore the settings and the solver report of a state that has been written into memory."""
         self._engine.take_over(settings)
         self.show(report)
 
@@ -270,14 +270,14 @@ class Simulation(Queries):
 
     @property
     def at_start(self) -> bool:
-        """Whether the simulation is at the start of its scenario: no step, command or snapshot since."""
+        """Whether the simulation is at the start of its scenario: no step, command or restored state since."""
         return self._at_start
 
     def save(self, path: str | Path) -> None:
         """Write the full state to a file, from which `load` continues bit for bit.
 
         Raises:
-            OSError: the disk refuses; there is no file then.
+            OSError: the disk refuses; no file is left then.
         """
         self.capture().write(Path(path))
 
@@ -298,7 +298,7 @@ class Simulation(Queries):
         """Restore a full state from `capture` of this simulation or of another one of its scenario.
 
         Raises:
-            SnapshotError: it does not fit the scenario; nothing is changed then.
+            SnapshotError: the state does not fit the scenario; nothing is changed then.
         """
         if not full.fits(self.scenario):
             full.check(self.scenario, [part.system for part in self._parts], self.capture())
@@ -318,7 +318,10 @@ class Simulation(Queries):
             CommandError: when it is refused: unknown name, not finite, over the limit, emergency stop in force.
         """
         if (speed is None) == (force is None):
-            raise CommandError(f"command for '{name}': give either speed (m/s) or force (N), one of them")
+            raise CommandError(
+                f"command for '{name}': given {'nothing' if speed is None else 'both'}; "
+                "allowed: either speed (m/s) or force (N)"
+            )
         if speed is not None:
             return self.apply(Command("speed", {name: speed}))
         assert force is not None
@@ -373,7 +376,7 @@ class Simulation(Queries):
             threads: number of threads; None for one a core.
 
         Raises:
-            CommandError: the announced wind is none, or beyond what a command may ask for.
+            CommandError: the announced command is no wind, or beyond what a command may ask for.
             ValueError: the horizon is out of range; one line.
         """
         from cable_twin import Forecaster  # noqa: PLC0415 - of the ensemble, which stands on this
@@ -418,7 +421,7 @@ class Simulation(Queries):
         clock = int(self._state.clock[0])
         steps = round(time / self.step) - clock if math.isfinite(time) else -1
         if steps < 0:
-            raise ValueError(f"advance_to: {time:.9g} s given; allowed: a finite time, from {self.time:.9g} s on")
+            raise ValueError(f"advance_to: given {time:.9g} s; allowed: a finite time, from {self.time:.9g} s on")
         if steps == 0:
             return self.snapshot
         self._at_start = False
@@ -446,7 +449,7 @@ def advance_in_batches(
     Ctrl-C and `on_part` take effect between the calls.
 
     Args:
-        engine: of the simulation.
+        engine: engine of the simulation.
         contacts: watches of vehicles that can meet, one a rope.
         steps: count of steps.
         on_part: called after each call; an exception from it ends the steps there.
@@ -474,9 +477,9 @@ def step_failure(solver: Solver, clock: int, outcome: Outcome) -> str:
     """Message about a failed solver step, in a line.
 
     Args:
-        solver: of the simulation.
+        solver: solver parameters of the simulation.
         clock: steps done before those of the outcome.
-        outcome: of the steps up to the failed one.
+        outcome: outcome of the steps up to the failed one.
     """
     failed = clock + outcome.steps + 1
     return (
@@ -489,7 +492,7 @@ def step_failure(solver: Solver, clock: int, outcome: Outcome) -> str:
 
 
 def _joined(before: Outcome, last: Outcome) -> Outcome:
-    """Sum of the outcomes of two calls of the integrator."""
+    """Joined outcome of two successive calls of the integrator."""
     return last._replace(
         steps=before.steps + last.steps,
         iterations=before.iterations + last.iterations,

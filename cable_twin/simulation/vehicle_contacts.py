@@ -28,17 +28,17 @@ class Pair(NamedTuple):
 
 
 class VehicleContacts:
-    """Watch for exchanged order of vehicles that can meet: only a drive without force limit overcomes buffers.
+    """Detector of vehicles that have passed through each other: only a drive without force limit overcomes buffers.
 
     Attributes:
         possible: whether there are vehicles that could meet.
 
     Args:
-        scenario: of one rope.
+        scenario: scenario of one rope.
         rows: row of each of its vehicles among those of all ropes, by name.
 
     Raises:
-        EquilibriumError: two of them start within each other; the line has the key.
+        EquilibriumError: two vehicles overlap at the start; the message has the key.
     """
 
     def __init__(self, scenario: Scenario, rows: Mapping[str, int]) -> None:
@@ -100,8 +100,8 @@ def with_buffers(system: System, scenario: Scenario) -> System:
 def _pairs(scenario: Scenario) -> Iterator[Pair]:
     """Pairs of vehicles that can meet: neighbours on the rope, also beyond points, which vehicles may pass.
 
-    Bodies count as they hang upright; two points, of a `size` of 0, do not meet. What is clamped to a moving cable
-    keeps its distance, and so does what rides a loop.
+    Bodies count as they hang upright; two points, of a `size` of 0, do not meet. Vehicles that are clamped to a moving
+    cable or ride a loop keep their distance.
     """
     if scenario.riding is not None:
         return

@@ -28,14 +28,14 @@ from cable_twin.simulation.ropeway import Ropeway
 
 
 class Home(NamedTuple):
-    """First rope of a vehicle, by number, and its row among the vehicles of that."""
+    """First rope of a vehicle, by number, and its row among the vehicles of that rope."""
 
     rope: int
     row: int
 
 
 class VehicleSettings(NamedTuple):
-    """Settings of vehicles beside their state."""
+    """Settings of vehicles beside their state: payloads in the parameters, loading, last stations and ropes."""
 
     carried: FloatArray | None  # (vehicles,) kg, payloads in the parameters
     loading: dict[str, float]  # kg, payload at the end of loading, by name
@@ -47,9 +47,9 @@ def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Se
     """Combine systems of ropes with their own vehicles into systems that each have the vehicles of all ropes.
 
     Args:
-        scenario: of all ropes.
+        scenario: scenario of all ropes.
         alone: scenario of each rope alone.
-        systems: of each rope, with the vehicles of its scenario.
+        systems: system of each rope, with the vehicles of its scenario.
     """
     if len(systems) == 1:
         return list(systems)
@@ -104,13 +104,13 @@ def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Se
 
 
 def _homes(scenario: Scenario, alone: Sequence[Scenario]) -> list[Home]:
-    """Home of each vehicle, in the order of the scenario."""
+    """First rope and row there of each vehicle, in the order of the scenario."""
     local = [{name: row for row, name in enumerate(own.vehicles)} for own in alone]
     return [next(Home(rope, own[name]) for rope, own in enumerate(local) if name in own) for name in scenario.vehicles]
 
 
 def _carrying(moving: MovingCable, scenario: Scenario, own: Scenario, alone: Sequence[Scenario]) -> MovingCable:
-    """Moving cable with the vehicles that may be clamped to the cable, and its place on their loop."""
+    """Parameters of a moving cable with a mask of vehicles that may be clamped to it, and its place on their loop."""
     carried = {name for name, vehicle in own.vehicles.items() if vehicle.joint == "clamped"}
     offset = 0.0
     if carried and own.strand is not None:
@@ -121,7 +121,7 @@ def _carrying(moving: MovingCable, scenario: Scenario, own: Scenario, alone: Seq
 
 
 def _all_buffers(homes: Sequence[Home], buffers: Sequence[VehicleBuffers]) -> VehicleBuffers:
-    """Possible contacts of all vehicles, from the contacts on each rope."""
+    """Buffers between all vehicles that can meet, from the buffers on each rope."""
     rows = {home: row for row, home in enumerate(homes)}
     entries = [
         (home.rope, entry)
@@ -194,20 +194,20 @@ class Vehicles:
         self._carried = self._first_loads.copy()
 
     def take_first_loads(self) -> None:
-        """Store the first payloads in the state."""
+        """Store the initial payloads in the state."""
         self._state.payload[:] = self._first_loads
 
     def follow_state(self) -> None:
-        """Take over payloads and stations of a state that has been written whole."""
+        """Update stations and parameters after a whole state has been written into memory."""
         self.note_stations()
         self.carry(self._state.payload)
 
     def settings(self) -> VehicleSettings:
-        """Settings beside the state: payloads in the parameters, loading, and stations at the last look."""
+        """Settings of vehicles beside their state: payloads in the parameters, loading, stations at the last look."""
         return VehicleSettings(self._carried, dict(self.loading), self._stations, self._ropes)
 
     def take_over(self, settings: VehicleSettings) -> None:
-        """Take over settings from another time, together with the parameters and the state of that time."""
+        """Restore vehicle settings of an earlier moment, whose parameters and state are restored as well."""
         self._carried, loading, self._stations, self._ropes = settings
         self.loading = dict(loading)
 
@@ -221,7 +221,7 @@ class Vehicles:
 
     @property
     def awaited(self) -> bool:
-        """Whether `exchange` has something to look at: a vehicle has changed its rope or station since."""
+        """Whether a vehicle has changed its rope or station since the last look, so that `exchange` is due."""
         if not self.exchanges:
             return False
         same = np.array_equal(self._stations_now(), self._stations, equal_nan=True)
@@ -248,7 +248,7 @@ class Vehicles:
             self.put_in(loads)
 
     def serve(self, time: float) -> None:
-        """Continue all loading by `time` (s), and exchange payloads of what has come to or passed a station."""
+        """Continue all loading by `time` (s), and exchange the payloads of vehicles that have reached a station."""
         self.load_on(time)
         if self.awaited:
             self.exchange()
@@ -292,7 +292,7 @@ def _first_rope(name: str, parts: Sequence[Ropeway]) -> tuple[Ropeway, Carriage]
 
 
 def _rooms(scenario: Scenario) -> dict[str, CarrierPayload]:
-    """Payloads that carriers leave the stations of a rope with, by name."""
+    """Payloads with which carriers leave the stations of a rope, by name of the carrier."""
     carriers = scenario.carriers
     if carriers is None:
         return {}

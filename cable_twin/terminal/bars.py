@@ -73,11 +73,11 @@ def share_shown(console: Console, what: str) -> Iterator[Callable[[float], None]
 
 @contextmanager
 def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterator[None]:
-    """Context that shows the progress of compilation and of settling.
+    """Context that shows the progress of kernel compilation and of the relaxation of the rope to its equilibrium.
 
     Args:
         console: console with the bar, if it is a terminal.
-        line: without a terminal, called with a line at the begin, for the remaining time, and at the end.
+        line: called without a terminal, with a line at the begin, for the remaining time, and at the end.
     """
     columns = (
         TextColumn("{task.description}"),
@@ -158,7 +158,7 @@ class StatusBar:
             return  # the terminal is gone
 
     def _in_foreground(self) -> bool:
-        """Whether this process is in the terminal's foreground; after `sim &`, the shell is there instead."""
+        """Whether this process is in the terminal's foreground, and not in the background as after `sim &`."""
         try:
             return os.tcgetpgrp(self._terminal) == os.getpgrp()
         except OSError:

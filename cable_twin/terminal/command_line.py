@@ -1,4 +1,4 @@
-"""Shared command line parts of all commands: options with errors in one line, signals, fault reports."""
+"""Command-line parts shared by all commands: options with errors in one line, signals, fault reports."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 
 def leave_at_once(command: str, code: int) -> None:
-    """End the process with a line, without an exception, which would crash the compiler in its callbacks."""
+    """End the process at once after a line on stderr; an exception would crash the compiler in its callbacks."""
     cursor = "\x1b[?25h" if sys.stderr.isatty() else ""  # a progress bar may have hidden it
     with suppress(OSError):  # a terminal that is gone
         os.write(sys.stderr.fileno(), f"{cursor}{command}: ended before it had started\n".encode())
@@ -74,7 +74,7 @@ def _answered(handler: Callable[[int, FrameType | None], None]) -> Iterator[None
 def interrupts_kept() -> Iterator[None]:
     """Context in which Ctrl-C raises KeyboardInterrupt, never lost in callbacks nor within the compiler.
 
-    The end of a terminal does as Ctrl-C.
+    Closing the terminal acts as Ctrl-C.
 
     Kernels may be compiled or loaded at any first use, where an exception does harm (see `leave_at_once`), and Python
     drops what is raised in callbacks and finalizers with a traceback on the terminal. Both are tried again a moment
@@ -124,7 +124,7 @@ Main = Callable[..., int]
 def faults_reported(command: str) -> Callable[[Main], Main]:
     """Decorator of a command's `main`: an unhandled exception gives a line, a file of details and exit code 70.
 
-    Warnings are a line each.
+    A warning is printed as one line.
     """
 
     def decorate(main: Main) -> Main:
@@ -236,7 +236,7 @@ class OneLineParser(argparse.ArgumentParser):
         """Given scenario from either form; ends with an error line where both are given."""
         plain, named = options.plain_scenario, options.scenario
         if plain is not None and named is not None:
-            self.error(f"scenario '{plain}' and --scenario '{named}' are given; one is allowed")
+            self.error(f"SCENARIO: given '{plain}' and --scenario '{named}'; allowed: one of both")
         return plain if named is None else named
 
 
@@ -264,7 +264,7 @@ def listed(line: str, width: int) -> str:
 
 
 class _PrintLines(argparse.Action):
-    """Option that prints lines and ends, like --help."""
+    """Option of a command line that prints lines and ends the process, like --help."""
 
     def __init__(self, *, lines: Callable[[], Sequence[str]], **options: Any) -> None:
         super().__init__(**options, nargs=0)

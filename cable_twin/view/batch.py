@@ -43,7 +43,7 @@ DRAWN = (  # drawn columns that may have gaps
 
 
 def planar(vector: FloatArray) -> FloatArray:
-    """Return a view (…, 2), x and z, of vectors (…, 3)."""
+    """Return the components x and z (…, 2) of vectors (…, 3), as a view of the array."""
     return vector[..., ::2]
 
 
@@ -58,12 +58,12 @@ def pixels(radius: float) -> list[float]:
 
 
 def entity_path(parent: str, name: str) -> str:
-    """Return the entity path of a child with any name."""
+    """Return the rerun path of a child entity, with its name escaped."""
     return f"{parent}/{rr.escape_entity_path_part(name)}"
 
 
 def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
-    """Return times in seconds as an index, rounded to the nanosecond."""
+    """Return times (s) as a time column of rerun, rounded to the nanosecond."""
     nanoseconds = np.rint(np.asarray(times, dtype=np.float64) * 1e9).astype("timedelta64[ns]")
     return rr.TimeColumn(TIMELINE, duration=nanoseconds)
 
@@ -71,7 +71,7 @@ def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
 def send(
     stream: rr.RecordingStream, path: str, times: FloatArray, columns: Iterable[rr.ComponentColumn], count: int = 0
 ) -> None:
-    """Send the columns of an entity at times (frames,) in s, then let the frame loop have the interpreter.
+    """Send the columns of a rerun entity at times (frames,) in s, then let the frame loop have the interpreter.
 
     Args:
         stream: stream of the recording.
@@ -92,7 +92,7 @@ def rows_without_gaps(*arrays: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 class Batch:
-    """Buffer for a number of frames, filled by one copy of the numbers of each snapshot."""
+    """Buffer for the numbers of a number of frames, which rerun draws together."""
 
     def __init__(self, frames: int) -> None:
         self._frames = frames
@@ -159,7 +159,7 @@ def _hold(column: FloatArray, before: FloatArray | None) -> None:
 
 
 class Thinning:
-    """Selection of frames at a `rate` (Hz) at most, across batches."""
+    """Selection of the frames that are drawn, at a `rate` (Hz) at most, across batches."""
 
     def __init__(self, rate: float) -> None:
         self._rate = rate

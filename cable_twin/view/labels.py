@@ -62,7 +62,7 @@ def shared_names(
     ropes: Collection[str] = (),
     near: float = 1e-3,
 ) -> dict[str, Place]:
-    """Places with one name each: for several objects the bullwheel there, their common prefix, or all names.
+    """Give each place one name: of several objects there the bullwheel, their common prefix, or all names.
 
     Args:
         places: name -> place (m), x first.
@@ -99,5 +99,5 @@ def _spans(rim: FloatArray, x: float) -> bool:
 
 
 def _without_rope(name: str, ropes: Collection[str]) -> str:
-    """Return the name of a tower without the name of its strand."""
+    """Return the name of a tower without the name of its rope at the end."""
     return next((name[: -len(rope) - 1] for rope in ropes if rope and name.endswith(f"_{rope}")), name)

@@ -63,7 +63,7 @@ class Sizes(NamedTuple):
         return self.main / (2 if self.space else 1), self.row - TITLE
 
     def cell(self, number: int) -> tuple[float, float]:
-        """Width and height of a plot with legend, or of a close-up, by its number from the first row on."""
+        """Width and height in pixels of a plot with legend, or of a close-up, by its number from the first row on."""
         for count in self.rows:
             if number < count:
                 return self.main / count, self.row - TITLE
@@ -81,7 +81,7 @@ def divided(cells: int, *, space: bool, table: tuple[int, int]) -> Sizes:
 
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
-    """Return the known numbers of a frame as Markdown, forces times `scale` in `unit`."""
+    """Return the readout of a frame, its known numbers, as Markdown; forces times `scale` in `unit`."""
     lines: list[tuple[str, float, str]] = []
     movers = driven(layout, c)
     at = "by" if layout.drives else "at"
@@ -142,7 +142,7 @@ def lay_out(
     window: float | None,
     eyes: tuple[Eye, Mapping[str, Eye]] | None = None,
 ) -> rrb.Blueprint:
-    """Return the blueprint of the whole picture.
+    """Return rerun's blueprint of the whole picture: track, close-ups, plots, readout and commands.
 
     Args:
         framed: range of the view of the whole track.
@@ -258,7 +258,7 @@ def _plot_view(
     window: float | None,
     axis: tuple[float, float] | None,
 ) -> rrb.View | rrb.Container:
-    """Return one plot with its legend rows below, linked to the common time axis."""
+    """Return the view of one plot with its legend rows below, linked to the common time axis."""
     shown, time_axis = None, rrb.TimeAxis(link="LinkToGlobal")
     if window is not None:
         boundary = rr.TimeRangeBoundary.cursor_relative
@@ -320,11 +320,11 @@ class Look:
 
     def __post_init__(self) -> None:
         if self.force_unit not in (None, "N", "kN"):
-            raise ValueError(f"force_unit is {self.force_unit!r}, allowed are 'N' and 'kN'")
+            raise ValueError(f"force_unit: given {self.force_unit!r}; allowed: 'N', 'kN' or None")
 
 
 class Picture:
-    """Picture of one run, drawn into one file after the other.
+    """Picture of one run in rerun, drawn into one file after the other.
 
     Args:
         look: appearance.

@@ -90,7 +90,7 @@ class LiveAxis:
         self._axes: deque[tuple[float, float, float]] = deque()  # time (s) and range of axes in the plot
 
     def fitted(self, time: float, low: float, high: float) -> tuple[float, float]:
-        """Return the axis from a time (s) on, after adding values from `low` to `high`."""
+        """Return the axis range from a time (s) on, after adding values from `low` to `high`."""
         self._values.append((time, low, high))
         axis = with_ticks(*self._span(self._values, time), self._unit, self._height)
         self._axes.append((time, *axis))
@@ -101,7 +101,7 @@ class LiveAxis:
         return axis
 
     def _span(self, kept: deque[tuple[float, float, float]], time: float) -> tuple[float, float]:
-        """Return the lowest and the highest number of the last seconds, after dropping older ones."""
+        """Return the lowest and the highest kept number of the shown last seconds, after dropping older ones."""
         while not time - self._window <= kept[0][0] <= time:
             kept.popleft()
         return min(low for _, low, _ in kept), max(high for _, _, high in kept)
@@ -242,11 +242,11 @@ class Plots:
                 stream.send_columns(entity_path(f"plots/{name}", AXIS), [time_column(last)], columns, strict=True)
 
     def send_ahead(self, stream: rr.RecordingStream, ahead: Sequence[TensionAhead], scale: float) -> None:
-        """Send lowest and highest tension foreseen at some times, as a band around the plotted tensions.
+        """Send the lowest and highest tensions that outlooks foresee, as a band around the plotted tensions.
 
         Args:
             stream: stream of the recording.
-            ahead: of each outlook, in order of time.
+            ahead: foreseen tensions of each outlook, in order of time.
             scale: factor from N to the unit of forces.
         """
         path, values = f"plots/{TENSION}/{AHEAD}", np.array([(*one.lowest, *one.highest) for one in ahead]) * scale
@@ -276,7 +276,7 @@ def shown_unit(signal: Signal, forces: str) -> str:
 
 
 def _shown_names(names: Sequence[str], width: float) -> list[range]:
-    """Return rows of names, with as many names in each as fit."""
+    """Return the rows of a legend as ranges of its names, with as many names in each row as fit."""
     rows: list[range] = []
     left = 0.0
     for number, wide in enumerate(label_sizes(names)[:, 0] + LEGEND_GAP):

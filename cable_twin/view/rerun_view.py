@@ -234,7 +234,7 @@ class RerunView:
             OSError: the file cannot be created, or the port is in use.
         """
         if path is None and not live and stream is None:
-            raise ValueError("a view without a file and without a live server shows nothing")
+            raise ValueError("view: given no file, no live view and no stream; allowed: at least one of these")
         self.url: str | None = None
         self._path = path
         self._look = Look(title, body_outlines, **appearance)
@@ -362,7 +362,7 @@ class RerunView:
         return self._stream
 
     def _send(self) -> None:
-        """Draw all collected frames."""
+        """Send waiting commands, and draw all collected frames and outlooks."""
         stream = self._open()
         if self._commands:
             times, texts, levels = zip(*self._commands, strict=True)

@@ -1,4 +1,4 @@
-"""Rope as lines coloured by tension, and the legend of the colours."""
+"""Drawing of ropes in rerun as lines coloured by tension, with the legend of the colours."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ IN_SPACE = Form(
 
 
 def rope_columns(points: FloatArray, bins: NDArray[np.intp], form: Form) -> list[rr.ComponentColumn]:
-    """Return the rope of several frames as lines of one colour each.
+    """Return the columns of rerun for the rope in several frames, as lines of one colour each.
 
     Args:
         points: (frames, n, 3) m.

@@ -283,7 +283,7 @@ def _seen_whole(
 
 
 def _groups(layout: Layout, look: InSpace, carriers: Collection[str]) -> list[_Alike]:
-    """Groups of bodies for drawing: each body of a carriage alone, equal bodies of carriers together."""
+    """Groups of bodies that are drawn as one entity: each body of a carriage, and equal bodies of all carriers."""
     groups: dict[object, _Alike] = {}
     for (vehicle, bodies), (first, _) in zip(layout.vehicles.items(), pairwise(layout.first_body), strict=True):
         for number, body in enumerate(bodies):

@@ -35,7 +35,7 @@ LINES_TYPE = rr.components.LineStrip2DBatch([]).as_arrow_array().type
 
 
 class Scene(NamedTuple):
-    """Initial scene: cable, vehicles, supports, ground."""
+    """Initial scene of the track's plane: points of cable, vehicles, supports and ground."""
 
     cable: FloatArray  # (n, 2) m, x and z
     vehicles: list[FloatArray]  # of each (m, 2) m, its joint and then its bodies
@@ -367,7 +367,7 @@ class Vehicles:
 
 
 def _colors(table: Sequence[int], numbers: Iterable[int]) -> NDArray[np.uint32]:
-    """Return a colour array by number, as rerun would take three or four plain integers for one colour."""
+    """Return colours of a table by number as an array, as rerun takes three or four plain integers for one colour."""
     return np.array([table[number % len(table)] for number in numbers], dtype=np.uint32)
 
 

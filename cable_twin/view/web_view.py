@@ -74,7 +74,7 @@ class WebView:
 
 
 def free_port(wanted: int = 0) -> int:
-    """Free TCP port of the local interface: the wanted one, or another."""
+    """Find a free TCP port of the local interface: the wanted one, or another."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -85,7 +85,7 @@ def free_port(wanted: int = 0) -> int:
 
 
 def _program() -> list[str]:
-    """Command of the rerun program without its Python wrapper, which leaves the program running at its end."""
+    """Command line of the rerun program without its Python wrapper, which would leave the program running."""
     import rerun_cli  # noqa: PLC0415 - comes with rerun-sdk
 
     program = Path(str(rerun_cli.__file__)).with_name("rerun")
@@ -95,7 +95,7 @@ def _program() -> list[str]:
 
 
 def why_not(error: Exception) -> str:
-    """Reason in one line for an unusable rerun, with install advice where missing."""
+    """Reason in one line why rerun cannot be used, with install advice where it is missing."""
     if isinstance(error, ImportError):
         return f"rerun is not installed ({error}): pip install rerun-sdk"
     return " ".join(str(error).split())

@@ -171,7 +171,7 @@ def test_what_no_record_holds_is_named_in_one_line(field, value, kind):
     outer = records(np.ones((3, 2)))
     with pytest.raises(TypeError) as caught:
         pack(outer._replace(inner=outer.inner._replace(**{field: value})))
-    assert str(caught.value).startswith(f"Inner.{field}: {kind} given; a record holds arrays, int, float, bool")
+    assert str(caught.value).startswith(f"Inner.{field}: given {kind}; allowed: arrays, int, float, bool")
     assert "\n" not in str(caught.value)
 
 

@@ -84,7 +84,7 @@ def test_an_array_without_a_shape_is_refused():
     class Open(NamedTuple):
         place: NDArray[np.float64]
 
-    with pytest.raises(TypeError, match=r"Open\.place: no shape is declared"):
+    with pytest.raises(TypeError, match=r"Open\.place: given no shape"):
         declared(Open)
 
 

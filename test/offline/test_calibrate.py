@@ -158,16 +158,16 @@ def test_a_run_that_never_moved_says_what_it_cannot_give(bags, tmp_path, capsys)
     ("bag", "options", "said"),
     [
         ("trip", ["--free", "cable.no_such"], "cable.no_such: this key does not exist"),
-        ("trip", ["--free", "carriages.other.payload.mass"], "is no number in this scenario"),
+        ("trip", ["--free", "carriages.other.payload.mass"], "given no number in this scenario"),
         ("trip", ["--free", "cable.unstrained_length"], "needs another mesh; allowed: keys that leave ropes"),
-        ("trip", ["--free", "cable.elastic_model"], "is no number in this scenario; allowed: keys of numbers"),
-        ("trip", ["--free", "wind.x,wind.x"], "air.wind.x given twice"),
+        ("trip", ["--free", "cable.elastic_model"], "given no number in this scenario; allowed: keys of numbers"),
+        ("trip", ["--free", "wind.x,wind.x"], "given air.wind.x twice"),
         ("trip", ["--free", "cable.ice.thickness"], "cable.ice.thickness"),
-        ("trip", ["--free", "sensors.no_such.bias"], "no sensor 'no_such'; allowed: encoder_cabin"),
-        ("trip", ["--free", PAYLOAD, "--prior", "wind.x=0:1"], "air.wind.x given; allowed: of a key in --free"),
+        ("trip", ["--free", "sensors.no_such.bias"], "given sensor 'no_such'; allowed: encoder_cabin"),
+        ("trip", ["--free", PAYLOAD, "--prior", "wind.x=0:1"], "given air.wind.x; allowed: of a key in --free"),
         ("trip", ["--free", PAYLOAD, "--prior", f"{PAYLOAD}=4000:0"], "allowed: KEY=VALUE:DEVIATION"),
-        ("trip", ["--free", PAYLOAD, "--scenario", "single_span"], "a log of 'aerial_tramway' with towers tower"),
-        ("short", ["--free", PAYLOAD], "2 s long; allowed: 5 s or more"),
+        ("trip", ["--free", PAYLOAD, "--scenario", "single_span"], "towers: given tower"),
+        ("short", ["--free", PAYLOAD], "length: given 2 s; allowed: 5 s or more"),
         (
             "trip",
             ["--free", PAYLOAD, "--set", "sensors={a: {kind: imu, of: cabin}}"],
@@ -194,4 +194,4 @@ def test_logs_of_different_scenarios_are_a_line(bags, tmp_path, capsys):
     assert main([str(bags["trip"]), str(bags["short"]), "--free", PAYLOAD, "--output", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "allowed: logs of one scenario" in line
-    assert re.search(r"is \S+, in .*trip", line)
+    assert re.search(r"given \S+, in .*trip", line)

@@ -49,4 +49,4 @@ def test_simulate_says_how_sure_its_figures_are(capsys):
 
 def test_a_state_is_of_one_mesh(capsys):
     assert main(["--snapshot", "state.npz", "--check"]) == 2
-    assert "--check with a snapshot" in capsys.readouterr().err
+    assert "--check: given with a snapshot" in capsys.readouterr().err

@@ -54,8 +54,8 @@ def cases_in(directory, text):
         ("cases: [{id: a, name: [x]}]", "cases.0.name: given ['x']; allowed: a text of one line"),
         ("cases: [{id: a, loading: [full]}]", "a: loading: given ['full']; allowed: empty, full, up_full, down_full"),
         ("product: {}", "product: given an empty mapping; allowed: mappings of factors to levels by id"),
-        ("product: {a: {x: {loading: full}}, b: {y: {loading: empty}}}", "product.b: its levels give loading, as"),
-        ("product: {a: {x: {set: {gravity: 9}}}, b: {y: {set: {gravity: 8}}}}", "product.b: its levels give set.grav"),
+        ("product: {a: {x: {loading: full}}, b: {y: {loading: empty}}}", "product.b: given loading, as"),
+        ("product: {a: {x: {set: {gravity: 9}}}, b: {y: {set: {gravity: 8}}}}", "product.b: given set.grav"),
         ("{}", "given no case; allowed: a list `cases`, or a mapping `product`"),
     ],
 )
@@ -86,7 +86,7 @@ def test_wrong_files_and_profiles_are_a_line(tmp_path, capsys):
         ("tensioning: true", "tensioning: given True; allowed: stops"),
         ("tensioning: 4.5", "tensioning: given 4.5 m; allowed: -4 to 4 m, as sheaves.return.counterweight.travel has"),
         ("worst_place: 3", "worst_place: given 3; allowed: a mapping with figures, a list of their ids"),
-        ("worst_place: {figures: [sag]}", "worst_place.figures: id 'sag' is no quantity/subject/statistic"),
+        ("worst_place: {figures: [sag]}", "worst_place.figures: id: given 'sag'; allowed: quantity/subject/statistic"),
         (
             "worst_place: {figures: [a/b/lowest], points: 2}",
             "worst_place.points: given 2; allowed: a whole number from",
@@ -293,9 +293,9 @@ def test_processes_have_the_bits_of_one(calculated, tmp_path):
         ("{script: nowhere.yaml}", "nowhere.yaml: No such file or directory"),
         ("{script: trip.yaml, durations: 1}", "dynamic.durations: this key does not exist; allowed: script, duration"),
         ("{script: trip.yaml, stop: {}}", "dynamic.stop: given an empty mapping; allowed: a mapping with figures"),
-        ("{script: trip.yaml, stop: {figures: [swing]}}", "dynamic.stop.figures: id 'swing' is no quantity/subject"),
+        ("{script: trip.yaml, stop: {figures: [swing]}}", "dynamic.stop.figures: id: given 'swing'; allowed: quantity"),
         ("{script: trip.yaml, duration: -1}", "dynamic.duration: given -1; allowed: a number from 0"),
-        ("{script: trip.yaml, stop: {figures: [a/b/lowest], from: 5, to: 5}}", "dynamic.stop: allowed: from below to"),
+        ("{script: trip.yaml, stop: {figures: [a/b/lowest], from: 5, to: 5}}", "dynamic.stop: given from 5, to 5 s"),
     ],
 )
 def test_faults_of_runs_are_a_line(tmp_path, dynamic, told):

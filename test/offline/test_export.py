@@ -116,7 +116,7 @@ def test_what_cannot_be_written_is_a_line_before_anything_runs(made, tmp_path, c
     with pytest.raises(SystemExit) as ended:
         command.main([*arguments, "--csv", "-", "--json", "-"])
     assert ended.value.code == 2
-    assert "--csv - and --json - are given; only one of them can go to standard output" in capsys.readouterr().err
+    assert "--csv, --json: given - for both; allowed: standard output for one of them" in capsys.readouterr().err
     with pytest.raises(SystemExit):
         command.main([*arguments, "--csv", str(tmp_path / "a.parquet")])
-    assert "a.parquet: CSV is written; allowed: a name that ends in .csv, or -" in capsys.readouterr().err
+    assert "a.parquet; allowed: a name that ends in .csv, or -" in capsys.readouterr().err

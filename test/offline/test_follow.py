@@ -286,7 +286,7 @@ def test_a_bag_is_followed_into_a_log_of_estimates_and_a_plot(bag, tmp_path, cap
     ("arguments", "said"),
     [
         (["--scenario", "no_such"], "no_such"),
-        (["--set", "sensors={a: {kind: encoder, of: cabin}}"], "drive_force of 'cabin' given; allowed: none"),
+        (["--set", "sensors={a: {kind: encoder, of: cabin}}"], "drive_force: given 'cabin'; allowed: none"),
     ],
 )
 def test_what_cannot_be_followed_is_a_line(bag, tmp_path, capsys, arguments, said):

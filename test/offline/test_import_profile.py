@@ -81,7 +81,7 @@ def test_given_values_and_stations_are_in_the_file(tmp_path):
     [
         ("x,z\n0,0\n20,1\n15,2\n", None, "terrain.csv: line 4: given x = 15 m after 20 m: the terrain folds back"),
         ("x,z\n0,0\n", None, "terrain.csv: given 1 points of terrain; allowed: at least 2"),
-        ("x\n0\n1\n", None, "terrain.csv: line 1: no column z (m); given: x"),
+        ("x\n0\n1\n", None, "terrain.csv: line 1: columns: given x; allowed: with z (m) among them"),
         ("x,z\n0,0\n1,high\n", None, "terrain.csv: line 3: z: given 'high'; allowed: a number, in m"),
         ("x,z\n0,0\n1\n", None, "terrain.csv: line 3: given 1 columns; allowed: 2, as in the header"),
         ("x [yd],z\n0,0\n", None, "terrain.csv: line 1: x: given the unit 'yd'; allowed: m, ft, us-ft"),
@@ -94,7 +94,7 @@ def test_given_values_and_stations_are_in_the_file(tmp_path):
         (None, "name,x,z_rope\nA,45,9\nA,60,20\n", "towers.csv: line 3: given A twice; allowed: each name once"),
         (None, "x,z_rope\n45,-3\n", "towers.csv: line 2: given T1 with its rope at z = -3 m; allowed: above the gro"),
         (None, "x,z_rope\n2000,9\n", "towers.csv: line 2: given T1 at x = 2000 m; allowed: the terrain, -20 to 970 m"),
-        (None, "name,x\nA,45\n", "towers.csv: line 1: no column z_rope (m) or rope_above_ground (m); given: name, x"),
+        (None, "name,x\nA,45\n", "towers.csv: line 1: columns: given name, x; allowed: with z_rope (m) or rope_above"),
         (None, "x,z_rope,hold_down\n45,9,up\n", "towers.csv: line 2: hold_down: given 'up'; allowed: 1 or 0"),
         (None, "x,z_rope,contacts\n45,9,2.5\n", "towers.csv: line 2: contacts: given 2.5; allowed: a whole number"),
     ],

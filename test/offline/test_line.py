@@ -264,7 +264,7 @@ def test_what_is_for_programs_is_alone_on_the_output(capsys):
             ["aerial_tramway", "--places", "2", "--set", "carriages.cabin.drive.haul_rope.pretension=0",
              "--set", "carriages.cabin.drive.haul_rope.station=start"],
             1,
-            "line: cabin at 3.0 m: carriages.cabin.drive.haul_rope: it would have to push with",
+            "line: cabin at 3.0 m: carriages.cabin.drive.haul_rope: given one that would have to push with",
         ),
     ],
 )  # fmt: skip

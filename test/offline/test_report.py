@@ -124,7 +124,7 @@ def test_extremes_of_load_cases_are_judged_by_other_profiles_too(cases, capsys):
     capsys.readouterr()
     assert report.main([str(cases / "rule.json"), *given]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "rule.json: case heavy is a load case of a rule, whose figures are among the extremes; allowed: " in line
+    assert "rule.json: case heavy: given a load case of a rule, whose figures are among the extremes; allowed: " in line
 
 
 def test_ratios_of_extremes_of_different_cases_are_not_exceeded():
@@ -342,10 +342,10 @@ def test_lines_differ_without_colours_and_gaps_stay():
     ("arguments", "told"),
     [
         (["nowhere"], "nowhere: no such file or directory"),
-        (["{run}", "--output", "page.txt"], "'page.txt' given, allowed: a name that ends in .html"),
+        (["{run}", "--output", "page.txt"], "given 'page.txt'; allowed: a name that ends in .html"),
         (["{run}", "--profile", "nothing"], "--profile: given 'nothing': no such profile"),
         (["{run}", "--scenario", "no.yaml"], "no.yaml: no such file"),
-        (["{run}", "--trips", "0"], "'0' given, allowed: a number above 0 and at most"),
+        (["{run}", "--trips", "0"], "given '0'; allowed: a number above 0 and at most"),
         (["{empty}"], "not a log: 0 .mcap files in it"),
     ],
 )

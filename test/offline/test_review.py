@@ -364,7 +364,7 @@ def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):
 
 
 def test_too_many_bags_and_unknown_options_are_refused_in_a_line(capsys):
-    for arguments, said in ((["a"] * 27, "27 bags given; at most 26 are allowed"), (["--fast"], "--help")):
+    for arguments, said in ((["a"] * 27, "bags: given 27; allowed: at most 26"), (["--fast"], "--help")):
         with pytest.raises(SystemExit) as ended:
             main(arguments)
         assert ended.value.code == 2

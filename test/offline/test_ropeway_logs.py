@@ -135,6 +135,6 @@ def test_a_payload_that_no_motion_makes_possible_is_found_before_the_run():
         ScriptedCommand(3.0, Command("payload", {"cabin": 10.0}), "script", "trip.yaml:3"),
     ]
     assert check_script(load_scenario(TRAMWAY), script) == [
-        "trip.yaml:1: payload of 'cabin' is 401 kg; allowed are 0 to 400 kg",
-        "trip.yaml:2: wind x is 200 m/s; allowed are -100 to 100 m/s",
+        "trip.yaml:1: payload of 'cabin': given 401 kg; allowed: 0 to 400 kg",
+        "trip.yaml:2: wind x: given 200 m/s; allowed: -100 to 100 m/s",
     ]

@@ -28,7 +28,7 @@ def test_profiles_checks_and_vocabulary_are_listed(capsys):
     [
         (["nowhere"], "given 'nowhere': no such profile; allowed: "),
         (["nowhere.yaml"], "nowhere.yaml: no such file; allowed: a YAML file with a rule profile"),
-        (["--scenario", "jig_back"], "jig_back names no profile in limits.profile; give the name of one"),
+        (["--scenario", "jig_back"], "jig_back: limits.profile: given none; allowed: names of profiles"),
     ],
 )
 def test_wrong_profiles_are_a_line(capsys, arguments, told):

@@ -63,44 +63,44 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("{name: cabin, speed: 6}", "no time given; allowed: zero or more, in s"),
-        ("{at: here, event: release}", "at 'here' given; allowed: {name: VEHICLE or DRIVE, position: m"),
-        ("{at: {name: cabin}, event: release}", "at {'name': 'cabin'} given; allowed: {name: VEHICLE or DRIVE"),
-        ("{at: {name: cabin, position: .nan}, event: release}", "at position nan given; allowed: a finite"),
-        ("{at: {name: cabin, position: 1" + 400 * "0" + "}, event: release}", "given; allowed: a finite number, in m"),
-        ("{time: 1, wind: 3, wind: 4}", "wind given twice, first on line 2; allowed: once"),
-        ("{time: -1, name: cabin, speed: 6}", "time -1 given; allowed: zero or more, in s"),
-        ("{time: .inf, name: cabin, speed: 6}", "time inf given"),
-        ("{time: true, name: cabin, speed: 6}", "time True given"),
-        ("{time: 1, name: cabin}", "name 'cabin' given; allowed: time (s) and either name with speed, force, payload,"),
-        ("{time: 1, speed: 6}", "speed 6 given; allowed: time (s) and either name"),
-        ("{time: 1, name: cabin, speed: 6, force: 1}", "speed 6, force 1 given; allowed"),
-        ("{time: 1, name: cabin, speed: .nan}", "speed nan given; allowed: a finite number, in m/s"),
-        ("{time: 1, name: cabin, force: much}", "force 'much' given; allowed: a finite number, in N"),
-        ("{time: 1, name: cabin, payload: heavy}", "payload 'heavy' given; allowed: a finite number, in kg"),
-        ("{time: 1, name: cabin, speed: 1" + 400 * "0" + "}", "given; allowed: a finite number, in m/s"),
-        ("{time: 1, wind: .inf}", "wind inf given; allowed: a finite number, in m/s"),
-        ("{time: 1, wind: 3, wind_z: up}", "wind_z 'up' given; allowed: a finite number, in m/s"),
-        ("{time: 1, temperature: .nan}", "temperature nan given; allowed: a finite number, in degC"),
-        ("{time: 1, wind_z: 3}", "wind_z 3 given; allowed: time (s) and either name"),
-        ("{time: 1, gust: 3, gust_duration: long}", "gust_duration 'long' given; allowed: a finite number, in s"),
-        ("{time: 1, gust: 3, wind: 3}", "wind 3, gust 3 given; allowed: time (s) and either name"),
-        ("{time: 1, wind: 3, name: cabin}", "name 'cabin', wind 3 given; allowed: time (s) and either name"),
-        ("{time: 1, wind: 3, event: reset}", "event 'reset' with wind given"),
-        ("{time: 1, event: brake}", "event 'brake' given; allowed: emergency_stop, release, reset, alone"),
-        ("{time: 1, event: [reset]}", "event ['reset'] given"),
-        ("{time: 1, event: reset, name: cabin}", "event 'reset' with name given"),
-        ("{time: 1, name: cabin, velocity: 6}", "unknown velocity; allowed"),
-        ("hello", "'hello' given; allowed"),
-        (f"{DRIVEN}, step: 1}}", "step 1 given; allowed with a time, a name and a speed or force: step and duration"),
-        (f"{DRIVEN}, step: 1, duration: 0}}", "duration 0 s given; allowed: more than 0 s"),
-        (f"{DRIVEN}, step: .nan, duration: 1}}", "step nan given; allowed: a finite number, in m/s"),
-        (f"{DRIVEN}, chirp: 1, duration: 9, from: 0.1}}", "chirp 1, duration 9, from 0.1 given; allowed"),
-        (f"{DRIVEN}, chirp: 1, duration: 9, from: 0.1, to: 0}}", "to 0 Hz given; allowed: more than 0, up to 10 Hz"),
-        (f"{DRIVEN}, chirp: 1, duration: 9, from: 11, to: 1}}", "from 11 Hz given; allowed: more than 0, up to 10 Hz"),
-        (f"{DRIVEN}, chirp: 1, duration: 1e6, from: 1, to: 1}}", "a chirp of 20000000 commands given; allowed: 100000"),
-        (f"{DRIVEN}, step: 1, chirp: 1, duration: 1}}", "step 1, chirp 1, duration 1 given; allowed"),
-        ("{time: 1, name: cabin, payload: 2, step: 1, duration: 2}", "payload with step, duration given; allowed"),
+        ("{name: cabin, speed: 6}", "time: given none; allowed: zero or more, in s"),
+        ("{at: here, event: release}", "at: given 'here'; allowed: {name: VEHICLE or DRIVE, position: m"),
+        ("{at: {name: cabin}, event: release}", "at: given {'name': 'cabin'}; allowed: {name: VEHICLE or DRIVE"),
+        ("{at: {name: cabin, position: .nan}, event: release}", "at position: given nan; allowed: a finite"),
+        ("{at: {name: cabin, position: 1" + 400 * "0" + "}, event: release}", "; allowed: a finite number, in m"),
+        ("{time: 1, wind: 3, wind: 4}", "given wind twice, first on line 2; allowed: once"),
+        ("{time: -1, name: cabin, speed: 6}", "time: given -1; allowed: zero or more, in s"),
+        ("{time: .inf, name: cabin, speed: 6}", "time: given inf"),
+        ("{time: true, name: cabin, speed: 6}", "time: given True"),
+        ("{time: 1, name: cabin}", "given name 'cabin'; allowed: time (s) and either name with speed, force, payload,"),
+        ("{time: 1, speed: 6}", "given speed 6; allowed: time (s) and either name"),
+        ("{time: 1, name: cabin, speed: 6, force: 1}", "given speed 6, force 1; allowed"),
+        ("{time: 1, name: cabin, speed: .nan}", "speed: given nan; allowed: a finite number, in m/s"),
+        ("{time: 1, name: cabin, force: much}", "force: given 'much'; allowed: a finite number, in N"),
+        ("{time: 1, name: cabin, payload: heavy}", "payload: given 'heavy'; allowed: a finite number, in kg"),
+        ("{time: 1, name: cabin, speed: 1" + 400 * "0" + "}", "; allowed: a finite number, in m/s"),
+        ("{time: 1, wind: .inf}", "wind: given inf; allowed: a finite number, in m/s"),
+        ("{time: 1, wind: 3, wind_z: up}", "wind_z: given 'up'; allowed: a finite number, in m/s"),
+        ("{time: 1, temperature: .nan}", "temperature: given nan; allowed: a finite number, in degC"),
+        ("{time: 1, wind_z: 3}", "given wind_z 3; allowed: time (s) and either name"),
+        ("{time: 1, gust: 3, gust_duration: long}", "gust_duration: given 'long'; allowed: a finite number, in s"),
+        ("{time: 1, gust: 3, wind: 3}", "given wind 3, gust 3; allowed: time (s) and either name"),
+        ("{time: 1, wind: 3, name: cabin}", "given name 'cabin', wind 3; allowed: time (s) and either name"),
+        ("{time: 1, wind: 3, event: reset}", "given event 'reset' with wind; allowed"),
+        ("{time: 1, event: brake}", "given event 'brake'; allowed: exactly one of emergency_stop, release, reset"),
+        ("{time: 1, event: [reset]}", "given event ['reset']; allowed"),
+        ("{time: 1, event: reset, name: cabin}", "given event 'reset' with name; allowed"),
+        ("{time: 1, name: cabin, velocity: 6}", "given unknown velocity; allowed"),
+        ("hello", "given 'hello'; allowed"),
+        (f"{DRIVEN}, step: 1}}", "given step 1; allowed with a time, a name and a speed or force: step and duration"),
+        (f"{DRIVEN}, step: 1, duration: 0}}", "duration: given 0 s; allowed: more than 0 s"),
+        (f"{DRIVEN}, step: .nan, duration: 1}}", "step: given nan; allowed: a finite number, in m/s"),
+        (f"{DRIVEN}, chirp: 1, duration: 9, from: 0.1}}", "given chirp 1, duration 9, from 0.1; allowed"),
+        (f"{DRIVEN}, chirp: 1, duration: 9, from: 0.1, to: 0}}", "to: given 0 Hz; allowed: more than 0, up to 10 Hz"),
+        (f"{DRIVEN}, chirp: 1, duration: 9, from: 11, to: 1}}", "from: given 11 Hz; allowed: more than 0, up to 10 Hz"),
+        (f"{DRIVEN}, chirp: 1, duration: 1e6, from: 1, to: 1}}", "chirp: given 20000000 commands; allowed: 100000"),
+        (f"{DRIVEN}, step: 1, chirp: 1, duration: 1}}", "given step 1, chirp 1, duration 1; allowed"),
+        ("{time: 1, name: cabin, payload: 2, step: 1, duration: 2}", "given payload with step, duration; allowed"),
     ],
 )
 def test_each_fault_has_file_and_line(tmp_path, line, said):
@@ -129,13 +129,13 @@ def test_faults_of_the_file_and_of_the_scenario_are_told_together_in_the_order_o
     with pytest.raises(ScriptError) as error:
         read_script(path, load_scenario(scenario))
     said = {
-        1: "unknown carriage or drive 'nobody'",
-        2: "'hello' given; allowed",
+        1: "carriage or drive: given 'nobody'",
+        2: "given 'hello'; allowed",
         4: "the emergency stop is in force",
-        5: "time -1 given",
-        6: "wind x is 300 m/s",
-        7: "temperature is 283.15 degC; allowed are -100 to 100 degC",
-        8: "at 'bus', which is no vehicle or drive; known",
+        5: "time: given -1",
+        6: "wind x: given 300 m/s",
+        7: "temperature: given 283.15 degC; allowed: -100 to 100 degC",
+        8: "at: given name 'bus'; allowed",
     }
     for line, (number, fault) in zip(str(error.value).splitlines(), said.items(), strict=True):
         assert line.startswith(f"{path}:{number}: {fault}")
@@ -161,20 +161,20 @@ def test_a_step_and_a_chirp_are_commands(tmp_path):
 
 def test_a_limit_that_a_chirp_exceeds_is_told_once(tmp_path):
     path = write(tmp_path, "test.yaml", "- {time: 1, name: cabin, speed: 9, chirp: 5, from: 1, to: 1, duration: 10}\n")
-    with pytest.raises(ScriptError, match=r"^[^\n]* allowed are -10 to 10 m/s$"):
+    with pytest.raises(ScriptError, match=r"^[^\n]* allowed: -10 to 10 m/s$"):
         read_script(path, load_scenario("single_span"))
 
 
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("trip.csv", "name,speed\ncabin,1\n", ":1: header 'name,speed' given; allowed: a header with a column time"),
-        ("trip.csv", "time,name,speed,speed\n", ":1: header 'time,name,speed,speed' given; each key only once"),
-        ("trip.csv", "time,name,speed\n1,cabin,2,3,4\n", ":2: 5 cells given; the header has 3"),
+        ("trip.csv", "name,speed\ncabin,1\n", ":1: header: given 'name,speed'; allowed: one with a column time"),
+        ("trip.csv", "time,name,speed,speed\n", ":1: header: given 'time,name,speed,speed'; allowed: each key once"),
+        ("trip.csv", "time,name,speed\n1,cabin,2,3,4\n", ":2: cells: given 5; allowed: 3, as in the header"),
         ("trip.csv", "time,name,speed\n1,cabin," + 140_000 * "1" + "\n", ":2: not CSV (field larger than"),
-        ("trip.yaml", "time: 1\n", ":1: a mapping given; allowed: a list of commands"),
+        ("trip.yaml", "time: 1\n", ":1: given a mapping; allowed: a list of commands"),
         ("trip.yaml", "- {time: 1\n- 2", ":2: not YAML ("),
-        ("trip.txt", "", ": suffix '.txt' given; allowed: .yaml, .yml or .csv"),
+        ("trip.txt", "", ": suffix: given '.txt'; allowed: .yaml, .yml or .csv"),
     ],
 )
 def test_what_is_no_script_is_named(tmp_path, name, text, said):
@@ -264,4 +264,4 @@ def test_places_that_nothing_can_come_by_are_told_before_the_run(tmp_path):
     """Places off the cable; unknown names are in the table of faults above."""
     script = read_script(write(tmp_path, "trip.yaml", "- {at: {name: cabin, position: 5000}, event: emergency_stop}\n"))
     (fault,) = check_script(load_scenario("single_span"), script)
-    assert fault.endswith("trip.yaml:1: at 5000 m of 'cabin'; allowed: 0 to 1044.25 m, on the cable")
+    assert fault.endswith("trip.yaml:1: at: given 5000 m of 'cabin'; allowed: 0 to 1044.25 m, on the cable")

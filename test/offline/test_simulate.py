@@ -112,14 +112,14 @@ def test_what_the_other_scenario_refuses_is_told_and_the_rest_goes_on(scripted, 
     slower = ["--set", "carriages.cabin.drive.limits.speed=5.0"]
     assert main(["--from-bag", str(run), *slower, "--output", str(tmp_path), "--record", "bag"]) == 1
     said = capsys.readouterr()
-    assert "command at 0.000 s: speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s" in said.err
+    assert "command at 0.000 s: speed of 'cabin': given 6 m/s; allowed: -5 to 5 m/s" in said.err
     assert "4 commands, 1 refused" in said.out
     log = read_log(the_run(tmp_path))
     assert len(log.commands) == 4
     refused = [item for item in read_snapshots(log) if isinstance(item, RefusedCommand)]
-    assert refused == [RefusedCommand(0.0, "script", "speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s", 1)]
+    assert refused == [RefusedCommand(0.0, "script", "speed of 'cabin': given 6 m/s; allowed: -5 to 5 m/s", 1)]
     assert review.main([str(log.path), "--no-viewer"]) == 0
-    told = "4 commands, 1 refused, the last at 0.00 s from script: speed of 'cabin' is 6 m/s; allowed are -5 to 5 m/s"
+    told = "4 commands, 1 refused, the last at 0.00 s from script: speed of 'cabin': given 6 m/s; allowed: -5 to 5 m/s"
     assert told in capsys.readouterr().out
 
 
@@ -205,21 +205,21 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     [
         (["nowhere"], "given 'nowhere', which is neither a scenario nor a file"),
         (["--set", "cable.element=4"], "cable.element: this key does not exist; did you mean 'elements'?"),
-        (["--set", "cable.elements"], "'cable.elements' given, KEY=VALUE is needed"),
-        (["--set", "cable.elements=[1"], "'cable.elements=[1' given, the value is not YAML"),
-        (["--duration", "0"], "'0' given, more than 0 s is allowed"),
-        (["--frame-rate", "0.5"], "'0.5' given, 1 to 1000 Hz are allowed"),
-        (["--log-pose-rate", "-1"], "--log-pose-rate: '-1' given, 0 to 1000 Hz are allowed"),
-        (["--log-force-rate", "1001"], "--log-force-rate: '1001' given, 0 to 1000 Hz are allowed"),
-        (["--log-joint-rate", "nan"], "--log-joint-rate: 'nan' given, 0 to 1000 Hz are allowed"),
-        (["--log-path-rate", "often"], "--log-path-rate: 'often' given, 0 to 1000 Hz are allowed"),
+        (["--set", "cable.elements"], "given 'cable.elements'; allowed: KEY=VALUE"),
+        (["--set", "cable.elements=[1"], "given 'cable.elements=[1'; allowed: a value in YAML"),
+        (["--duration", "0"], "given '0'; allowed: more than 0 s"),
+        (["--frame-rate", "0.5"], "given '0.5'; allowed: 1 to 1000 Hz"),
+        (["--log-pose-rate", "-1"], "--log-pose-rate: given '-1'; allowed: 0 to 1000 Hz"),
+        (["--log-force-rate", "1001"], "--log-force-rate: given '1001'; allowed: 0 to 1000 Hz"),
+        (["--log-joint-rate", "nan"], "--log-joint-rate: given 'nan'; allowed: 0 to 1000 Hz"),
+        (["--log-path-rate", "often"], "--log-path-rate: given 'often'; allowed: 0 to 1000 Hz"),
         (["--log-poses-rate", "20"], "unrecognized arguments: --log-poses-rate;"),
-        (["--log-rope-rate", "30"], "--log-rope-rate is 30 Hz; allowed are whole fractions of the frame rate, as 100,"),
-        (["--log-joint-rate", "100", "--frame-rate", "50"], "--log-joint-rate is 100 Hz; allowed are whole fractions"),
+        (["--log-rope-rate", "30"], "--log-rope-rate: given 30 Hz; allowed: whole fractions of the frame rate, as 1"),
+        (["--log-joint-rate", "100", "--frame-rate", "50"], "--log-joint-rate: given 100 Hz; allowed: whole fractions"),
         (["--script", "none.yaml"], "none.yaml: No such file or directory"),
         (["--script", "a.yaml", "--from-bag", "b"], "not allowed with argument"),
-        (["--script", "unknown.yaml"], "unknown.yaml:2: unknown carriage or drive 'gondola'; known: cabin"),
-        (["--script", "fast.yaml"], "fast.yaml:1: speed of 'cabin' is 60 m/s; allowed are -10 to 10 m/s"),
+        (["--script", "unknown.yaml"], "unknown.yaml:2: carriage or drive: given 'gondola'; allowed: cabin"),
+        (["--script", "fast.yaml"], "fast.yaml:1: speed of 'cabin': given 60 m/s; allowed: -10 to 10 m/s"),
         (["--script", "stopped.yaml"], "stopped.yaml:2: the emergency stop is in force: release it"),
     ],
 )

@@ -294,11 +294,11 @@ def test_options_of_simulate_split_and_keep(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--split-duration", "-1"], "simulate: --split-duration is -1 s; allowed: 0, or 1 s and more"),
-        (["--keep-age", "nan"], "simulate: --keep-age is nan s; allowed: 0 s and more"),
+        (["--split-duration", "-1"], "simulate: --split-duration: given -1 s; allowed: 0, or 1 s and more"),
+        (["--keep-age", "nan"], "simulate: --keep-age: given nan s; allowed: 0 s and more"),
         (
             ["--keep-age", "10"],
-            "simulate: --keep-age is 10 s, less than a file; allowed: 0, or --split-duration of 3600 s and more",
+            "simulate: --keep-age: given 10 s, less than a file; allowed: 0, or --split-duration of 3600 s and more",
         ),
     ],
 )

@@ -44,11 +44,11 @@ def test_designs_cover_ranges_and_lists():
     ("options", "told"),
     [
         (["--vary", "gravity=9"], ""),
-        (["--vary", "gravity"], "'gravity' given, KEY=LOW:HIGH or KEY=VALUE,VALUE,... is needed"),
+        (["--vary", "gravity"], "given 'gravity'; allowed: KEY=LOW:HIGH or KEY=VALUE,VALUE,..."),
         (["--vary", "gravity=9:8"], "with LOW below HIGH, both finite"),
         (
             ["--vary", "gravity=9:10", "--vary", "gravity=9,10"],
-            "--vary: gravity is given twice; allowed: each key once",
+            "--vary: given gravity twice; allowed: each key once",
         ),
         (["--vary", "gravity=-1:9"], "gravity: given -1.0 m/s^2; allowed: a finite number at least 0"),
         (["--vary", "grvity=1:9"], "grvity"),

@@ -155,8 +155,8 @@ def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, caps
     output = capsys.readouterr()
     assert code == 1
     assert output.err == (
-        "simulate: gravity 0: without gravity, a cable on one pin is at rest in any direction; "
-        "allowed: gravity, or a clamped end\n"
+        "simulate: gravity 0: gravity: given 0 m/s², where a cable on one pin is at rest in any direction; "
+        "allowed: more than 0 m/s², or a clamped end\n"
     )
     assert any(line.strip().startswith("9.81 ") for line in output.out.splitlines())
 
@@ -164,12 +164,12 @@ def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, caps
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("wind.x", "'wind.x' given, KEY=START:STOP:STEP is needed"),
-        ("wind.x=0:10", "'wind.x=0:10' given, KEY=START:STOP:STEP is needed"),
-        ("wind.x=0:gale:1", "'wind.x=0:gale:1' given, 'gale' is no finite number"),
+        ("wind.x", "given 'wind.x'; allowed: KEY=START:STOP:STEP"),
+        ("wind.x=0:10", "given 'wind.x=0:10'; allowed: KEY=START:STOP:STEP"),
+        ("wind.x=0:gale:1", "given 'wind.x=0:gale:1', 'gale' is no finite number"),
         ("wind.x=0:inf:1", "'inf' is no finite number"),
-        ("wind.x=0:10:0", "given with a step of 0; allowed"),
-        ("wind.x=0:10:-1", "given with a step of -1, which leads away from 10"),
+        ("wind.x=0:10:0", "a step of 0; allowed"),
+        ("wind.x=0:10:-1", "a step of -1, which leads away from 10"),
         ("wind.x=0:1:1e-6", "1000001 runs; allowed: at most 1000"),
         ("wund.x=0:10:1", "wund: this key does not exist; allowed: name"),
         ("air.wind.q=0:10:1", "air.wind.q: this key does not exist; allowed: x, y, z or a number from 0 to 1"),
@@ -205,7 +205,7 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tm
     ("options", "said"),
     [
         (("--plot", "a.png"), "--plot a.png without --sweep"),
-        (("--sweep", "wind.x=0:1:1", "--plot", "a.txt"), "--plot a.txt: allowed: a name that ends with .png, .pdf"),
+        (("--sweep", "wind.x=0:1:1", "--plot", "a.txt"), "--plot: given a.txt; allowed: a name that ends with .png"),
         (
             ("--sweep", "wind.x=0:1:1", "--check"),
             "--sweep cannot be combined with --check: a sweep starts every run from rest",

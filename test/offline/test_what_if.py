@@ -95,16 +95,16 @@ def test_a_softer_brake_stops_later(run, tmp_path):
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        (["--at", 9], "--at 9 s given; allowed: up to 4 s, the end of"),
-        (["--at", 4], "--at 4 s given, the end of the log; allowed: at least one frame of 0.01 s; give --duration"),
+        (["--at", 9], "--at: given 9 s; allowed: up to 4 s, the end of"),
+        (["--at", 4], "--at: given 4 s, the end of the log; allowed: at least one frame of 0.01 s; give --duration"),
         (
             ["--at", 2, "--set", "cable.elements=44"],
             "--set cable.elements: given 44, which needs another mesh; allowed",
         ),
         (["--at", 2, "--set", "cabel.elements=44"], "cabel: this key does not exist; did you mean 'cable'?"),
         (["--at", 2, "--set", "cable.mass_per_length=-1"], "cable.mass_per_length: given -1"),
-        (["--at", 2, "--script", "early.yaml"], "early.yaml:2: time 1.9 s given; allowed: from 2 s, the time of --at"),
-        (["--at", 2, "--script", "drive.yaml"], "drive.yaml:1: unknown carriage or drive 'cabn'"),
+        (["--at", 2, "--script", "early.yaml"], "early.yaml:2: time: given 1.9 s; allowed: from 2 s, the time of --at"),
+        (["--at", 2, "--script", "drive.yaml"], "drive.yaml:1: carriage or drive: given 'cabn'"),
         (["--at", 2, "--script", "none.yaml"], "none.yaml: No such file or directory"),
     ],
 )

@@ -127,9 +127,9 @@ SPEED = '"name": "speed", "unit": "m/s", "shape": [1]'
     [
         ('"speed"', '"new_speed"', ""),
         ('"vehicles"', '"cars"', ""),
-        (SPEED, '"name": "speed", "shape": [2]', "speed has the shape (2,); expected: (1,)"),
-        (SPEED, '"name": "speed", "shape": [1e99]', "speed has the shape"),
-        (SPEED, '"name": "other", "shape": [999, 9999]', "9989001 numbers; allowed: 1000000 at most"),
+        (SPEED, '"name": "speed", "shape": [2]', "speed: given shape (2,); allowed: (1,)"),
+        (SPEED, '"name": "speed", "shape": [1e99]', "speed: given shape"),
+        (SPEED, '"name": "other", "shape": [999, 9999]', "given 9989001 numbers; allowed: at most 1000000"),
         ('"groups"', '"other"', "a JSON object with groups of columns is expected"),
         ("{", "[" * 100_000, "a JSON object with groups of columns is expected"),
     ],

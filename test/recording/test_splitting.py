@@ -161,20 +161,22 @@ def test_what_is_kept():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"split_duration": -1.0}, "split_duration is -1 s; allowed: 0, or 1 s and more"),
-        ({"split_duration": float("nan")}, "split_duration is nan s; allowed: 0, or 1 s and more"),
-        ({"split_size": 0.1}, "split_size is 0.1 MB; allowed: 0, or 1 MB and more"),
-        ({"keep_age": float("inf")}, "keep_age is inf s; allowed: 0 s and more"),
-        ({"keep_size": -5.0}, "keep_size is -5 MB; allowed: 0 MB and more"),
-        ({"keep_age": 60.0}, "keep_age is 60 s, less than a file; allowed: 0, or split_duration of 3600 s and more"),
+        ({"split_duration": -1.0}, "split_duration: given -1 s; allowed: 0, or 1 s and more"),
+        ({"split_duration": float("nan")}, "split_duration: given nan s; allowed: 0, or 1 s and more"),
+        ({"split_size": 0.1}, "split_size: given 0.1 MB; allowed: 0, or 1 MB and more"),
+        ({"keep_age": float("inf")}, "keep_age: given inf s; allowed: 0 s and more"),
+        ({"keep_size": -5.0}, "keep_size: given -5 MB; allowed: 0 MB and more"),
+        (
+            {"keep_age": 60.0},
+            "keep_age: given 60 s, less than a file; allowed: 0, or split_duration of 3600 s and more",
+        ),
         (
             {"split_size": 10.0, "keep_size": 15.0},
-            "keep_size is 15 MB, less than two files; allowed: 0, or twice split_size, 20 MB, and more",
+            "keep_size: given 15 MB, less than two files; allowed: 0, or twice split_size, 20 MB, and more",
         ),
         (
             {"split_duration": 0.0, "keep_age": 60.0, "keep_size": 5.0},
-            "keep_age and keep_size given without splitting: split_duration and split_size are 0; "
-            "one of them is needed",
+            "keep_age and keep_size: given without splitting; allowed: with split_duration or split_size above 0",
         ),
     ],
 )
@@ -264,5 +266,5 @@ def test_files_of_several_runs_are_no_log(tmp_path):
         write_split(log, 1)
         log.close()
     (tmp_path / "b/b_0.mcap").replace(tmp_path / "a/b_0.mcap")
-    with pytest.raises(LogError, match=r"several runs in it: a, b; give one file$"):
+    with pytest.raises(LogError, match=r"given .mcap files of several runs: a, b; allowed: one run$"):
         read_log(tmp_path / "a")

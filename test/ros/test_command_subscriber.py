@@ -70,20 +70,20 @@ def test_names_given_twice_are_found_without_a_comparison_of_each_with_each():
 def test_what_has_more_names_than_there_are_joints_is_refused_before_it_is_decoded():
     taken = Taken(size=10_000_000)
     taken.take(command(*(f"n{number}" for number in range(MANY)))[:40])  # ends after some names: decoded it is a fault
-    assert "20000 names given; allowed: up to 9, as many as there are joints" in taken.lines[0]
+    assert "names: given 20000; allowed: up to 9, as many as there are joints" in taken.lines[0]
     assert (taken.counts, taken.recorded, taken.applied) == ({"commands_refused": 1}, [], [])
 
 
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (command("cabin", frame="f" * 70_000), "a message of 70056 bytes; allowed: up to 65536 bytes"),
-        (command("cabin", frame="f" * 300), "a frame_id of 300 bytes; allowed: up to 256"),
+        (command("cabin", frame="f" * 70_000), "message: given 70056 bytes; allowed: up to 65536 bytes"),
+        (command("cabin", frame="f" * 300), "frame_id: given 300 bytes; allowed: up to 256"),
         (bytes(range(10)), "not a JointState"),
         (b"\0", "not a JointState"),
-        (command("n" * 60_000), "unknown carriage or drive 'nnn"),
-        (command("\x1b[2Jcabin"), r"unknown carriage or drive '\x1b[2Jcabin'"),
-        (command("cabin", speed=1e9), "speed of 'cabin' is 1e+09 m/s"),
+        (command("n" * 60_000), "carriage or drive: given 'nnn"),
+        (command("\x1b[2Jcabin"), r"carriage or drive: given '\x1b[2Jcabin'"),
+        (command("cabin", speed=1e9), "speed of 'cabin': given 1e+09 m/s"),
     ],
 )
 def test_what_is_refused_is_counted_named_in_a_short_line_and_not_recorded(message, reason):
@@ -144,9 +144,9 @@ def test_a_stream_of_refused_commands_is_one_line_and_some_messages():
         (0.5, 0, ""),  # no stamp
         (0.5, NOW - SECOND // 4, ""),
         (0.5, NOW + SECOND // 4, ""),
-        (0.5, 1, "stamp 1.7e+09 s older than the newest frame; allowed: up to 0.5 s (command_max_age)"),
-        (0.5, NOW - SECOND, "stamp 1 s older than the newest frame"),
-        (0.5, NOW + SECOND, "stamp 1 s later than the newest frame"),
+        (0.5, 1, "stamp: given 1.7e+09 s older than the newest frame; allowed: up to 0.5 s (command_max_age)"),
+        (0.5, NOW - SECOND, "stamp: given 1 s older than the newest frame"),
+        (0.5, NOW + SECOND, "stamp: given 1 s later than the newest frame"),
     ],
 )
 def test_commands_of_another_time_are_refused_where_that_is_asked_for(age, stamp_ns, reason):

@@ -100,7 +100,7 @@ def test_it_goes_to_a_place_and_stops_there(twin, drive):
     process = drive("cabin", "--to", "5000")
     assert finish(twin, process) == 1
     assert re.search(
-        r"drive: --to '5000' given for 'cabin'; allowed: \S+ to \S+ m along the cable, or start, end, lower_",
+        r"drive: --to: place for 'cabin': given '5000'; allowed: \S+ to \S+ m along the cable, or start, end, lower_",
         process.output,
     )
 
@@ -115,7 +115,7 @@ def test_stations_are_where_the_end_stops_begin():
     assert target_of(falling, "cabin", "upper_station") == pytest.approx(0.005 * length)
     steep = {"cable.start.position": [0.0, 9.0, 300.0], "cable.end.position": [1000.0, 0.0, 0.0]}
     assert target_of(load_scenario("single_span", steep), "cabin", "upper_station") == pytest.approx(0.005 * length)
-    with pytest.raises(ValueError, match="'upper_station' given for 'haul_rope', which moves the cable"):
+    with pytest.raises(ValueError, match="place for 'haul_rope': given 'upper_station'; allowed: "):
         target_of(load_scenario("gondola"), "haul_rope", "upper_station")
 
 
@@ -152,7 +152,7 @@ def test_a_reader_that_leaves_ends_it_with_a_stop(running, twin):
 def test_what_the_scenario_excludes_is_named_at_once(twin, drive):
     process = drive("cabin", "--force", "-2e5")
     assert finish(twin, process) == 1
-    assert process.output.strip() == "drive: force of 'cabin' is -200000 N; allowed are -150000 to 150000 N"
+    assert process.output.strip() == "drive: force of 'cabin': given -200000 N; allowed: -150000 to 150000 N"
     assert not twin.received["applied_commands"]
 
 
@@ -194,26 +194,26 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
     ("arguments", "said"),
     [
         (["cabin", "--speed", "1", "--force", "1"], "argument --force: not allowed with argument --speed"),
-        (["cabin", "--speed", "nan"], "argument --speed: 'nan' given, a finite number is needed"),
-        (["cabin", "--speed", "fast"], "argument --speed: 'fast' given, a finite number is needed"),
-        (["cabin", "--speed", "1", "--ramp", "-1"], "argument --ramp: -1 s given, zero or more is needed"),
-        (["--speed", "1"], "--speed needs the name of a carriage or drive before it"),
-        (["--to", "5"], "--to needs the name of a carriage or drive before it"),
-        (["cabin", "--to", "5", "--at-most", "0"], "--at-most 0 given; it goes with --to, and is above 0 m/s"),
-        (["cabin", "--to", "5", "--ramp", "2"], "--ramp given; it goes with --speed, --force"),
-        (["--payload", "1"], "--payload needs the name of a carriage before it"),
-        (["cabin", "--pause"], "'cabin' given; only --speed, --force, --payload, --to take a name"),
-        (["cabin", "--wind", "1"], "'cabin' given; only --speed, --force, --payload, --to take a name"),
-        (["--reset", "--duration", "1"], "--duration given; it goes with --speed, --force"),
-        (["cabin", "--payload", "1", "--ramp", "1"], "--ramp given; it goes with --speed, --force"),
-        (["--wind", "1", "2", "3", "4"], "argument --wind: 4 numbers given; allowed: x, z, y, in m/s"),
-        (["--temperature", "1", "2"], "argument --temperature: 2 numbers given; allowed: ropes, in degC"),
-        (["--wind", "gale"], "argument --wind: 'gale' given, a finite number is needed"),
+        (["cabin", "--speed", "nan"], "argument --speed: given 'nan'; allowed: a finite number"),
+        (["cabin", "--speed", "fast"], "argument --speed: given 'fast'; allowed: a finite number"),
+        (["cabin", "--speed", "1", "--ramp", "-1"], "argument --ramp: given -1 s; allowed: 0 s or more"),
+        (["--speed", "1"], "NAME: given nothing; allowed: a carriage or drive, before --speed"),
+        (["--to", "5"], "NAME: given nothing; allowed: a carriage or drive, before --to"),
+        (["cabin", "--to", "5", "--at-most", "0"], "--at-most: given 0 m/s; allowed: more than 0 m/s, with --to"),
+        (["cabin", "--to", "5", "--ramp", "2"], "--ramp: given 2 s; allowed: with --speed, --force"),
+        (["--payload", "1"], "NAME: given nothing; allowed: a carriage, before --payload"),
+        (["cabin", "--pause"], "NAME: given 'cabin'; allowed: with --speed, --force, --payload, --to"),
+        (["cabin", "--wind", "1"], "NAME: given 'cabin'; allowed: with --speed, --force, --payload, --to"),
+        (["--reset", "--duration", "1"], "--duration: given 1 s; allowed: with --speed, --force"),
+        (["cabin", "--payload", "1", "--ramp", "1"], "--ramp: given 1 s; allowed: with --speed, --force"),
+        (["--wind", "1", "2", "3", "4"], "argument --wind: given 4 numbers; allowed: x, z, y, in m/s"),
+        (["--temperature", "1", "2"], "argument --temperature: given 2 numbers; allowed: ropes, in degC"),
+        (["--wind", "gale"], "argument --wind: given 'gale'; allowed: a finite number"),
         (
             ["--reset", "--node", "a b"],
-            "argument --node: 'a b' given, the full name of a node is needed, such as /b/cable_twin",
+            "argument --node: given 'a b'; allowed: the full name of a node, such as /b/cable_twin",
         ),
-        (["--step", "0"], "argument --step: '0' given, a whole number of frames above zero is needed"),
+        (["--step", "0"], "argument --step: given '0'; allowed: a whole number of frames above 0"),
         (["--pause", "--resume"], "argument --resume: not allowed with argument --pause"),
         (
             ["cabin"],
@@ -232,12 +232,12 @@ def test_bad_options_are_named_in_a_line(capsys, arguments, said):
     ("scenario", "name", "kind", "value", "said"),
     [
         ("jig_back", "cabin_1", "speed", 3.0, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
-        ("jig_back", "cabin", "speed", 3.0, "unknown carriage or drive 'cabin'; known: haul_rope"),
-        ("jig_back", "haul_rope", "speed", 30.0, "speed of 'haul_rope' is 30 m/s; allowed are -10 to 10 m/s"),
+        ("jig_back", "cabin", "speed", 3.0, "carriage or drive: given 'cabin'; allowed: haul_rope"),
+        ("jig_back", "haul_rope", "speed", 30.0, "speed of 'haul_rope': given 30 m/s; allowed: -10 to 10 m/s"),
         ("chairlift", "haul_rope", "force", 0.0, None),  # a drive that is lost
-        ("chairlift", "haul_rope", "force", 1e6, "force of 'haul_rope' is 1000000 N; allowed are -106453 to 106453 N"),
+        ("chairlift", "haul_rope", "force", 1e6, "force of 'haul_rope': given 1000000 N; allowed: -106453 to 106453 N"),
         ("aerial_tramway", "cabin", "force", 1e4, None),
-        ("aerial_tramway", "cabin", "speed", 11.0, "speed of 'cabin' is 11 m/s; allowed are -10 to 10 m/s"),
+        ("aerial_tramway", "cabin", "speed", 11.0, "speed of 'cabin': given 11 m/s; allowed: -10 to 10 m/s"),
     ],
 )
 def test_it_knows_before_it_sends_what_a_twin_refuses(scenario, name, kind, value, said):

@@ -81,4 +81,5 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
     drive = processes("haul_rope", "--force", "5", *WAIT, module="ros.client.drive", domain=process.domain)
     participant.until(lambda: drive.process.poll() is not None, what="end of drive")
     assert drive.wait() == 1
-    assert drive.output == "drive: 'haul_rope' moves the cable and takes no force; give it a speed (m/s)\n"
+    allowed = "none, as this drive takes speeds only (m/s)"
+    assert drive.output == f"drive: force of 'haul_rope': given 5 N; allowed: {allowed}\n"

@@ -109,11 +109,11 @@ def test_it_loads_and_blows_and_says_why_not(twin, drive):
     applied = [(one.command.kind, one.source) for one in twin.applied]
     assert applied == [("payload", "payload")] * 2 + [("wind", "wind")] * 2 + [("temperature",) * 2]
     code, output = drive("cabin", "--payload", "1e6")
-    assert (code, output) == (1, "drive: payload of 'cabin' is 1e+06 kg; allowed are 0 to 6400 kg")
+    assert (code, output) == (1, "drive: payload of 'cabin': given 1e+06 kg; allowed: 0 to 6400 kg")
     code, output = drive("gondola", "--payload", "1")
-    assert (code, output) == (1, "drive: unknown carriage 'gondola'; known: cabin")
+    assert (code, output) == (1, "drive: payload: given for carriage 'gondola'; allowed: cabin")
     code, output = drive("--wind", "200")
-    assert (code, output) == (1, "drive: wind x is 200 m/s; allowed are -100 to 100 m/s")
+    assert (code, output) == (1, "drive: wind x: given 200 m/s; allowed: -100 to 100 m/s")
 
 
 @pytest.mark.long
@@ -123,7 +123,7 @@ def test_a_wind_that_nothing_feels_is_refused(processes):
     asked = processes("--wind", "12", module="ros.client.drive", domain=sim.domain)
     assert asked.wait() == 1
     assert asked.output == (
-        "drive: wind x 12, z 0 m/s, but nothing feels the wind: no rope has a diameter (m) and no body a drag_area "
+        "drive: wind: given x 12, z 0 m/s: nothing feels the wind: no rope has a diameter (m) and no body a drag_area "
         "(m^2); allowed: 0 m/s\n"
     )
 

@@ -21,10 +21,10 @@ from std_srvs.srv import SetBool, Trigger
 
 HOSTILE = (
     ({"name": ["cabin_1"], "velocity": [1.0]}, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
-    ({"name": ["haul_rope"], "velocity": [50.0]}, "speed of 'haul_rope' is 50 m/s; allowed are -10 to 10 m/s"),
+    ({"name": ["haul_rope"], "velocity": [50.0]}, "speed of 'haul_rope': given 50 m/s; allowed: -10 to 10 m/s"),
     (
         {"name": ["haul_rope"], "position": [2000.0]},
-        "'2000.0' given for 'haul_rope', which moves the cable; allowed: 0",
+        "place for 'haul_rope': given '2000.0'; allowed: 0",
     ),
 )
 

@@ -236,17 +236,15 @@ def test_topics_of_a_carrier_that_is_not_there_are_refused_before_kernels_are_co
     )
     assert result.returncode == 1
     (line,) = result.stderr.splitlines()
-    assert line.startswith(
-        "sim: parameter 'carrier_topics' names 'chair_99'; scenario 'chairlift' has the carriers chair_1 to chair_"
-    )
+    assert line.startswith("sim: parameter 'carrier_topics': given 'chair_99'; allowed: the carriers chair_1 to chair_")
     assert not [*tmp_path.rglob("*.nbc")]
 
 
 def test_wrong_rates_and_names_are_a_line_each(tmp_path):
     expected = {
-        ("--carrier-topics", "chair_1,chair_99"): ["'carrier_topics' names 'chair_99'", "chair_1 to chair_14"],
+        ("--carrier-topics", "chair_1,chair_99"): ["'carrier_topics': given 'chair_99'", "chair_1 to chair_14"],
         ("--log-rope-rate", "30"): [
-            "'log_rope_rate' is 30 Hz",
+            "'log_rope_rate': given 30 Hz",
             "whole fractions of the frame rate, as 100, 50 or 20",
         ],
     }

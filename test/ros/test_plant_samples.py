@@ -74,17 +74,17 @@ def test_a_value_gets_scale_offset_sign_and_unit(judge):
 @pytest.mark.parametrize(
     ("value", "line"),
     [
-        (math.nan, "nan given; allowed: a finite number, in kN"),
-        (math.inf, "inf given; allowed: a finite number, in kN"),
-        (10**400, "a huge number given; allowed: a finite number, in kN"),
-        ("12,5", "'12,5' given; allowed: a number, in kN"),
-        (True, "a bool given; allowed: a number, in kN"),
-        (None, "a NoneType given; allowed: a number, in kN"),
-        ([1.0], "a list given; allowed: a number, in kN"),
-        (700.0, "700 kN given; allowed: 5 to 600 kN"),
-        (250_000.0, "250000 kN given; allowed: 5 to 600 kN; a thousand times off: another unit?"),
-        (0.25, "0.25 kN given; allowed: 5 to 600 kN; a thousand times off: another unit?"),
-        (4.9, "4.9 kN given; allowed: 5 to 600 kN"),
+        (math.nan, "given nan; allowed: a finite number, in kN"),
+        (math.inf, "given inf; allowed: a finite number, in kN"),
+        (10**400, "given a huge number; allowed: a finite number, in kN"),
+        ("12,5", "given '12,5'; allowed: a number, in kN"),
+        (True, "given a bool; allowed: a number, in kN"),
+        (None, "given a NoneType; allowed: a number, in kN"),
+        ([1.0], "given a list; allowed: a number, in kN"),
+        (700.0, "given 700 kN; allowed: 5 to 600 kN"),
+        (250_000.0, "given 250000 kN; allowed: 5 to 600 kN; a thousand times off: another unit?"),
+        (0.25, "given 0.25 kN; allowed: 5 to 600 kN; a thousand times off: another unit?"),
+        (4.9, "given 4.9 kN; allowed: 5 to 600 kN"),
     ],
 )
 def test_a_value_that_cannot_be_is_left_out_with_one_line(judge, told, value, line):
@@ -103,13 +103,13 @@ def test_bad_quality_is_left_out_and_uncertain_is_where_the_map_says_so(judge, t
     assert take(1.0, "uncertain", "UncertainSensorNotAccurate") is None
     assert take(1.0, "bad", "BadSensorFailure") is None
     assert told.texts() == [
-        "tags.load: quality UncertainSensorNotAccurate given; allowed: good; left out until it is right again"
+        "tags.load: given quality UncertainSensorNotAccurate; allowed: good; left out until it is right again"
     ]
     _, lenient = judge(quality="uncertain")
     assert lenient(1.0, "uncertain", "UncertainSensorNotAccurate") == 1000.0
     assert lenient(1.0, "bad", "BadSensorFailure") is None
     assert told.texts() == [
-        "tags.load: quality BadSensorFailure given; allowed: good or uncertain; left out until it is right again"
+        "tags.load: given quality BadSensorFailure; allowed: good or uncertain; left out until it is right again"
     ]
 
 
@@ -129,7 +129,7 @@ def test_a_reason_that_came_too_soon_to_be_said_is_said_later(judge, told):
     assert len(told.texts()) == 2
     for second in range(15):
         state.check_age(NOW + second * SECOND)
-    assert told.texts() == ["tags.load: nan given; allowed: a finite number, in kN; left out until it is right again"]
+    assert told.texts() == ["tags.load: given nan; allowed: a finite number, in kN; left out until it is right again"]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_a_reason_that_came_too_soon_to_be_said_is_said_later(judge, told):
 def test_a_stamp_of_another_clock_is_left_out(judge, told, age, words):
     _, take = judge()
     assert (take(1.0, age=age) is None) == (words is not None)
-    expected = f"tags.load: a stamp {words} given; allowed: 60 s ago to 1 s from now, else `stamp: receipt`; left out"
+    expected = f"tags.load: given a stamp {words}; allowed: 60 s ago to 1 s from now, else `stamp: receipt`; left out"
     assert [text.partition(" until")[0] for text in told.texts()] == ([expected] if words else [])
 
 

@@ -38,9 +38,9 @@ MOVING = {"name": ["cabin"], "velocity": [2.0]}
 BAD_COMMANDS = {  # one of each kind; test_command_messages.py and test_goals.py have the others
     "cabin' is nan": {"name": ["cabin"], "velocity": [math.nan]},
     "1 names and 2 values of velocity": {"name": ["cabin"], "velocity": [1.0, 2.0]},
-    "speed of 'cabin' is 10.5 m/s; allowed are -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
-    "'9000.0' given for 'cabin'; allowed: ": {"name": ["cabin"], "position": [9000.0]},
-    "unknown carriage or drive 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
+    "speed of 'cabin': given 10.5 m/s; allowed: -10 to 10 m/s": {"name": ["cabin"], "velocity": [10.5]},
+    "place for 'cabin': given '9000.0'; allowed: ": {"name": ["cabin"], "position": [9000.0]},
+    "carriage or drive: given 'gondola'": {"name": ["cabin", "gondola"], "velocity": [1.0, 1.0]},
 }
 
 
@@ -264,10 +264,10 @@ def test_payload_wind_and_temperature_are_taken_from_their_topics_or_refused_by_
     # the cabin swings downwind; its pitch is the sum of the joints above it
     twin.until(lambda: sum(twin.received["joint_states"][-1].position[1:]) < -0.005, what="a cabin in the wind")
     for publisher, message, reason in (
-        (loads, JointState(name=["cabin"], effort=[1e6]), "payload of 'cabin' is 1e+06 kg; allowed are 0 to"),
-        (winds, Vector3Stamped(vector=Vector3(y=3.0)), "wind y is 3 m/s; allowed is 0"),
-        (degrees, Temperature(temperature=285.65), "temperature is 285.65 degC; allowed are -100 to 100 degC"),
-        (degrees, Temperature(temperature=float("nan")), "temperature is nan degC; allowed are -100 to 100 degC"),
+        (loads, JointState(name=["cabin"], effort=[1e6]), "payload of 'cabin': given 1e+06 kg; allowed: 0 to"),
+        (winds, Vector3Stamped(vector=Vector3(y=3.0)), "wind y: given 3 m/s; allowed: 0"),
+        (degrees, Temperature(temperature=285.65), "temperature: given 285.65 degC; allowed: -100 to 100 degC"),
+        (degrees, Temperature(temperature=float("nan")), "temperature: given nan degC; allowed: -100 to 100 degC"),
     ):
         twin.spin(0.06)  # beyond the throttle
         publisher.publish(message)
@@ -275,7 +275,7 @@ def test_payload_wind_and_temperature_are_taken_from_their_topics_or_refused_by_
     with twin.stream(**MOVING):
         twin.until(lambda: twin.speed > 0.5)
         loads.publish(JointState(name=["cabin"], effort=[0.0]))
-        twin.until(lambda: "payload of 'cabin', which" in told(), what="a refusal under way")
+        twin.until(lambda: "payload of 'cabin': given at a " in told(), what="a refusal under way")
 
 
 def test_reset_puts_the_state_back_and_never_the_time(twin):

@@ -263,26 +263,26 @@ def test_interrupt_ends_the_compilation(processes, domain, tmp_path):
 
 
 BAD_PARAMETERS = [
-    (["--frame-rate", "-1"], "sim: parameter 'frame_rate' is -1.0; allowed are 1 to 1000 Hz"),
-    (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate' is 'fast'; a float is needed: "),
-    (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate' is nan; allowed are 1 to 1000 Hz"),
-    (["--rerun", "sometimes"], "sim: parameter 'rerun' is 'sometimes'; allowed: none, file, live"),
+    (["--frame-rate", "-1"], "sim: parameter 'frame_rate': given -1.0; allowed: 1 to 1000 Hz"),
+    (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate': given 'fast'; allowed: a float: "),
+    (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate': given nan; allowed: 1 to 1000 Hz"),
+    (["--rerun", "sometimes"], "sim: parameter 'rerun': given 'sometimes'; allowed: none, file, live"),
     (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),
     (["--scenario", "no.yaml"], "sim: no.yaml: no such file; allowed: "),
-    (["--set", "cable.elements"], "sim: parameter 'set': 'cable.elements' given, KEY=VALUE is needed"),
+    (["--set", "cable.elements"], "sim: parameter 'set': given 'cable.elements'; allowed: KEY=VALUE"),
     (["--set", "carriages.cabbin.speed=1"], "sim: /"),  # and the file, where this key does not exist
-    (["--set", "gravity=1", "--snapshot", "a.npz"], "sim: parameter 'set' changes gravity; allowed beside 'snapshot'"),
+    (["--set", "gravity=1", "--snapshot", "a.npz"], "sim: parameter 'set': given changes of gravity; allowed: none"),
     (["--frame-rate", "fast"], "sim: argument --frame-rate: invalid float value: 'fast'; all options: sim --help"),
-    (["--split-duration", "0.5"], "sim: parameter 'split_duration' is 0.5 s; allowed: 0, or 1 s and more"),
+    (["--split-duration", "0.5"], "sim: parameter 'split_duration': given 0.5 s; allowed: 0, or 1 s and more"),
     (
         ["--keep-age", "600"],
-        "sim: parameter 'keep_age' is 600 s, less than a file; allowed: 0, or ",
+        "sim: parameter 'keep_age': given 600 s, less than a file; allowed: 0, or ",
     ),
     (["--frames", "10"], "sim: unrecognized arguments: --frames; all options: sim --help"),
     (["--ros-args", "--nonsense"], "sim: unknown ROS arguments ['--nonsense']"),
-    (["--ros-args", "-p", "use_sim_time:=maybe"], "sim: parameter 'use_sim_time' is 'maybe'; a bool is needed"),
-    (["--frame-id", "/map"], "sim: parameter 'frame_id' is '/map'; coordinate frame of all positions; "),
-    (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix' is 'a b/'; prefix of the coordinate frames of "),
+    (["--ros-args", "-p", "use_sim_time:=maybe"], "sim: parameter 'use_sim_time': given 'maybe'; allowed: a bool"),
+    (["--frame-id", "/map"], "sim: parameter 'frame_id': given '/map'; allowed: coordinate frame of all positions; "),
+    (["--frame-prefix", "a b/"], "sim: parameter 'frame_prefix': given 'a b/'; allowed: prefix of the coordinate "),
     (
         ["--ros-args", "-p", "qos_overrides./cable_twin/cable.publisher.reliability:=sometimes"],
         "sim: qos_overrides./cable_twin/cable: Unexpected QoS override for policy `reliability`: `sometimes`",

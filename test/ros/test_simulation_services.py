@@ -229,7 +229,7 @@ def test_steps_as_an_action_tell_each_frame_and_can_be_cancelled(twin, call, act
     assert (result, message, goal.ends) == (4, "cancelled: paused after 3 of 1000 frames", ["cancelled"])
     assert twin.loop.simulated_time == pytest.approx(before + 0.08)
     goal, result, message = act(0)
-    assert (result, message, goal.ends) == (4, "0 steps given; allowed: 1 or more", ["aborted"])
+    assert (result, message, goal.ends) == (4, "steps: given 0; allowed: 1 or more", ["aborted"])
     call("SetSimulationState", state__state=1)
     goal, result, message = act(1)
     assert (result, message, goal.ends) == (4, "not paused: call ~/pause with true first", ["aborted"])
@@ -263,7 +263,7 @@ def test_entities_are_the_bodies(twin, call):
     assert state.pose.orientation.w == body.orientation[3]
     assert call("GetEntityState", entity="cabin/cabin").state == state
     missing = call("GetEntityState", entity="bus").result
-    assert (missing.result, missing.error_message[:20]) == (2, "'bus' given; known: ")
+    assert (missing.result, missing.error_message[:30]) == (2, "entity: given 'bus'; allowed: ")
 
 
 def test_an_expression_that_takes_hours_is_given_up_while_others_are_answered(twin, call):
@@ -279,7 +279,7 @@ def test_an_expression_that_takes_hours_is_given_up_while_others_are_answered(tw
     result = driven(waiting).result
     assert (result.result, "more than 2 s; allowed: a regular" in result.error_message) == (4, True)
     long = call("GetEntities", filters__filter="(" * 5000).result
-    assert (long.result, long.error_message[:33]) == (4, "filter of 5000 characters given; ")
+    assert (long.result, long.error_message[:31]) == (4, "filter: given 5000 characters; ")
 
 
 def test_worlds_are_the_scenarios(twin, call):
@@ -296,8 +296,8 @@ def test_worlds_are_the_scenarios(twin, call):
 @pytest.mark.parametrize(
     ("resource", "result", "message"),
     [
-        ({}, 102, "nothing given; allowed: uri, or YAML as resource_string"),
-        ({"uri": "https://example.org/a.yaml"}, 101, "uri 'https://example.org/a.yaml' given; allowed: file:///PATH"),
+        ({}, 102, "world: given nothing; allowed: uri, or YAML as resource_string"),
+        ({"uri": "https://example.org/a.yaml"}, 101, "uri: given 'https://example.org/a.yaml'; allowed: file:///PATH"),
         (
             {"uri": "file:///nowhere/a%20b.yaml"},
             2,

@@ -66,7 +66,7 @@ def test_a_view_that_saw_nothing_leaves_a_readable_file(tmp_path):
 
 
 def test_view_to_nowhere_and_unknown_unit_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="shows nothing"):
+    with pytest.raises(ValueError, match="view: given no file"):
         RerunView("test ropeway", {}, path=None, live=False)
     with pytest.raises(ValueError, match="lbf"):
         RerunView("test ropeway", {}, path=tmp_path / "run.rrd", live=False, force_unit="lbf")

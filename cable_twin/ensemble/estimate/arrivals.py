@@ -1,4 +1,4 @@
-"""Arrivals of a plant: measurements sorted by their stamps, and notes on rejected measurements."""
+"""Queue of what arrives from a live plant, sorted by time stamps, with notes on rejected measurements."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Item = AppliedCommand | Measurement
 
 
 class Arrivals:
-    """Measurements and commands of a live plant, waiting to be taken in the order of their times.
+    """Queue of measurements and commands of a live plant, in the order of their time stamps.
 
-    Times are those of the plant's stamps, in s from its first one on.
+    Times are those of the plant's stamps, in s from its first stamp on.
 
     Attributes:
-        left_out: number of measurements that were left out, by reason.
-        notes: lines that tell what was left out for the first time, and which clock the plant has.
+        left_out: number of rejected measurements, by reason.
+        notes: lines about the first rejection for each reason, and about jumps of the plant's clock.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class Arrivals:
 
     @property
     def started(self) -> bool:
-        """Whether anything has come."""
+        """Whether any measurement of the plant has arrived."""
         return bool(self._offsets)
 
     def now(self, arrival: float) -> float:
@@ -61,7 +61,7 @@ class Arrivals:
                     heapq.heappush(self._waiting, (one.time, 1, next(self._number), one))
 
     def command(self, applied: AppliedCommand) -> None:
-        """Take a command of the plant, at a time (s) of its clock."""
+        """Queue a command of the plant by its time (s) of the plant's clock."""
         heapq.heappush(self._waiting, (max(applied.time, self._done), 0, next(self._number), applied))
 
     def due(self, arrival: float) -> Iterator[Item]:
@@ -87,7 +87,7 @@ class Arrivals:
         self.leave_out(f"{one.sensor} at {one.time:.3f} s", reason)
 
     def _is_of_the_clock(self, one: Measurement, arrival: float) -> bool:
-        """Whether a stamp fits the clock of the plant, as far as it is known."""
+        """Whether the time stamp of a measurement fits the plant's clock; a lasting jump becomes the new clock."""
         offset = arrival - one.time
         delay = self.now(arrival) - one.time
         if not self.started or -FUTURE <= delay <= OTHER_CLOCK:

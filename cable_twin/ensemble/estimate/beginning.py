@@ -1,4 +1,4 @@
-"""Scenario values with which a twin begins where its plant is, at rest or under way."""
+"""Scenario values with which a twin begins at the places and speeds of its plant, at rest or under way."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Motion = Mapping[str, tuple[float, float]]  # place (m) and speed (m/s) by name 
 def values_at(scenario: Scenario, motion: Motion) -> tuple[dict[str, Any], dict[str, float]]:
     """Scenario values by dotted key that put vehicles where encoders measure them.
 
-    Carriers begin round their loop, modulo its length. Carriages clamped to a strand are moved with it; the rest finds
-    their places on the track ropes.
+    Carriers are moved round their loop, modulo its length. Carriages clamped to a strand are moved with it; the static
+    equilibrium finds their places on the track ropes.
 
     Args:
         scenario: of the twin.
-        motion: of carriages by their arc length, and of drives by the rope that has gone by.
+        motion: of carriages by their arc length, and of drives by the length of rope that has passed them.
 
     Returns:
-        The values, and of each drive the place (m) at which its encoder stands when that of the twin begins with 0.
+        The values, and for each drive the reading (m) of the plant's encoder where the twin's encoder begins with 0.
     """
     values: dict[str, Any] = {}
     offsets: dict[str, float] = {}
@@ -38,7 +38,7 @@ def values_at(scenario: Scenario, motion: Motion) -> tuple[dict[str, Any], dict[
 
 
 def _gone_by(scenario: Scenario, drive: str, place: float) -> dict[str, Any]:
-    """Values of vehicles after a length (m) of rope has gone by at a drive."""
+    """Scenario values by dotted key of a drive and its vehicles after a length (m) of rope has passed the drive."""
     values: dict[str, Any] = {}
     if (travel := scenario.drives[drive].travel) is not None:
         values[f"drives.{drive}.travel"] = [travel[0] - place, travel[1] - place]

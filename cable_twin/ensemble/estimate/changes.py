@@ -1,4 +1,4 @@
-"""Sudden changes of a plant: which one, of a quantity or of a sensor, explains what a window of measurements says."""
+"""Sudden changes of a plant: the quantity or sensor whose change best explains a window of measurements."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SURELY_CHANGED = 10.0  # logarithm of how much likelier measurements are with a 
 
 
 class Change(NamedTuple):
-    """Change that explains measurements best."""
+    """Sudden change of a quantity or sensor that explains measurements best: number, size and log-likelihood ratio."""
 
     number: int  # among those that were tried
     size: float
@@ -22,17 +22,17 @@ class Change(NamedTuple):
 def best_change(
     innovation: FloatArray, total: FloatArray, effects: FloatArray, deviations: FloatArray, rarer: FloatArray
 ) -> Change | None:
-    """Change that explains measurements best; None where none of them surely does.
+    """Find the sudden change of a quantity or sensor that explains measurements best; None where none surely does.
 
-    Each is tried by itself with a normal distribution of its size, so that one which would have to be huge counts less
+    Each change is tried by itself with a normal distribution of its size, so that an implausibly large one counts less
     (generalised likelihood ratio, Willsky and Jones 1976, with a prior).
 
     Args:
         innovation: (m,) measured less predicted values.
-        total: (m, m) covariance of these without a change.
+        total: (m, m) covariance of the innovation without a change.
         effects: (m, n) what changes of size 1 add to measurements.
-        deviations: (n,) standard deviations of the sizes; 0 for a change that cannot be.
-        rarer: (n,) logarithms of how much less frequent each is than others.
+        deviations: (n,) standard deviations of the sizes; 0 for an impossible change.
+        rarer: (n,) logarithms of how much less frequent each change is than others.
     """
     possible = np.flatnonzero(deviations > 0.0)
     if not possible.size or not innovation.size:

@@ -1,4 +1,4 @@
-"""Doubts about sensors: stuck, of another unit, swapped, or in contradiction to all others."""
+"""Detection of faulty sensors: stuck, of another unit, swapped, or in contradiction to all others."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ Squares = Callable[[Sequence[str], Mapping[str, str]], Mapping[str, float]]
 
 
 class Alarm(NamedTuple):
-    """Something that the sensors say of the plant or of each other."""
+    """Alarm about the plant or a sensor: time and reason."""
 
     time: float  # s
     reason: str
 
 
 class Doubts:
-    """Sensors of a plant that cannot be right.
+    """Detector of faulty sensors of a plant: stuck, of another unit, swapped, or contradicting the others.
 
     Attributes:
-        left_out: sensors that are left out for good, with the alarm that says so.
+        left_out: sensors that are left out for good, each with its alarm.
 
     Args:
         readings: of the sensors by name.
@@ -50,22 +50,22 @@ class Doubts:
         self.left_out: dict[str, Alarm] = {}
 
     def taken(self, sensor: str) -> str:
-        """Sensor for which a measurement of a sensor is taken; empty where it is left out or not read."""
+        """Sensor that a measurement named `sensor` counts for, the other one if swapped; empty if left out."""
         if sensor in self.left_out or sensor not in self._readings:
             return ""
         return self._exchanged.get(sensor, sensor)
 
     def forget(self) -> None:
-        """Forget suspicions, as at a new beginning; what is left out stays so."""
+        """Forget which sensors are suspected, as at a restart; sensors already left out stay so."""
         self._suspected.clear()
 
     def of_samples(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
-        """Alarms for samples of a time (s) beside the numbers (n,) of the twin's frame; their sensors are left out."""
+        """Alarms for stuck samples and wrong units, beside the twin's numbers (n,); their sensors are left out."""
         known = [one for one in measurements if one.sensor in self._readings]
         return self._stuck(time, known) + self._of_another_unit(time, known, numbers)
 
     def contradicting(self, sensors: Sequence[str], squares: Squares) -> str:
-        """Sensor without which all others agree, ONE/OTHER if these two are swapped, `PLANT` if neither, or empty."""
+        """Sensor that contradicts all others; ONE/OTHER for two swapped ones, `PLANT` for several, empty for none."""
         found = squares(sensors, {})
         worst = max(found, key=lambda name: found[name], default="")
         if not worst or found[worst] <= 1.0:
@@ -81,12 +81,12 @@ class Doubts:
         return PLANT
 
     def judge(self, time: float, contradicting: str, reason: str = "") -> list[Alarm]:
-        """Alarm where a sensor, or two of them, contradict in several windows one after the other.
+        """Alarm for a sensor, two swapped ones, or the plant, that contradicts in several successive windows.
 
         Args:
             time: s.
-            contradicting: as `contradicting` says.
-            reason: of a fault of the plant that explains it; empty for none.
+            contradicting: result of the method `contradicting`.
+            reason: fault of the plant that explains the contradiction; empty for none.
         """
         self._suspected = {contradicting: self._suspected.get(contradicting, 0) + 1} if contradicting else {}
         if self._suspected.get(contradicting) != SUSPECT_WINDOWS:
@@ -105,7 +105,7 @@ class Doubts:
         return alarm
 
     def _stuck(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
-        """Alarms for sensors with noise that repeat one value, and for encoders that stand all at once."""
+        """Alarms for sensors with noise that repeat one value, and for encoders that stop within a sample."""
         alarms = []
         for one in measurements:
             reading = self._readings[one.sensor]
@@ -126,7 +126,7 @@ class Doubts:
         return alarms
 
     def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
-        """Alarms for sensors that read a thousand times more or less than can be."""
+        """Alarms for sensors that read about a thousand times more or less than the twin predicts."""
         alarms = []
         for one in measurements:
             reading = self._readings[one.sensor]

@@ -1,11 +1,11 @@
 """Filter that follows a plant: an ensemble of twins whose slow quantities are corrected by measurements.
 
-The middle member has the estimate, two others for each slow quantity are above and below it, and one swings otherwise
-for each angle of a body and its rate. All get the commands of the plant, so that their fast motion is that of the
-model; after each window of measurements slow quantities and swing are corrected, and the states are blended so that
-they are those which the corrected quantities would have brought about (recursive prediction error method, Ljung 1979,
-with finite differences). The error of the model in each sensor is a bias that is estimated as well, and forgotten
-within `FORGOTTEN`. While a vehicle passes a tower swing alone is corrected.
+The middle member has the estimate; for each slow quantity there are two members, above and below it, and for each angle
+of a body and its rate one member with a changed swing. All get the commands of the plant, so that their fast motion is
+that of the model; after each window of measurements slow quantities and swing are corrected, and the states are blended
+to those that the corrected quantities would have caused (recursive prediction error method, Ljung 1979, with finite
+differences). The error of the model in each sensor is a bias that is estimated as well, and forgotten within
+`FORGOTTEN`. While a vehicle passes a tower swing alone is corrected.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Estimate(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """Result of one window."""
+    """Result of one window of measurements: estimates, normalised innovation and new alarms."""
 
     time: float  # s
     slow: dict[str, Estimate]
@@ -82,7 +82,7 @@ class Correction(NamedTuple):
 
 
 class _Row(NamedTuple):
-    """One measurement beside the predictions of the members."""
+    """Measurement of a sensor with the predictions of all ensemble members."""
 
     sensor: str
     value: float
@@ -92,14 +92,14 @@ class _Row(NamedTuple):
 
 
 class Follower:
-    """Twin that follows a plant.
+    """Ensemble filter by which a twin follows a plant with carriages.
 
     Attributes:
         window: s, between two corrections.
         slow: quantities that are estimated.
         readings: sensors that are read, by name.
-        hidden: quantities that no sensor need measure.
-        doubts: about sensors.
+        hidden: estimated quantities that no sensor need measure.
+        doubts: detector of faulty sensors.
 
     Args:
         scenario: of the twin; its `sensors` are those of the plant.
@@ -144,7 +144,7 @@ class Follower:
 
     @property
     def left_out(self) -> dict[str, Alarm]:
-        """Sensors that are left out, with the alarm that says so."""
+        """Sensors that are left out as faulty, each with its alarm."""
         return self.doubts.left_out
 
     @property
@@ -160,7 +160,7 @@ class Follower:
             motion: place (m) and speed (m/s) of carriages and drives; others begin where they do in the scenario.
 
         Raises:
-            ScenarioError, EquilibriumError, ValueError: they cannot be there; one line. The twin stays as it was.
+            ScenarioError, EquilibriumError, ValueError: vehicles cannot be there; one line. The twin stays as it was.
         """
         values, offsets = values_at(self._scenario, motion)
         before, self._motion = self._motion, values
@@ -187,7 +187,7 @@ class Follower:
         self._ensemble.close()
 
     def command(self, applied: AppliedCommand) -> None:
-        """Give a command of the plant to the twin at its time.
+        """Apply a command of the plant to the twin, at the time of the command.
 
         Raises:
             CommandError: the twin refuses it.
@@ -198,9 +198,9 @@ class Follower:
             self._stands = False
 
     def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
-        """Take the measurements of one time (s), which are not older than those before; a correction where due.
+        """Process the measurements of one time (s), in the order of time; returns a correction at the end of a window.
 
-        Without any measurement in a window the twin goes on by its model, with more doubt.
+        Without any measurement in a window the twin goes on by its model, with growing variances.
         """
         self._advance(time)
         numbers = self._ensemble.numbers()
@@ -234,7 +234,7 @@ class Follower:
         return self._correct(time, numbers, alarms)
 
     def place_of(self, sensor: str) -> float:
-        """Place (m) of an encoder in the twin at present."""
+        """Present reading (m) of an encoder in the twin."""
         return float(self.readings[sensor].of(self._ensemble.numbers()[:1])[0]) + self._offsets.get(sensor, 0.0)
 
     def _advance(self, time: float) -> None:
@@ -266,13 +266,14 @@ class Follower:
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _rest_where_believed(self, time: float) -> bool:
-        """Begin anew, while the plant stands, at rests of all members around what a window says of a far wind.
+        """Restart all members of a standing plant at equilibria in a much different wind, as a window measures it.
 
-        At rest all times of a window are alike, so that its measurements say it again, to what is there now (iterated
-        Kalman filter, Bell and Cathey 1993). A twin that rests in a wind does not swing, as one in which it sets in.
+        At rest the measurements of a window hold at any time, so that they can correct the restarted members again
+        (iterated Kalman filter, Bell and Cathey 1993). Unlike a twin in which a wind sets in, one at rest in that wind
+        does not swing.
 
         Returns:
-            Whether the members have other states now.
+            Whether the members have been restarted.
         """
         first, anew, count = (self._belief, self._points), False, len(self.slow)
         for _ in range(RESTS):
@@ -292,7 +293,7 @@ class Follower:
         return anew
 
     def _rest(self, time: float, points: FloatArray) -> bool:
-        """Put all members to rest at points of the slow quantities; False where there is no such rest."""
+        """Restart all members at static equilibria at points of the slow quantities; False where there is none."""
         before, self._points = self._points, points
         try:
             self._change(rest=True)
@@ -309,10 +310,10 @@ class Follower:
         return True
 
     def _went_far(self, before: Belief, after: Belief) -> bool:
-        """Whether a correction moves wind, still little known, to where its effects have other slopes.
+        """Whether a correction moves a wind that is little known beyond the range in which its effects are linear.
 
-        Such a correction says where to take the slopes, and nothing more: what the square of the wind does beyond them
-        would be put down to payloads and friction, with bands that it never leaves again.
+        Such a correction only tells where to linearise: the quadratic effect of the wind would be attributed to
+        payloads and friction, with standard deviations too small to be corrected later.
         """
         number = [row for row, one in enumerate(self.slow) if one.curvature == OF_SQUARE]
         moved, deviations = after.mean - before.mean, np.sqrt(np.diag(before.covariance))
@@ -320,7 +321,7 @@ class Follower:
         return bool(((np.abs(moved) > far) & (deviations > FAR))[number].any())
 
     def _stirred_up(self, before: Belief) -> FloatArray:
-        """Covariance before a correction, with doubt about all swings, as another wind at once stirs the twin."""
+        """Covariance before a correction with larger variances of all swings, which a sudden other wind excites."""
         covariance, count = before.covariance.copy(), len(self.slow)
         for row in range(count, count + len(self._fast)):
             covariance[row, row] = max(covariance[row, row], FAR_SWING**2)
@@ -335,7 +336,7 @@ class Follower:
         self._belief = self._belief._replace(covariance=covariance)
 
     def _go_on(self, lasted: float, numbers: FloatArray) -> None:
-        """Begin a new window after one of some seconds, with the states of what is believed where members are alike."""
+        """Begin the next window, after one of some seconds: predict the belief, and blend alike members to it."""
         count, swinging = len(self.slow), len(self._fast)
         kept = np.exp(-lasted / FORGOTTEN)
         self._stirred = 1.0 if self._at_tower else self._stirred * float(np.exp(-lasted / CALMED))
@@ -360,7 +361,7 @@ class Follower:
         self._belief = predict(self._belief, decay, added)
 
     def _weights(self, wanted: FloatArray, shares: FloatArray) -> FloatArray:
-        """Weights (members, members) of a blend: slow quantities (2 n + 1, n), and shares (m,) of the given swings."""
+        """Weights (members, members) of a blend to slow quantities (2 n + 1, n) and shares (m,) of the unit swings."""
         size, first = len(self._ensemble), self._first
         weights = np.zeros((size, size))
         weights[:first, :first] = weights_of(self._points, wanted)
@@ -370,16 +371,16 @@ class Follower:
         return weights
 
     def _swing(self) -> None:
-        """Give the last members their swings, beyond that of the middle one."""
+        """Rotate bodies in the last members, each by the unit swing of one angle or rate."""
         for number, one in enumerate(self._fast):
             self._ensemble.swing(self._first + number, [one.turn(SIZE)])
 
     def _of_swing(self) -> list[_Row]:
-        """Rows of a window that measure the swing of vehicles."""
+        """Rows of a window with measured angles, which show the swing of vehicles."""
         return [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
 
     def _against_plan(self, time: float, slow: Mapping[str, Estimate]) -> list[Alarm]:
-        """Alarms for quantities that are surely not those of the scenario."""
+        """Alarms for slow quantities whose estimates surely differ from the values of the scenario."""
         alarms = []
         for one in self.slow:
             got = slow[one.name]
@@ -393,7 +394,7 @@ class Follower:
         return alarms
 
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
-        """Rows of a window without the sensor that contradicts all others; alarms for one that keeps doing so."""
+        """Rows of a window without a sensor that contradicts all others; adds an alarm for one that keeps doing so."""
         self._doubt_what_changed()
         of, contradicting = self._contradicting()
         reason = self._fault_of_plant(of) if contradicting == PLANT else self._fault_of_drive(of.get(contradicting, []))
@@ -407,7 +408,7 @@ class Follower:
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
 
     def _doubt_what_changed(self) -> None:
-        """Add doubt about a quantity whose sudden change explains a window better than that of any sensor does."""
+        """Enlarge the variance of a slow quantity whose sudden change explains a window better than any sensor's."""
         if not self._rows:
             return
         count, numbers = len(self.slow), self._rows[-1].numbers[0]
@@ -437,7 +438,7 @@ class Follower:
         return near and abs(speed) <= max(carriage.payload.station_speed, SLOW)
 
     def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
-        """Rows of a window by sensor, and which contradict, as `Doubts.contradicting` says."""
+        """Rows of a window by sensor, and the contradicting sensors as `Doubts.contradicting` returns them."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
@@ -451,9 +452,9 @@ class Follower:
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
 
     def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> str:
-        """Stuck counterweight, whose own load cell is farthest from the model; empty for none.
+        """Message about a stuck counterweight, whose own load cell is farthest from the model; empty for none.
 
-        The other end of the rope has a smaller change of tension, by the friction of towers, but of no other sign.
+        The other end of the rope has a change of tension of the same sign, smaller by the friction of towers.
         """
         cables, sensors = self._scenario.cables, self._scenario.sensors
         cells = {sensors[name].of: rows for name, rows in of.items() if rows and sensors[name].kind == "load_cell"}
@@ -472,7 +473,7 @@ class Follower:
         return ""
 
     def _fault_of_drive(self, rows: Sequence[_Row]) -> str:
-        """Drive whose force is another share of what it should be, by the rows of its sensor; empty for none."""
+        """Message about a drive whose force is not the predicted one, by its sensor's rows; empty for none."""
         if not rows or (sensor := self._scenario.sensors[rows[0].sensor]).kind != "drive_force":
             return ""
         got, wanted = (float(np.mean(of)) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
@@ -494,7 +495,7 @@ class Follower:
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
     def _linear(self, rows: Sequence[_Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Innovation (m,), Jacobian (m, n) and variance (m,) of measurements."""
+        """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted for row in rows])
         jacobian = np.zeros((len(rows), self._belief.mean.size))
@@ -507,7 +508,7 @@ class Follower:
         return innovation, jacobian, np.array([row.variance for row in rows])
 
     def _slopes(self, predicted: FloatArray) -> FloatArray:
-        """Derivatives (m, n) by slow quantities and swings of predictions (m, members)."""
+        """Derivatives (m, n) of predictions (m, members) by slow quantities and swings, from finite differences."""
         number, first = np.arange(len(self.slow)), self._first
         apart = self._points[1 + 2 * number, number] - self._points[2 + 2 * number, number]
         slow = (predicted[:, 1:first:2] - predicted[:, 2:first:2]) / apart
@@ -528,7 +529,7 @@ class Follower:
         }
 
     def _hidden(self, numbers: FloatArray) -> dict[str, Estimate]:
-        """Hidden quantities with the deviations that follow from those of slow ones, and from the model's error."""
+        """Estimates of unmeasured quantities; deviations follow from the slow quantities and the model's error."""
         count, found = len(self.slow) + len(self._fast), {}
         shift = self._pending()[:count]
         covariance = self._belief.covariance[:count, :count]
@@ -548,7 +549,7 @@ class Follower:
         return stencil(self._belief.mean[:count], np.maximum(deviations, NARROWEST * self._deviation), self.slow)
 
     def _change(self, rest: bool = False) -> None:
-        """Give the members the slow quantities of their points, the swinging ones those of the middle."""
+        """Set the slow quantities of each member to its stencil point, of the swing members to the middle point."""
         points = np.vstack([self._points, np.tile(self._points[0], (len(self._fast), 1))])
         values = {key: points[:, row].tolist() for row, one in enumerate(self.slow) for key in (one.key, *one.also)}
         each = {key: [value] * len(points) for key, value in self._motion.items()}

@@ -17,7 +17,7 @@ class Belief(NamedTuple):
 
 
 def predict(belief: Belief, decay: FloatArray, growth: FloatArray) -> Belief:
-    """Belief some time later: each quantity decays towards zero by a factor, and its variance grows.
+    """Kalman prediction: each quantity decays towards zero by a factor, and its variance grows.
 
     Args:
         belief: n quantities.
@@ -28,7 +28,7 @@ def predict(belief: Belief, decay: FloatArray, growth: FloatArray) -> Belief:
 
 
 def update(belief: Belief, innovation: FloatArray, jacobian: FloatArray, variance: FloatArray) -> Belief:
-    """Belief after measurements with independent noise, in the form of Joseph, which keeps the covariance positive.
+    """Kalman update by measurements with independent noise, in Joseph's form, which keeps the covariance positive.
 
     Args:
         belief: n quantities.

@@ -1,7 +1,7 @@
 """Filter for a line with many carriers: the payload of each from the loads of towers that it passes.
 
-An ensemble with a member for each chair would be too much. The twin is one simulation with the planned payloads, and
-the effect of another payload on what sensors read is that of statics (`line_statics`), so that each measurement has a
+An ensemble with a member for each chair would be too large. The twin is one simulation with the planned payloads, and
+the effect of another payload on the sensors is taken from statics (`line_statics`), so that each measurement has a
 sparse row of derivatives.
 """
 
@@ -46,7 +46,7 @@ Terms = tuple[FloatArray, FloatArray, FloatArray]  # innovation (1,), derivative
 
 
 class _Sample(NamedTuple):
-    """One measurement beside its prediction."""
+    """Measurement of a sensor with its prediction and the derivatives of the prediction."""
 
     value: float
     predicted: float
@@ -54,10 +54,10 @@ class _Sample(NamedTuple):
 
 
 class FastErrors:
-    """Fast errors of the model in sensors: at least what is given, and more where waves go along the rope.
+    """Variance of the model's fast error in each sensor: at least a given one, more while waves run along the rope.
 
-    A cabin that boards with another payload than planned starts other waves. They are seen as what a sensor differs
-    from its prediction otherwise than a window before, of which slow quantities change little.
+    A cabin that boards with another payload than planned starts other waves. They show in how a sensor's difference
+    from its prediction changes from one window to the next, to which slow quantities add little.
 
     Args:
         least: standard deviation of each sensor.
@@ -69,17 +69,17 @@ class FastErrors:
         self._last: dict[str, tuple[float, float, FloatArray]] = {}
 
     def variance(self, sensor: str) -> float:
-        """Present variance of a sensor."""
+        """Present variance of the model's fast error in a sensor."""
         return max(self._present[sensor], self._least[sensor])
 
     def take(self, time: float, sensor: str, apart: float, effects: FloatArray, mean: FloatArray) -> None:
-        """Take what a sensor differs from its prediction in a window.
+        """Update the variance of a sensor by its mean difference from the prediction in a window.
 
         Args:
             time: s, end of the window.
             sensor: name.
             apart: measured less predicted value.
-            effects: (n,) derivatives of that.
+            effects: (n,) derivatives of the predicted value.
             mean: (n,) present estimate.
         """
         then, before, others = self._last.get(sensor, (-np.inf, 0.0, effects))
@@ -90,14 +90,14 @@ class FastErrors:
 
 
 class LineFollower:
-    """Twin that follows a plant with carriers on a loop.
+    """Filter by which a twin follows a plant with carriers on a loop: payloads, tower friction and ice.
 
     Attributes:
         slow: none; the truth of a payload is no key of a scenario.
         window: s, between two corrections.
         readings: sensors that are read, by name: load cells of towers and forces of drives.
-        doubts: about sensors.
-        carriers: names.
+        doubts: detector of faulty sensors.
+        carriers: names of the carriers.
 
     Args:
         scenario: of the twin; its `sensors` are those of the plant.
@@ -146,7 +146,7 @@ class LineFollower:
 
     @property
     def left_out(self) -> dict[str, Alarm]:
-        """Sensors that are left out, with the alarm that says so."""
+        """Sensors that are left out as faulty, each with its alarm."""
         return self.doubts.left_out
 
     @property
@@ -159,7 +159,7 @@ class LineFollower:
 
         Args:
             time: s, from which the twin goes on.
-            motion: rope gone by (m) and speed (m/s) of drives by name.
+            motion: length of rope that has passed (m) and speed (m/s) of drives by name.
 
         Raises:
             ScenarioError, EquilibriumError: carriers cannot be there; one line. The twin stays as it was.
@@ -173,14 +173,14 @@ class LineFollower:
         self.doubts.forget()
 
     def place_of(self, sensor: str) -> float:
-        """Place (m) of an encoder in the twin at present."""
+        """Present reading (m) of an encoder in the twin."""
         return float(self._encoders[sensor].of(self._twin.snapshot.numbers[None, :])[0]) + self._offsets[sensor]
 
     def close(self) -> None:
         """End the follower, which has no threads."""
 
     def command(self, applied: AppliedCommand) -> None:
-        """Give a command of the plant to the twin at its time.
+        """Apply a command of the plant to the twin, at the time of the command.
 
         Raises:
             CommandError: the twin refuses it.
@@ -189,7 +189,7 @@ class LineFollower:
         self._twin.apply(applied.command)
 
     def take(self, time: float, measurements: Sequence[Measurement]) -> Correction | None:
-        """Take the measurements of one time (s), which are not older than those before; a correction where due."""
+        """Process the measurements of one time (s), in the order of time; returns a correction at a window's end."""
         snapshot = self._advance(time)
         self._exchange(snapshot)
         numbers = snapshot.numbers[None, :]
@@ -211,7 +211,7 @@ class LineFollower:
         return self._twin.advance_to(max(time - self._zero, self._twin.time))
 
     def _correct(self, time: float, snapshot: Snapshot, alarms: list[Alarm]) -> Correction:
-        """Correct payloads and friction by the means of a window."""
+        """Correct payloads, friction and ice by the mean values of the sensors in a window."""
         found = {name: samples for name, samples in self._sums.items() if len(samples) > 2}
         for name, samples in found.items():
             apart = float(np.mean([one.value - one.predicted for one in samples]))
@@ -236,7 +236,7 @@ class LineFollower:
         return Correction(time, slow, self._hidden(snapshot), innovation, tuple(alarms))
 
     def _terms(self, name: str, measured: Sequence[_Sample], found: Sequence[_Sample]) -> Terms:
-        """Terms of the mean of a sensor in a window: measured samples beside what was predicted in others."""
+        """Innovation, derivatives and variance of a sensor's mean in a window: measured samples, predicted samples."""
         values, predicted = ([one.value for one in measured], [one.predicted for one in found])
         jacobian = np.mean([one.effects for one in found], axis=0)[None, :]
         innovation = np.array([np.mean(values) - np.mean(predicted)]) - jacobian @ self._belief.mean
@@ -244,10 +244,10 @@ class LineFollower:
         return innovation, jacobian, np.array([variance])
 
     def _consistent(self, time: float, found: dict[str, list[_Sample]], alarms: list[Alarm]) -> dict[str, Terms]:
-        """Terms by sensor without those that contradict the others; alarms for those that keep doing so."""
+        """Update terms by sensor without contradicting sensors; adds alarms for sensors that keep contradicting."""
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
-            """Of each sensor given all others, as these tell friction and ice."""
+            """Normalised squared innovation of each sensor given all others, over its limit."""
             terms = [self._terms(to.get(one, one), found[one], found[to.get(one, one)]) for one in sensors]
             if not terms:
                 return {}
@@ -266,7 +266,7 @@ class LineFollower:
         return {name: self._terms(name, found[to.get(name, name)], found[name]) for name in left}
 
     def _against_plan(self, time: float, slow: dict[str, Estimate]) -> list[Alarm]:
-        """Alarms for payloads that are surely not those of the plan."""
+        """Alarms for payloads, friction and ice whose estimates surely differ from plan and scenario."""
         alarms = []
         for row, name in enumerate(self.carriers):
             got, plan = slow[f"{name}/payload"], float(self._plan[row])
@@ -297,7 +297,7 @@ class LineFollower:
         return found
 
     def _hidden(self, snapshot: Snapshot) -> dict[str, Estimate]:
-        """Forces of towers with the deviations that follow from those of payloads."""
+        """Estimated forces of towers; deviations follow from those of payloads, friction and ice."""
         found, known = {}, self._known
         for name in self._statics.towers:
             own = self._statics.of_tower(name, snapshot)
@@ -309,7 +309,7 @@ class LineFollower:
         return found
 
     def _exchange(self, snapshot: Snapshot) -> None:
-        """Forget the payloads of carriers whose plan has changed, as in a station."""
+        """Reset the payload estimates of carriers whose planned payload has changed, as in a station."""
         plan = snapshot.columns.payload[self._rows]
         changed = np.flatnonzero(plan != self._plan).tolist()
         self._plan = plan.copy()
@@ -320,7 +320,7 @@ class LineFollower:
         return (PAYLOAD if self._plan[row] > 0.0 else EMPTY) * self._capacity
 
     def _forget(self, rows: Iterable[int]) -> None:
-        """Forget the payloads of some carriers."""
+        """Reset the payload estimates of some carriers to their planned payloads."""
         mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
         for row in rows:
             mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
@@ -340,7 +340,7 @@ class LineFollower:
         return self._statics.clear(self._of[sensor], snapshot, NEAR)
 
     def _effects(self, sensor: str, snapshot: Snapshot) -> FloatArray:
-        """Derivatives (n,) of what a sensor reads by payloads, friction, ice, and slow errors."""
+        """Derivatives (n,) of a sensor's predicted value by payloads, friction, ice and slow sensor errors."""
         tower = self._kinds[sensor] == "load_cell"
         own = (self._statics.of_tower if tower else self._statics.of_drive)(self._of[sensor], snapshot)
         row = np.zeros(self._belief.mean.size)
@@ -349,7 +349,7 @@ class LineFollower:
         return row
 
     def _scale(self, sensor: str, of_tower: float, of_drive: float) -> float:
-        """Error (N) of a sensor, as shares of the load of its tower at rest, or of all towers for a drive."""
+        """Error (N) of the model in a sensor: a share of its tower's load at rest, or of all towers' for a drive."""
         if self._kinds[sensor] == "drive_force":
             return of_drive * sum(self._rest[name] for name in self._statics.towers)
         return of_tower * self._rest[self._of[sensor]]

@@ -1,8 +1,8 @@
-"""Effects of payloads, friction and ice on what sensors of a line with carriers read, by statics.
+"""Static effects of payloads, friction and ice on tower forces and drive forces of a line with carriers.
 
-A weight between two supports rests on both by the rule of the lever, as the tension of a line with a counterweight
-stays. What it weighs along the rope is carried by all that is farther from the tensioned end: by the drive, and by
-towers as far as the line bends there.
+A weight between two supports rests on both by the law of the lever, as a counterweight keeps the tension constant. Its
+component along the rope is carried by all that is farther from the tensioned end: by the drive, and by towers as far as
+the line bends there.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Place = tuple[float, float]  # m, along the track and up
 
 
 class _Tower(NamedTuple):
-    """Tower of a rope between its neighbours."""
+    """Tower of a rope with its friction and the places of the supports before and after it."""
 
     rope: int
     before: Place  # of the support with the lesser place along the track
@@ -37,13 +37,13 @@ class _Tower(NamedTuple):
 
     @property
     def half_spans(self) -> float:
-        """Length (m) of rope that rests on it: half of both spans."""
+        """Length (m) of rope that rests on the tower: half of both spans."""
         (x0, z0), (x1, z1), (x2, z2) = self.before, self.place, self.after
         return float(0.5 * (np.hypot(x1 - x0, z1 - z0) + np.hypot(x2 - x1, z2 - z1)))
 
 
 class Carried(NamedTuple):
-    """Effects of one sensor."""
+    """Static effects of payloads, friction and ice on one sensor's value."""
 
     payloads: FloatArray  # (carriers,) N/kg
     friction: float  # N, of the friction of all towers as a share of that of the scenario
@@ -51,14 +51,14 @@ class Carried(NamedTuple):
 
 
 class LineStatics:
-    """Statics of a line.
+    """Static effects of payloads, friction and ice on the towers and drives of a line with carriers.
 
     Attributes:
-        towers: names, of all ropes.
+        towers: names of the towers of all ropes.
 
     Args:
         scenario: with carriers.
-        start: snapshot of it.
+        start: snapshot of the scenario at its start.
     """
 
     def __init__(self, scenario: Scenario, start: Snapshot) -> None:
@@ -93,7 +93,7 @@ class LineStatics:
         return bool((np.abs(places[here, 0] - one.place[0]) > near).all())
 
     def of_tower(self, name: str, snapshot: Snapshot) -> Carried:
-        """Effects on the force of a tower."""
+        """Static effects of payloads, friction and ice on the force of a tower."""
         one = self._towers[name]
         here, places = self._on(one.rope, snapshot)
         force = snapshot.columns.support_force[self._supports[name]]
@@ -110,7 +110,7 @@ class LineStatics:
         )
 
     def of_drive(self, name: str, snapshot: Snapshot) -> Carried:
-        """Effects on the force of a drive: weights along the rope, and friction of all towers by their loads."""
+        """Static effects on the force of a drive: weights along the rope, and friction of all towers by their loads."""
         payloads, friction, ice = np.zeros(self._rows.size), 0.0, 0.0
         for rope, profile in enumerate(self._profiles):
             here, places = self._on(rope, snapshot)
@@ -126,14 +126,14 @@ class LineStatics:
         return Carried(payloads, friction, ice)
 
     def _on(self, rope: int, snapshot: Snapshot) -> tuple[FloatArray, FloatArray]:
-        """Mask (carriers,) of those on a rope, and places (carriers, 3) of all."""
+        """Mask (carriers,) of the carriers on a rope, and positions (carriers, 3) in m of all carriers."""
         columns = snapshot.columns
         here = (columns.vehicle_rope[self._rows] == rope) & (columns.attached[self._rows] == 1.0)
         return here, columns.joint_position[self._rows]
 
 
 def _slopes(along: FloatArray, profile: Sequence[Place]) -> FloatArray:
-    """Sines (n,) of the slope of the line at places along the track, m."""
+    """Sines (n,) of the slope of a line through supports (its profile) at places (m) along the track."""
     places = sorted(profile)
     spans = np.diff(np.array(places), axis=0)
     number = np.clip(np.searchsorted([place[0] for place in places], along) - 1, 0, len(spans) - 1)

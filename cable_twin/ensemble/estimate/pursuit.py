@@ -1,4 +1,4 @@
-"""Speeds by which the drives of a twin keep to the places that the encoders of a plant measure."""
+"""Speed commands that keep the drives of a twin at the places measured by the encoders of its plant."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ LONGEST = 0.3  # s, after which a speed is commanded again
 
 
 class Pursuit:
-    """Drives of a twin that follow those of a plant: by its commands where they come, else by its encoders.
+    """Speed commands to the drives of a twin: as the plant is commanded, or else by the plant's encoders.
 
-    A twin that gets the commands of its plant moves as it does. One that missed some, as of an emergency stop on the
-    spot, is brought to the place of the plant by its speed.
+    A twin that gets all commands of its plant moves as the plant does. A twin that missed some, as of an emergency stop
+    on the spot, is brought to the place of the plant by its speed.
 
     Args:
         most: largest speed (m/s) by name of a carriage or drive.
@@ -36,19 +36,19 @@ class Pursuit:
         self._pursued: set[str] = set()
 
     def command(self, time: float, speeds: Mapping[str, float]) -> None:
-        """Take the speeds (m/s) that a plant was commanded at a time (s)."""
+        """Record the speeds (m/s) that a plant was commanded at a time (s), by name of carriage or drive."""
         for name, speed in speeds.items():
             self._commanded[name] = time, speed
 
     def measure(self, time: float, name: str, place: float) -> None:
-        """Take a measured place (m) of a time (s)."""
+        """Record the place (m) of a carriage or drive that an encoder measured at a time (s)."""
         kept = self._places.setdefault(name, deque())
         kept.append((time, place))
         while kept[-1][0] - kept[0][0] > SPAN + 1e-9:
             kept.popleft()
 
     def speed_of(self, name: str) -> float | None:
-        """Measured speed (m/s), the mean of the last `SPAN`; None where there is none."""
+        """Measured speed (m/s) of a carriage or drive, mean of the last `SPAN`; None with too few measurements."""
         kept = self._places.get(name, deque())
         if len(kept) < 3 or kept[-1][0] - kept[0][0] < 0.5 * SPAN:
             return None
@@ -56,29 +56,29 @@ class Pursuit:
         return float(np.polyfit(times - times[-1], places, 1)[0])
 
     def place_of(self, name: str) -> float | None:
-        """Newest measured place (m); None where there is none."""
+        """Newest measured place (m) of a carriage or drive; None without any measurement."""
         kept = self._places.get(name)
         return kept[-1][1] if kept else None
 
     def apart(self, name: str, there: float, place: float) -> float:
-        """Distance (m) from a place to another one, the least round a loop."""
+        """Signed distance (m) of a carriage or drive from `place` to `there`, on a loop the shorter way round."""
         period = self._period.get(name, np.inf)
         return float(
             np.remainder(there - place + 0.5 * period, period) - 0.5 * period if period < np.inf else there - place
         )
 
     def forget(self) -> None:
-        """Forget all that was measured, as after a silence."""
+        """Forget all measured places, as after a silence of the plant."""
         self._places.clear()
         self._pursued.clear()
 
     def leave(self, name: str) -> None:
-        """Forget what was measured of a carriage or drive, whose encoder is left out."""
+        """Forget the measured places of a carriage or drive whose encoder is left out as faulty."""
         self._places.pop(name, None)
         self._pursued.discard(name)
 
     def wanted(self, time: float, name: str, place: float) -> float | None:
-        """Speed (m/s) to command to the drive of a twin at a place (m); None for no command.
+        """Speed (m/s) to command to a drive of the twin that is at a place (m); None for no new command.
 
         Args:
             time: s, of the newest measurement and of the place.

@@ -32,11 +32,11 @@ class Errors(NamedTuple):
     at_tower: float = 0.0  # while it is passed, where not as behind it
 
     def scaled(self, scale: float) -> Errors:
-        """Errors times a scale."""
+        """Standard deviations of the discretisation error times a factor."""
         return Errors(*(scale * one for one in self))
 
     def variance(self, stirred: float, at_tower: bool) -> float:
-        """Variance with a remaining share of the waves that the passage of a tower has excited."""
+        """Variance of the discretisation error at a remaining share of the waves that a passed tower has excited."""
         extra = self.at_tower if at_tower and self.at_tower else self.stirred
         return self.quiet**2 + (stirred * extra) ** 2
 
@@ -73,7 +73,7 @@ NOISE = 1e-12  # least standard deviation, of a sensor without any
 
 
 class Slow(NamedTuple):
-    """Slow quantity: key of the scenario, unit, prior, and standard deviation of its drift."""
+    """Slow quantity of a plant, which is estimated: key of the scenario, unit, prior, and drift."""
 
     name: str
     key: str
@@ -113,7 +113,7 @@ class Reading(NamedTuple):
 
 
 def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
-    """Quantities that are estimated in a scenario: payloads, rolling friction, wind, counterweights."""
+    """Slow quantities of a scenario that are estimated: payloads, rolling friction, wind, ice, counterweights."""
     found = []
     for name, carriage in scenario.carriages.items():
         if carriage.payload is not None and carriage.payload.capacity > 0.0:
@@ -153,7 +153,7 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
 
 
 def _rolling(scenario: Scenario) -> list[Slow]:
-    """Rolling friction of carriages: of each of one rope, of those on several ropes one for all."""
+    """Rolling friction as slow quantities: of each carriage with one rope, one for all with several ropes."""
     of = {name: one.friction.rolling for name, one in scenario.carriages.items() if one.friction.rolling > 0.0}
     groups = [[name] for name in of] if len(scenario.cables) == 1 else [[*of]] if of else []
     found = []
@@ -168,9 +168,9 @@ def _rolling(scenario: Scenario) -> list[Slow]:
 
 
 def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
-    """Readings of sensors by name; inertial ones are left out, with several ropes those of roll as well.
+    """Quantities that the sensors measure, by name; without inertial sensors, and without roll with several ropes.
 
-    Members with several ropes do not differ in what goes across: wind there, and roll.
+    With several ropes the ensemble's members differ neither in wind across the track nor in roll.
 
     Args:
         sensors: of the scenario.
@@ -208,7 +208,7 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
 
 
 class Hidden(NamedTuple):
-    """Quantity that no sensor need measure."""
+    """Estimated quantity that no sensor need measure: its place in a frame, and error of the model."""
 
     name: str
     unit: str
@@ -217,7 +217,7 @@ class Hidden(NamedTuple):
 
 
 def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
-    """Hidden quantities of a scenario: extreme tensions, forces of ends and towers, angles of bodies."""
+    """Quantities estimated without sensors: extreme tensions, forces of ends and towers, angles of bodies."""
     places, found = layout.places, []
     alone = len(scenario.cables) == 1
     share = 1.0 if alone else OF_ROPES
@@ -248,7 +248,7 @@ def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
 
 
 def weights_of(points: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Weights (members, members) that carry the states of points over to other ones, to first order.
+    """Weights (members, members) that blend the members' states from stencil points to other points, to first order.
 
     Args:
         points: (2 n + 1, n) slow quantities: the middle, then one above and one below it along each.
@@ -266,7 +266,7 @@ def weights_of(points: FloatArray, wanted: FloatArray) -> FloatArray:
 
 
 def stencil(mean: FloatArray, deviation: FloatArray, quantities: Sequence[Slow]) -> FloatArray:
-    """Points (2 n + 1, n): the mean within bounds, and a deviation above and below it along each quantity."""
+    """Stencil points (2 n + 1, n): the mean within bounds, and a deviation above and below it in each quantity."""
     low, high = (np.array([getattr(one, side) for one in quantities]) for side in ("low", "high"))
     middle = np.clip(mean, low, high)
     points = np.tile(middle, (2 * middle.size + 1, 1))

@@ -1,4 +1,4 @@
-"""Swing of vehicles as fast quantities of a filter: angle and rate of each body, given to members by turning it."""
+"""Swing of vehicles as fast quantities of a filter: angle and rate of each body, one rotated in each member."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROLL, PITCH = ANGLES["roll"], ANGLES["pitch"]
 
 
 class Swing(NamedTuple):
-    """Angle of a body, or its rate."""
+    """Swing of a vehicle's body as a quantity of a filter: its angle, or its rate."""
 
     vehicle: int  # row
     body: int  # row of all bodies
@@ -32,15 +32,15 @@ class Swing(NamedTuple):
     place: int  # in the numbers of a frame
 
     def turn(self, size: float) -> Turn:
-        """Rotation by a size (rad or rad/s)."""
+        """Rotation of the body by a size of this swing (rad or rad/s)."""
         return Turn(self.vehicle, self.body, self.axis, 0.0 if self.rate else size, size if self.rate else 0.0)
 
 
 def swings(layout: Layout) -> tuple[Swing, ...]:
-    """Angles and rates of all bodies of carriages: pitch, and in space roll as well.
+    """Swings of all bodies of carriages, angle and rate: pitch, and in space roll as well.
 
-    With several ropes, whose members are dear, pitch of the second body alone, or of an only one: what hangs from the
-    carriage on the rope turns as a whole.
+    With several ropes, whose members are costly, only the pitch of the second body, or of an only one: all that hangs
+    from the carriage on the rope rotates as a whole.
     """
     places, found, alone = layout.places, [], len(layout.ropes) == 1
     for vehicle, name in enumerate(layout.carriages):
@@ -54,12 +54,12 @@ def swings(layout: Layout) -> tuple[Swing, ...]:
 
 
 def carried(fast: Sequence[Swing], numbers: FloatArray, first: int) -> FloatArray:
-    """Matrix (n, n) by which swings that members were given have become present ones.
+    """Transition matrix (n, n) from the unit swings that members were given to their present swings.
 
     Args:
         fast: n swings.
         numbers: (members, m) of the present frames.
-        first: member with the first swing, those with the others follow.
+        first: member with the first swing; the members with the other swings follow.
     """
     places = [one.place for one in fast]
     apart: FloatArray = (numbers[first : first + len(fast)][:, places] - numbers[0, places]) / SIZE
@@ -72,8 +72,8 @@ def growth(fast: Sequence[Swing], seconds: float, stirred: float, at_tower: bool
     Args:
         fast: n swings.
         seconds: s.
-        stirred: share of what a tower has stirred that is left.
-        at_tower: whether one is passed.
+        stirred: remaining share of the waves that a passed tower has excited.
+        at_tower: whether a vehicle is passing a tower.
     """
     rate = (AT_TOWER**2 if at_tower else GROWTH**2 + (stirred * STIRRED) ** 2) * seconds
     firsts = {one.vehicle: one.body for one in reversed(fast)}
@@ -83,5 +83,5 @@ def growth(fast: Sequence[Swing], seconds: float, stirred: float, at_tower: bool
 
 
 def anchored(fast: Sequence[Swing], numbers: FloatArray, member: int) -> list[Turn]:
-    """Rotations that give a member the swing of the middle one."""
+    """Rotations that give a member the swing of the middle member."""
     return [one.turn(float(numbers[0, one.place] - numbers[member, one.place])) for one in fast]

@@ -1,4 +1,4 @@
-"""Plant that is followed live: its measurements in order, the places of its vehicles, silences and new beginnings."""
+"""Live following of a plant: measurements in order, places of vehicles, silences and restarts of the twin."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class News(NamedTuple):
 
 
 class Tracker:
-    """Twin that follows a live plant, from wherever it is.
+    """Twin that follows a live plant, from any place and speed of the plant on.
 
     Attributes:
-        state: whether it waits, follows, or goes on by its model.
-        arrivals: what comes from the plant.
+        state: whether the twin waits, follows, or goes on by its model.
+        arrivals: measurements and commands that come from the plant.
         sensors: of the plant by name.
-        behind: s, by which it is behind the plant, as on a machine that is too slow.
+        behind: s, by which the twin is behind the plant, as on a machine that is too slow.
 
     Args:
         scenario: of the twin, with the sensors of the plant.
@@ -94,7 +94,7 @@ class Tracker:
             yield from self._go_on_alone(self.arrivals.newest + silence - SILENT)
 
     def _take(self, time: float, items: Sequence[Item]) -> Iterator[News]:
-        """Commands and measurements of one time (s)."""
+        """Process the commands and measurements of one time (s); yields corrections and lines to log."""
         measured, lines = [item for item in items if isinstance(item, Measurement)], list[str]()
         for item in items:
             if isinstance(item, AppliedCommand):
@@ -125,7 +125,7 @@ class Tracker:
             yield News(time, correction, tuple(lines))
 
     def _say_behind(self, present: float) -> Iterator[News]:
-        """Tell that the twin is behind its plant; begin anew where it is too far behind."""
+        """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""
         if self.behind > TOO_FAR:
             self.arrivals.drop(self.arrivals.now(present) - HORIZON - LISTENING)
             self._pursuit.forget()
@@ -139,7 +139,7 @@ class Tracker:
             self._told_behind = False
 
     def _begin(self, time: float) -> Iterator[News]:
-        """Begin where the plant is, as soon as that is known."""
+        """Start the twin at the places of the plant's vehicles, after measurements of `LISTENING` (s)."""
         self._first = self._first or time
         if time - self._first < LISTENING:
             return
@@ -193,7 +193,7 @@ class Tracker:
         return ""
 
     def _go_on_alone(self, until: float) -> Iterator[News]:
-        """Go on by the model while nothing comes from the plant, with more and more doubt, a window at a time."""
+        """Advance the twin by its model while the plant is silent, window by window, with growing variances."""
         if self.state == FOLLOWING:
             self.state = ALONE
             self._pursuit.forget()
@@ -207,5 +207,5 @@ class Tracker:
 
 
 def _time(item: Item) -> float:
-    """Time (s) of an item, to the microsecond."""
+    """Time (s) of a command or measurement, to the microsecond."""
     return round(item.time, 6)

@@ -26,18 +26,18 @@ UPPER, LOWER = ("at most", "below", "within"), ("at least", "above", "within")
 
 
 class Asked(NamedTuple):
-    """Demand of a check, whether or not a run decides it.
+    """Demand of a rule profile's check on a quantity, whether or not a run decides it.
 
     Attributes:
         profile: name of the profile.
         check: id of the check.
-        clause: of the document.
+        clause: clause of the document.
         quantity: quantity/role/statistic of the figure.
         comparison: side of the limits that is allowed.
-        limits: in the unit.
-        unit: of the rule.
-        load_case: what it is to be judged in, in words; empty for any run.
-        why: how it follows from the check, where the check compares another quantity.
+        limits: limits in the unit of the rule.
+        unit: unit of the rule.
+        load_case: load case in which the demand is judged, in words; empty for any run.
+        why: how the demand follows from the check, where the check compares another quantity.
     """
 
     profile: str
@@ -52,7 +52,7 @@ class Asked(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """SI units in a unit of the rule."""
+        """Size of one unit of the rule in SI units."""
         return UNITS.get(self.unit, ("", 1.0))[1]
 
     @property
@@ -63,9 +63,9 @@ class Asked(NamedTuple):
 
 
 def asked_by(scenario: Scenario, profiles: Iterable[Profile]) -> list[Asked]:
-    """Demands of all checks of profiles that apply to a scenario and whose limits are known of it alone.
+    """Demands of the rule profiles' checks that apply to a scenario and whose limits do not depend on a run.
 
-    A check that other documents compare in another quantity is there in both.
+    A check that other documents compare in another quantity gives a demand in both quantities.
     """
     profiles = list(profiles)
     if not profiles:
@@ -93,7 +93,7 @@ def _applies(check: Check, facts: Mapping[str, Any]) -> bool:
 
 
 def _limits(one: Check | SameAs, facts: Mapping[str, Any]) -> tuple[float, ...] | None:
-    """Limits of a check; None where they depend on results of a run."""
+    """Limits of a rule's check; None where they depend on results of a run."""
     numbers = {name: value for name, value in facts.items() if isinstance(value, int | float)}
     try:
         given = case_of(one.limit, facts)
@@ -105,7 +105,7 @@ def _limits(one: Check | SameAs, facts: Mapping[str, Any]) -> tuple[float, ...] 
 
 
 def clashes(asked: Sequence[Asked]) -> list[tuple[Asked, Asked]]:
-    """Pairs of demands of different profiles on one quantity that nothing keeps together."""
+    """Pairs of demands of different rule profiles on one quantity that contradict each other."""
     found = []
     for one, two in combinations(asked, 2):
         if one.profile == two.profile or one.quantity != two.quantity:
@@ -129,7 +129,7 @@ def topic_of(quantity: str) -> tuple[str, str]:
 
 
 def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
-    """Verdicts on one quantity, of several profiles, where their rules or verdicts differ or one has none.
+    """Groups of rule verdicts on one quantity in which profiles differ in limit or verdict, or one has none.
 
     Args:
         verdicts: of all profiles.

@@ -1,4 +1,4 @@
-"""Facts of a ropeway that conditions and formulas of rules name: of its scenario, and of `limits.installation`."""
+"""Facts of a ropeway for conditions and formulas of rules: from the scenario and its `limits.installation`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ CHOICES: dict[str, tuple[Any, ...]] = {
 
 
 def condition_fault(name: str, value: Any) -> str:
-    """Fault of one part of a condition in a line; empty for a valid one."""
+    """Fault of one fact and value in the condition of a rule, in a line; empty for a valid one."""
     if name not in CHOICES:
         return f"given {show(value)}: no such fact; allowed: {', '.join(CHOICES)}"
     choices, given = CHOICES[name], value if isinstance(value, list) else [value]
@@ -64,10 +64,10 @@ def condition_fault(name: str, value: Any) -> str:
 
 
 def holds(when: Mapping[str, Any], facts: Mapping[str, Any]) -> bool:
-    """Whether a condition holds.
+    """Whether the condition of a rule holds for the facts of a ropeway.
 
     Raises:
-        MissingError: it depends on a fact that is not stated, and nothing else of it fails.
+        MissingError: the condition depends on a fact that is not stated, and no other part of it fails.
     """
     unknown = [name for name in when if facts.get(name) is None]
     for name, wanted in when.items():
@@ -106,7 +106,7 @@ def system_of(scenario: Scenario) -> str:
 
 
 def facts_of(scenario: Scenario, subjects: Subjects) -> dict[str, Any]:
-    """Facts of a scenario by name, None where not stated; those of one figure's subject are left out."""
+    """Facts of a scenario for rules by name, None where not stated; without facts of single bullwheels or towers."""
     stated = scenario.limits.installation.model_dump()
     hauled = [one for one in scenario.carriages.values() if one.drive.haul_rope is not None]
     loops = {one.before for one in scenario.strands.values()}
@@ -125,7 +125,7 @@ def facts_of(scenario: Scenario, subjects: Subjects) -> dict[str, Any]:
 
 
 def subject_facts(scenario: Scenario, subject: str) -> dict[str, float]:
-    """Facts of the subject of a figure: friction and wrap of a bullwheel, derailment ratio of a tower."""
+    """Facts of a key figure's subject for rules: friction and wrap of a bullwheel, derailment ratio of a tower."""
     kind, _, name = subject.partition(".")
     if kind == "sheaves" and name in scenario.sheaves:
         wheel = scenario.sheaves[name]

@@ -1,4 +1,4 @@
-"""Key figures that rules compare and that follow from others and from the dimensions of a scenario."""
+"""Key figures for rules, derived from the key figures of a run and from the dimensions of its scenario."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ SETTING = "as the scenario has it"
 
 
 class Found:
-    """Figures of a run by quantity, subject and statistic."""
+    """Lookup of the key figures of a run by quantity, subject and statistic."""
 
     def __init__(self, figures: Iterable[KeyFigure]) -> None:
         self._figures = {one.id: one for one in figures}
 
     def __call__(self, quantity: str, subject: str, statistic: str) -> KeyFigure | None:
-        """Figure of a quantity, a subject and a statistic; None without one."""
+        """Key figure of a quantity, a subject and a statistic; None without one."""
         return self._figures.get((quantity, subject, statistic))  # type: ignore[call-overload, no-any-return]
 
 
 def derived_figures(
     scenario: Scenario, figures: Iterable[KeyFigure], subjects: Subjects | None = None
 ) -> list[KeyFigure]:
-    """Figures that follow from those of a run and from the dimensions of its scenario.
+    """Derive key figures for rules from the key figures of a run and the dimensions of its scenario.
 
     Args:
         scenario: scenario of the run.
         figures: key figures of the run.
-        subjects: those of the scenario; None: they are found.
+        subjects: subjects of the scenario; None to find them.
     """
     found, subjects = Found(figures), subjects or Subjects(scenario)
     return [
@@ -46,7 +46,7 @@ def derived_figures(
 
 
 def _of(source: KeyFigure, quantity: str, statistic: str, value: float, subject: Subject | None = None) -> KeyFigure:
-    """Figure derived from one of the run, with its time, place and relative uncertainty."""
+    """Key figure derived from another one, with the time, place and relative uncertainty of that figure."""
     name = source.name.partition(": ")[0] if ": " in source.name else ""
     one = figure(quantity, subject or Subject(source.id.subject, name), statistic, value, source.time, source.place)
     if source.uncertainty is None or source.value == 0.0:
@@ -55,7 +55,7 @@ def _of(source: KeyFigure, quantity: str, statistic: str, value: float, subject:
 
 
 def _setting(quantity: str, subject: Subject, statistic: str, value: float) -> KeyFigure:
-    """Figure of the scenario alone."""
+    """Key figure that follows from the scenario alone, without a run."""
     return figure(quantity, subject, statistic, value, 0.0, SETTING)
 
 
@@ -64,7 +64,7 @@ def _named(scenario: Scenario, rope: str) -> Subject:
 
 
 def _of_rope(scenario: Scenario, rope: str, found: Found) -> Iterator[KeyFigure]:
-    """Safety factors of a rope on other breaking forces than the minimum one."""
+    """Safety factors of a rope on its calculated and its tested breaking force."""
     cable, subject = scenario.cables[rope], _named(scenario, rope)
     tension = found("rope_tension", subject.key, "highest")
     if tension is None or tension.value <= 0.0:
@@ -79,7 +79,7 @@ def _of_rope(scenario: Scenario, rope: str, found: Found) -> Iterator[KeyFigure]
 
 
 def _of_tower(scenario: Scenario, name: str, subjects: Subjects, found: Found) -> Iterator[KeyFigure]:
-    """Load ratio, deflection of the rope, pressure of rollers, and proportions of saddles."""
+    """Key figures of a tower for rules: load ratio, rope deflection, roller pressure, proportions of saddles."""
     tower, subject = scenario.towers[name], Subject(f"towers.{name}", name)
     rope = scenario.rope_of(tower)
     cable, key = scenario.cables[rope], f"ropes.{rope}"
@@ -102,7 +102,7 @@ def _of_tower(scenario: Scenario, name: str, subjects: Subjects, found: Found) -
 
 
 def _of_bullwheel(scenario: Scenario, name: str) -> Iterator[KeyFigure]:
-    """Proportions of a bullwheel and its rope."""
+    """Ratios of a bullwheel's diameter to the diameters of its rope and of the thickest wire."""
     wheel, subject = scenario.sheaves[name], Subject(f"sheaves.{name}", name)
     ropes = [scenario.cables[rope] for rope in wheel.ropes if rope in scenario.cables]
     for quantity, sizes in (
@@ -114,14 +114,14 @@ def _of_bullwheel(scenario: Scenario, name: str) -> Iterator[KeyFigure]:
 
 
 def _speed(scenario: Scenario, subjects: Subjects, found: Found) -> KeyFigure | None:
-    """Highest speed of a run: of its drives, else of its vehicles."""
+    """Key figure of the highest speed of a run: of its drives, else of its vehicles."""
     keys = [f"drives.{name}" for name in scenario.drives] or [one.subject.key for one in subjects.groups]
     speeds = [one for key in keys if (one := found("speed", key, "highest")) is not None]
     return max(speeds, key=lambda one: one.value, default=None)
 
 
 def _of_vehicles(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[KeyFigure]:
-    """Inclination, wheel loads, brakes, grips and payload of each carriage and of the carriers."""
+    """Key figures of carriages and carriers for rules: inclination, wheel loads, brakes, grips and payload."""
     installation = scenario.limits.installation
     vehicles = subjects.vehicles
     names = list(vehicles)
@@ -181,7 +181,7 @@ def _slopes(subjects: Subjects, rope: str) -> list[float]:
 
 
 def _of_line(scenario: Scenario, subjects: Subjects, found: Found) -> Iterator[KeyFigure]:
-    """Slopes, interval of carriers, and settings of drives."""
+    """Key figures of the line for rules: slopes, clearance, wind pressure, carrier interval, settings of drives."""
     line = Subject("line")
     rope = next(iter(scenario.cables))
     chords = subjects.chords[rope]

@@ -106,12 +106,12 @@ class Profile(NamedTuple):
     document: Document
 
     def systems_of(self, check: Check) -> tuple[str, ...]:
-        """Kinds of ropeway that a check is for."""
+        """Kinds of ropeway that a check of the profile is for."""
         return check.systems or self.document.systems
 
 
 class Counts(NamedTuple):
-    """Numbers of checks of a document: all, decided by a figure, by a bound, by a load case, not decidable."""
+    """Numbers of checks of a rule document: all, decided by a figure, by a bound, by a load case, not decidable."""
 
     checks: int
     decided: int  # by a figure, each alone or within another check
@@ -121,7 +121,7 @@ class Counts(NamedTuple):
 
 
 def counts_of(document: Document) -> Counts:
-    """Count the checks of a document by kind of decision; ids that differ only by a last letter are one rule."""
+    """Count the checks of a rule document by kind of decision; ids that differ only by a last letter are one rule."""
     checks = document.checks
     rules = [one for name, one in checks.items() if not name[-1].islower()]
     judged = [checks[one.judged_in] if one.judged_in else one for one in rules]
@@ -141,13 +141,13 @@ class RuleError(ScenarioError):
 
 @cache
 def load_profile(source: str) -> Profile:
-    """Rule profile by the name of a shipped one, or from a YAML file.
+    """Load a rule profile by the name of a shipped one, or from a YAML file.
 
     Args:
         source: name, or path that ends in .yaml.
 
     Raises:
-        RuleError: with every fault of it, one line each.
+        RuleError: the profile is invalid; one line for each fault.
     """
     if not is_file(source) and source not in profile_names():
         names = ", ".join(profile_names())
@@ -172,7 +172,7 @@ def read_document(data: Mapping[Any, Any]) -> tuple[Document | None, list[Fault]
 
 
 def _schema_fault(location: KeyPath, kind: str, data: Any) -> Fault:
-    """Fault of the schema in the wording of scenarios."""
+    """Fault of a rule profile against its schema, in the wording of scenario faults."""
     model: type[Strict] = Check if location[0] == "checks" and len(location) > 2 else Document
     key = str(location[2] if model is Check else location[0])
     if kind == "extra_forbidden":
@@ -190,7 +190,7 @@ def _schema_fault(location: KeyPath, kind: str, data: Any) -> Fault:
 
 
 def _faults(document: Document) -> Iterator[Fault]:
-    """Faults of values that are valid alone."""
+    """Faults of a rule document whose values are valid one by one: outcomes, conditions, units, contradictions."""
     yield from _system_faults(("systems",), document.systems)
     for name, check in document.checks.items():
         path: KeyPath = ("checks", name)
@@ -217,7 +217,7 @@ def _system_faults(path: KeyPath, systems: tuple[str, ...]) -> Iterator[Fault]:
 
 
 def _judged_faults(path: KeyPath, check: Check, document: Document) -> Iterator[Fault]:
-    """Faults of a check that compares a figure."""
+    """Faults of a rule's check that compares a key figure: missing keys, figures, load case and limits."""
     for key in JUDGED:
         if getattr(check, key) is None:
             yield refuse((*path, key), NOTHING, allowed(Check.model_fields[key]), "it is needed")
@@ -236,7 +236,7 @@ def _judged_faults(path: KeyPath, check: Check, document: Document) -> Iterator[
 
 
 def _quantity_faults(path: KeyPath, key: str, given: str, unit: str | None) -> Iterator[Fault]:
-    """Faults of a compared figure as quantity/role/statistic, and of a unit (None: none given) that is not its own."""
+    """Faults of a rule's figure as quantity/role/statistic, and of a unit (None: not given) of another quantity."""
     quantity, role, statistic = (*given.split("/"), "", "")[:3]
     row = QUANTITIES.get(quantity)
     if row is None:
@@ -253,7 +253,7 @@ def _quantity_faults(path: KeyPath, key: str, given: str, unit: str | None) -> I
 
 
 def _limit_faults(path: KeyPath, limit: Any, *, within: bool) -> Iterator[Fault]:
-    """Faults of a number, a formula, a band, or a list of cases."""
+    """Faults of a rule's limit: a number, a formula, a band, or a list of cases."""
     if isinstance(limit, list) and limit and all(isinstance(one, Mapping) for one in limit):
         for number, one in enumerate(limit):
             if set(one) != {"when", "limit"} or not isinstance(one["when"], Mapping):
@@ -286,7 +286,7 @@ def _limit_faults(path: KeyPath, limit: Any, *, within: bool) -> Iterator[Fault]
 
 
 def _contradictions(document: Document) -> Iterator[Fault]:
-    """Faults of two checks of one figure under one condition that nothing can keep."""
+    """Faults of pairs of checks whose limits on one figure under one condition contradict each other."""
     least: dict[tuple[Any, ...], tuple[str, float]] = {}
     judged = [(name, one) for name, one in document.checks.items() if isinstance(one.limit, int | float)]
     for bound in ("at least", "at most"):

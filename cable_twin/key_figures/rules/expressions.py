@@ -1,4 +1,4 @@
-"""Limits of rules as formulas: arithmetic of named variables, read without running any code of a file."""
+"""Limits of rules as formulas: arithmetic of named variables, evaluated without running code from a file."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class MissingError(LookupError):
 
 
 def variables_of(formula: str) -> set[str]:
-    """Names of the variables in a formula.
+    """Names of the variables in the formula of a rule.
 
     Raises:
-        FormulaError: it is none.
+        FormulaError: the text is no formula.
     """
     tree = _tree(formula)
     _check(tree)
@@ -42,7 +42,7 @@ def variables_of(formula: str) -> set[str]:
 
 
 def value_of(formula: str | float, values: Mapping[str, float | None]) -> float:
-    """Value of a number or a formula.
+    """Evaluate the limit of a rule: a number, or a formula of variables.
 
     Args:
         formula: number, or text with variables.
@@ -73,7 +73,7 @@ def _tree(formula: str) -> ast.expr:
 
 
 def _check(node: ast.expr) -> None:
-    """Refuse whatever is no number, variable, operator or known function."""
+    """Refuse a formula with anything but numbers, variables, operators and known functions."""
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
         _check(node.left)
         _check(node.right)

@@ -36,7 +36,7 @@ def rope_roles(scenario: Scenario) -> dict[str, str]:
 
 
 def _chords(corners: list[tuple[float, ...]]) -> list[tuple[float, float, float]]:
-    """Vectors (3,) in m from corner to corner."""
+    """Vectors (3,) in m of the chords between successive corners (supports) of a rope."""
     return [(end[0] - start[0], end[1] - start[1], end[2] - start[2]) for start, end in pairwise(corners)]
 
 
@@ -62,7 +62,7 @@ class Subjects:
         self._driven = {drive.sheave for drive in scenario.drives.values()}
 
     def has(self, role: str, subject: str) -> bool:
-        """Whether the subject of a figure has a role; a part of a rope, as a span, has that of its rope."""
+        """Whether the subject of a key figure has a role; a part of a rope, as a span, has the role of its rope."""
         kind, _, name = subject.partition(".")
         if role == "pairs":
             return "+" in subject and kind != "ropes"

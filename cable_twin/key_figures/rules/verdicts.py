@@ -102,12 +102,12 @@ def judge(
     *,
     at_rest: bool = False,
 ) -> list[RuleVerdict]:
-    """Verdicts of rule profiles on the key figures of a run, a check each that a figure can decide.
+    """Verdicts of rule profiles on the key figures of a run, one for each check that a figure can decide.
 
     Args:
         scenario: scenario of the run.
         figures: key figures of the run.
-        profiles: profiles; None: those that the scenario names.
+        profiles: profiles; None for those that the scenario names.
         at_rest: whether the figures are of a line at rest, without dynamic parts.
 
     Raises:
@@ -117,7 +117,7 @@ def judge(
 
 
 class Judge:
-    """Judge of the key figures of a scenario by rule profiles; constants of a run are found once.
+    """Evaluator of rule profiles on the key figures of a scenario; constants of a run are found once.
 
     Args:
         scenario: scenario of the run.
@@ -157,7 +157,7 @@ class Judge:
         return max(long, default=0.0) if sags else None
 
     def _verdict(self, profile: Profile, name: str, check: Check) -> RuleVerdict:
-        """Verdict of one check that compares a figure."""
+        """Verdict of one check of a rule profile that compares a key figure."""
         base = _Base(profile, name, check)
         if self._system not in profile.systems_of(check):
             return base.outside(f"it is for {' and '.join(profile.systems_of(check))}, this is {self._system}")
@@ -182,7 +182,7 @@ class Judge:
         return min(verdicts, key=lambda one: (STATES.index(one.state), _margin(one)))
 
     def _why_none(self, quantity: str) -> str:
-        """Reason why a run has no such figure."""
+        """Reason why a run has no figure of a rule's quantity/role/statistic."""
         name, role, _ = quantity.split("/")
         if not any(self._subjects.has(role, one.id.subject) for one in self._figures):
             return f"the scenario has no {role.replace('_', ' ')}"
@@ -229,7 +229,7 @@ class Judge:
 
 @dataclass(frozen=True, slots=True)
 class _Base:
-    """Verdict under way: check, figure and limits."""
+    """Rule verdict in preparation: check, compared figure and limits."""
 
     profile: Profile
     name: str
@@ -240,19 +240,19 @@ class _Base:
 
     @property
     def scale(self) -> float:
-        """SI units in a unit of the rule."""
+        """Size of one unit of the rule in SI units."""
         return UNITS.get(self.check.unit or "", ("", 1.0))[1]
 
     def with_figure(self, quantity: str, figure: KeyFigure) -> _Base:
-        """Verdict under way with the judged figure."""
+        """Copy of the verdict in preparation with the judged figure."""
         return _Base(self.profile, self.name, self.check, quantity, figure)
 
     def with_limits(self, limits: tuple[float, ...]) -> _Base:
-        """Verdict under way with the limits in the unit of the rule."""
+        """Copy of the verdict in preparation with the limits in the unit of the rule."""
         return _Base(self.profile, self.name, self.check, self.quantity, self.figure, limits)
 
     def made(self, state: str, reason: str) -> RuleVerdict:
-        """Verdict with a state and its reason."""
+        """Rule verdict with a state and its reason."""
         document, check = self.profile.document, self.check
         return RuleVerdict(
             profile=self.profile.name,
@@ -272,16 +272,16 @@ class _Base:
         )
 
     def open(self, reason: str) -> RuleVerdict:
-        """Verdict `not decided`, with its reason."""
+        """Rule verdict `not decided`, with its reason."""
         return self.made(NOT_DECIDED, reason)
 
     def outside(self, reason: str) -> RuleVerdict:
-        """Verdict `does not apply`, with its reason."""
+        """Rule verdict `does not apply`, with its reason."""
         return self.made(OUTSIDE, reason)
 
 
 def words(when: Mapping[str, Any]) -> str:
-    """Condition in words."""
+    """Condition of a rule in words."""
     return " and ".join(f"{name} {_value_words(value)}" for name, value in when.items())
 
 
@@ -300,14 +300,14 @@ def _not_stated(fact: str) -> str:
 
 
 def case_of(limit: Any, facts: Mapping[str, Any]) -> Any:
-    """Limit of the first case that holds; None where none does."""
+    """Limit of a rule with cases: that of the first case that holds; None where none holds."""
     if not (isinstance(limit, list) and limit and isinstance(limit[0], Mapping)):
         return limit
     return next((one["limit"] for one in limit if holds(one["when"], facts)), None)
 
 
 def _keeps(comparison: str, limits: tuple[float, ...], value: float, allowance: float) -> bool:
-    """Whether a value is on the allowed side, to a tolerance of 0.1 % of the limit, and by the allowance within it."""
+    """Whether a value keeps a rule's limits, to a tolerance of 0.1 % of the limit, and by at least the allowance."""
     low, high = limits[0], limits[-1]
     if comparison == "above":
         return value > low + allowance
@@ -319,7 +319,7 @@ def _keeps(comparison: str, limits: tuple[float, ...], value: float, allowance: 
 
 
 def _never_kept(comparison: str, limits: tuple[float, ...], least: float, most: float) -> bool:
-    """Whether no value from `least` to `most` is allowed, without any allowance."""
+    """Whether no value from `least` to `most` keeps a rule's limits, without any allowance."""
     low, high = limits[0], limits[-1]
     if comparison in ("at least", "above"):
         return not _keeps(comparison, limits, most, 0.0)
@@ -329,7 +329,7 @@ def _never_kept(comparison: str, limits: tuple[float, ...], least: float, most: 
 
 
 def _margin(verdict: RuleVerdict) -> float:
-    """Order of verdicts of one state, the worst first: by excess over the limit, else by distance from it."""
+    """Sort key of rule verdicts of one state, the worst first: excess over the limit, else distance from it."""
     value = verdict.value
     if value is None or not verdict.limits:
         return inf
@@ -338,7 +338,7 @@ def _margin(verdict: RuleVerdict) -> float:
 
 
 def sentence(one: RuleVerdict) -> str:
-    """Verdict in one line: what, value, limit, unit, where, document, edition and clause."""
+    """Rule verdict in one line: check, state, value, limit, unit, place, document, edition and clause."""
     edition = "" if one.edition in one.document else f", {one.edition}"
     reason = f"; {one.reason}" if one.reason else ""
     figure = f"{one.figure.name}: " if one.figure is not None else ""
@@ -354,12 +354,12 @@ def _when(one: RuleVerdict) -> str:
 
 
 def value_text(one: RuleVerdict) -> str:
-    """Value of a verdict's figure with the unit of the rule; empty without one."""
+    """Value of a rule verdict's figure with the unit of the rule; empty without a figure."""
     return "" if one.value is None else f"{_tidy(one.value)}{_unit(one)}"
 
 
 def limit_text(one: RuleVerdict) -> str:
-    """Limit of a verdict with the unit of the rule, as `at most 2.5 m/s`; empty where not known."""
+    """Limit of a rule verdict with its unit, as `at most 2.5 m/s`; empty where not known."""
     if not one.limits:
         return ""
     numbers = " to ".join(rounded(limit) for limit in one.limits)

@@ -1,8 +1,9 @@
-"""Haul rope of an aerial tramway: elastic between drive drum and carriage, inside the Newton iteration.
+"""Haul rope of an aerial tramway: elastic between drive drum and vehicle, solved within Newton's method.
 
-It pulls the carriage in space, along the track rope but not against it: what holds it is its station. So it has a
-coordinate w (m) of its own, the way of the carriage p in that direction, and the drum one, u (m), how far it has paid
-or hauled rope: where the carriage would be if the rope did not stretch. With d = r_x / |r_x|², found once a step,
+The rope pulls the vehicle in space, along the track rope, but reacts on its station and not on the track rope. So it
+has a coordinate w (m) of its own, the travel of the vehicle's position p in that direction. The drum has the coordinate
+u (m), the rope that it has paid out or hauled: where the vehicle would be if the rope did not stretch. With
+d = r_x / |r_x|², found once a step,
 
     w_dot = d·p_dot = s_dot + d·S e_dot,   T d on the carriage,   -T on u.
 
@@ -32,7 +33,7 @@ SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the 
 
 @kernel
 def rope_length(system, carriage, travel):
-    """Length (m) of a haul rope between drum and a `travel` (m), and its derivative by the travel."""
+    """Length (m) of a haul rope between its drum and a `travel` (m) along the track, and its derivative by that."""
     beyond = system.haul_ropes.beyond_track[carriage]
     length, by_travel = beyond + travel, 1.0
     if system.haul_ropes.station[carriage] == END:
@@ -42,7 +43,7 @@ def rope_length(system, carriage, travel):
 
 @kernel
 def rope_damping(system, carriage, length):
-    """Damping (N s/m) of a haul rope of a length (m), and its derivative by the length."""
+    """Damping coefficient (N s/m) of a haul rope of given length (m), and its derivative by the length."""
     ropes = system.haul_ropes
     stiffness, ratio = ropes.axial_stiffness[carriage], ropes.damping_ratio[carriage]
     mass = carriage_mass(system.carriages, carriage)
@@ -52,7 +53,7 @@ def rope_damping(system, carriage, length):
 
 @kernel
 def rope_force(system, state, carriage):
-    """Force T (N) of the haul rope on the carriage along the track, towards larger arc length, without inertia.
+    """Force T (N) of the haul rope on the vehicle along the track, towards larger arc length, without inertia.
 
     Returns:
         T; its derivatives by w, by w_dot and by u (N/m, N s/m); zero but T where the rope is slack. That by u_dot is
@@ -75,7 +76,7 @@ def rope_force(system, state, carriage):
 
 @kernel
 def drum_force(system, state, carriage):
-    """Force (N) of the drive on its drum, towards larger drum travel: rope force and inertia."""
+    """Force (N) of the drive on the drum of a haul rope, towards larger drum travel: rope force and inertia."""
     ropes = system.haul_ropes
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.drums.position[carriage])
@@ -86,7 +87,7 @@ def drum_force(system, state, carriage):
 
 @kernel
 def pull_on_carriage(system, state, carriage):
-    """Force (N) of the haul rope on the carriage along the track, less the inertia of the rope."""
+    """Force (N) of the haul rope on its vehicle along the track, less the inertia force of the rope."""
     force, _, _, _ = rope_force(system, state, carriage)
     length, _ = rope_length(system, carriage, state.drums.position[carriage])
     mass = system.haul_ropes.mass_per_length[carriage] * length / 6.0
@@ -95,14 +96,14 @@ def pull_on_carriage(system, state, carriage):
 
 @kernel
 def haul_direction(system, state, carriage):
-    """Haul direction d (dim,): derivative of the carriage's travel along the track by its position."""
+    """Haul direction d (dim,): derivative of a vehicle's travel along the track by its position."""
     r_x = joint_tangent(system.cable, state, carriage)
     return scale(1.0 / dot(r_x, r_x), r_x)
 
 
 @kernel
 def leave_place(system, state, work):
-    """Store the position of each hauled carriage at the start of a step, before prediction."""
+    """Store the position of each vehicle with a haul rope at the start of a step, before prediction."""
     for carriage in range(state.axis.size):
         if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             place = joint_position(system.cable, state, carriage)
@@ -122,7 +123,7 @@ def direct_haul(system, state, work):
 
 @kernel
 def take_up(system, state):
-    """Reset the travel of each haul rope to the arc length of its carriage, and shift drum and reference alike."""
+    """Reset the travel of each haul rope to the arc length of its vehicle, and shift its drum and reference alike."""
     for carriage in range(state.axis.size):
         if state.axis[carriage] == DRUM and belongs(system, state, carriage):
             slid = state.hauled.position[carriage] - state.joints.position[carriage]
@@ -133,9 +134,9 @@ def take_up(system, state):
 
 @kernel
 def condense_drum(system, state, carriage, mass_factor, rate_factor, work):
-    """Eliminate the drum; leaves force, its derivative and its change at a fixed carriage, and the drum's gap.
+    """Eliminate the drum of a haul rope; store the rope's force, its tangent and increment, and the haul travel gap.
 
-    A drum that follows its reference is there already; the row of any other is
+    A drum that follows its reference has no increment; the row of any other is
     (drive inertia + l ρ / 3) u_ddot + l ρ / 6 w_ddot + T = drive force.
     """
     ropes = system.haul_ropes
@@ -167,7 +168,7 @@ def condense_drum(system, state, carriage, mass_factor, rate_factor, work):
 
 @kernel
 def recover_drum(carriage, moved, work):
-    """Increments of carriage travel and drum travel, from the displacement (dim,) of the joint."""
+    """Store the increments of haul travel and drum travel, from the displacement (dim,) of the vehicle's joint."""
     row = work.drum_row[carriage]
     way = work.haul_gap[carriage] + dot(load(work.haul_direction[carriage], moved), moved)
     work.haul_increment[carriage] = way
@@ -176,7 +177,7 @@ def recover_drum(carriage, moved, work):
 
 @kernel
 def hang_in_rope(system, state, carriage, force):
-    """Place the drum for a static `force` (N) of the haul rope; returns whether the rope can carry the force."""
+    """Set the drum at rest for a static `force` (N) of its haul rope; return whether the rope can carry the force."""
     ropes = system.haul_ropes
     beyond, stiffness = ropes.beyond_track[carriage], ropes.axial_stiffness[carriage]
     s = state.joints.position[carriage]
@@ -198,7 +199,7 @@ def hang_in_rope(system, state, carriage, force):
 
 @kernel
 def haul_energies(system, state):
-    """Kinetic and elastic energy (J) of all haul ropes and drives."""
+    """Kinetic and elastic energy (J) of all haul ropes and their drives."""
     kinetic, elastic = 0.0, 0.0
     for carriage in range(state.axis.size):
         if state.axis[carriage] == DRUM and belongs(system, state, carriage):

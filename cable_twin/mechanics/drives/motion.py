@@ -1,4 +1,4 @@
-"""Drives in a step: motion of their references, and force limits; initial motion of vehicles at their speeds."""
+"""Drives within a time step: motion of their references, force limits, initial speeds of vehicles."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cable_twin.mechanics.rope.point import R
 
 @kernel
 def move_drives(system, state, duration):
-    """Advance moving ropes and drive references by `duration` (s)."""
+    """Advance the moving rope and the drive references of its vehicles by `duration` (s)."""
     if system.moving_cable.moving:
         move_rope(system, state, duration)
     for carriage in range(system.carriages.fixed.size):
@@ -35,7 +35,7 @@ def move_drives(system, state, duration):
 
 @kernel
 def prescribe(system, state):
-    """Set all driven joints and drums to their references."""
+    """Set position, velocity and acceleration of all driven joints and haul drums to their references."""
     reference = state.reference
     for carriage in range(state.axis.size):
         driven = state.drums if state.axis[carriage] == DRUM else state.joints
@@ -55,7 +55,7 @@ def drive_force(system, state, carriage):
 
 @kernel
 def find_saturated(system, state, before, work):
-    """Find drives beyond their force limit, with the limit (N) in `saturation`, 0 for others; returns whether any."""
+    """Find drives beyond their force limit, store the limit (N) in `saturation`, 0 for others; return whether any."""
     saturated = False
     for carriage in range(system.carriages.fixed.size):
         work.saturation[carriage] = 0.0
@@ -72,7 +72,7 @@ def find_saturated(system, state, before, work):
 
 @kernel
 def hold_at_limits(state, work):
-    """Switch saturated drives, found by `find_saturated`, to force mode at their limit."""
+    """Switch the saturated drives that `find_saturated` has found to force mode at their limit."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
             state.drives.mode[carriage] = FORCE
@@ -81,7 +81,7 @@ def hold_at_limits(state, work):
 
 @kernel
 def follow_again(state, work):
-    """Switch saturated drives back to their references, from the speed reached."""
+    """Switch saturated drives back to speed mode, their references starting at the place and speed reached."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
             state.drives.mode[carriage] = SPEED
@@ -90,14 +90,14 @@ def follow_again(state, work):
 
 @kernel
 def take_over(state, carriage):
-    """Start the reference of a drive from the present place (m) and speed (m/s) of its joint or drum."""
+    """Start the reference of a drive at the present position (m) and speed (m/s) of its joint or drum."""
     driven = state.drums if state.axis[carriage] == DRUM else state.joints
     follow(state.reference, carriage, driven.position[carriage], driven.velocity[carriage], 0.0)
 
 
 @kernel
 def report_forces(system, state):
-    """Store in `drives.force` the force of each drive following its reference."""
+    """Store the force (N) of each drive that follows its reference in `drives.force`."""
     for carriage in range(system.carriages.fixed.size):
         if rides(system, state, carriage) and state.drives.mode[carriage] == SPEED:
             state.drives.force[carriage] = drive_force(system, state, carriage)
@@ -105,7 +105,7 @@ def report_forces(system, state):
 
 @kernel
 def set_going(system, state, carriage, speed):
-    """Set a carriage at rest in motion along the cable at `speed` (m/s): joint, drum, reference and all bodies."""
+    """Set a vehicle at rest in motion along the cable at `speed` (m/s): joint, drum, reference and all bodies."""
     cable = system.cable
     state.joints.velocity[carriage] = speed
     place = state.joints.position[carriage]

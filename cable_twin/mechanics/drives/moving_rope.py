@@ -1,7 +1,7 @@
 """Axially moving cable on a fixed mesh, and vehicles clamped to it.
 
-The rope goes by as `rope.strand` has it. What is clamped to it is a driven joint, which keeps its place on the rope, on
-a loop of which the mesh is a part. What it does beyond the mesh is in `stations`.
+The rope moves through its mesh as in `rope.ale`. A vehicle clamped to the rope is a driven joint that keeps its place
+on the rope, on a loop of which the mesh is a part. Beyond the mesh the vehicle is in a station (`stations`).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from cable_twin.mechanics.rope.point import point_at, slope
 def moving_rope_force(system, state):
     """Force (N) of the drive on a moving rope: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
 
-    λ and m, the force and moment of a hinge, are of what is clamped, F of the contacts of towers on the cable: their
-    friction, since they press across r_x. The equation of motion of the cable that has gone by. Times v it is the power
-    into the strand and all that hangs on it, when what the cable itself carries out at one end it brings back at the
-    other: round a closed loop.
+    λ and m are joint force and hinge moment of clamped vehicles, F the force of a tower contact on the cable, of which
+    only friction counts, since the normal force is across r_x. This is the equation of motion of the rope travel. Times
+    v it is the power into the strand and its vehicles, where the energy that the cable carries out at one end comes
+    back at the other: on a closed loop.
     """
     cable = system.cable
     speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
@@ -48,9 +48,9 @@ def moving_rope_force(system, state):
 
 @kernel
 def move_rope(system, state, duration):
-    """Advance the cable by `duration` (s) under its drive, and the references of all vehicles clamped to it.
+    """Advance the moving rope by `duration` (s) under its drive, and the references of all vehicles clamped to it.
 
-    One whose ends run over bullwheels goes as those do, and has been moved by them.
+    A rope whose ends run over bullwheels has been moved by the bullwheels already.
     """
     moving, course = system.moving_cable, state.rope
     if not moving.over_bullwheels:
@@ -62,9 +62,9 @@ def move_rope(system, state, duration):
 
 @kernel
 def carry_clamped(system, state):
-    """Update the references of all vehicles clamped to the rope, and park vehicles leaving the mesh.
+    """Update the references of all vehicles clamped to the rope, and park those that leave the mesh in a station.
 
-    What leaves the mesh by that is taken off. What comes onto it stays off until `stations.attach_carriers`.
+    A vehicle that comes onto the mesh stays detached until `stations.attach_carriers`.
     """
     moving, cable = system.moving_cable, system.cable
     for carriage in range(system.carriages.fixed.size):

@@ -1,7 +1,7 @@
-"""Action of a drive on its joint in the equations of motion: the only place that depends on the drive mode.
+"""Action of a vehicle's drive on its joint in the equations of motion: the only place with the drive mode.
 
-A joint follows a reference, or it is free along the cable: then a force along it is given, or a haul rope pulls. What a
-drive on the joint gives, the cable takes; what a haul rope gives, its station.
+A joint follows a reference, or it is free along the cable under a given force or the pull of a haul rope. The reaction
+to a drive on the joint acts on the cable, the reaction to a haul rope on its station.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
 
 @inlined_kernel
 def is_driven(state, carriage):
-    """Return whether the joint of a vehicle itself follows a reference."""
+    """Return whether a vehicle's drive prescribes the joint itself: speed mode, and not by a haul drum."""
     return state.axis[carriage] == JOINT and state.drives.mode[carriage] == SPEED
 
 
 @inlined_kernel
 def reference_gap(state, carriage, work):
-    """Store the distance (m) from a driven joint to its reference as the increment of s."""
+    """Store the distance (m) from a driven joint to its reference as the increment of the sliding coordinate s."""
     if is_driven(state, carriage):
         work.sliding_increment[carriage] = state.reference.position[carriage] - state.joints.position[carriage]
 
 
 @inlined_kernel
 def reference_acceleration(state, carriage, work):
-    """Store the reference acceleration (m/s²) of a driven joint as the increment of s."""
+    """Store the reference acceleration (m/s²) of a driven joint as the increment of the sliding coordinate s."""
     if is_driven(state, carriage):
         work.sliding_increment[carriage] = state.reference.acceleration[carriage]
 
 
 @inlined_kernel
 def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
-    """Store the drive's input of the sliding joint: driven or not, given force, pull of a haul rope."""
+    """Store a drive's part in the equation of its joint: joint driven or not, given force, haul rope pull."""
     work.driven[carriage] = is_driven(state, carriage)
     work.given_force[carriage] = state.drives.force[carriage] if state.axis[carriage] == JOINT else 0.0
     work.haul_force[carriage], work.haul_by_way[carriage], work.haul_change[carriage] = 0.0, 0.0, 0.0
@@ -57,14 +57,14 @@ def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
 
 @inlined_kernel
 def recover_drive(state, carriage, moved, work):
-    """Increments of a haul rope and its drum, from the displacement (dim,) of the joint."""
+    """Store the increments of a vehicle's haul rope and drum, from the displacement (dim,) of its joint."""
     if state.axis[carriage] == DRUM:
         recover_drum(carriage, moved, work)
 
 
 @kernel
 def observe_haul(system, state, carriage):
-    """Travel (m) and speed (m/s) of a haul rope at its drum, and its force (N) on the carriage; NaN without one."""
+    """Drum travel (m) and speed (m/s) of a haul rope, force (N) of haul rope or clamp on the vehicle; NaN without."""
     r_x = joint_tangent(system.cable, state, carriage)
     if state.clamp_holds[carriage]:
         return nan, nan, dot(load(state.clamp_force[carriage], r_x), r_x) / sqrt(dot(r_x, r_x))
@@ -76,7 +76,7 @@ def observe_haul(system, state, carriage):
 
 @kernel
 def joint_forces(system, state, carriage):
-    """Forces (dim,) in N on a carriage at its joint: of the cable, and of its haul rope (0 without one)."""
+    """Forces (dim,) in N on a vehicle at its joint: of the cable, and of its haul rope or clamp (0 without one)."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     pull = scale(0.0, force)
     if state.axis[carriage] == DRUM:
@@ -89,7 +89,7 @@ def joint_forces(system, state, carriage):
 
 
 def hold_all(system: System, state: Any) -> tuple[IntArray, IntArray]:
-    """Hold every joint of a rope as driven at rest; returns the previous axes and modes (vehicles,)."""
+    """Fix all vehicles of a rope at their arc lengths; return their previous drive axes and modes (vehicles,)."""
     held, own = (state.axis.copy(), state.drives.mode.copy()), vehicles_of(system, state)
     state.axis[own], state.drives.mode[own] = JOINT, SPEED
     state.reference.position[own] = state.joints.position[own]
@@ -97,7 +97,7 @@ def hold_all(system: System, state: Any) -> tuple[IntArray, IntArray]:
 
 
 def release_joints(system: System, state: Any, axes: IntArray, modes: IntArray) -> None:
-    """Restore axes and modes of a rope's drives; driven and hauled joints keep their holding force as drive force."""
+    """Restore axes and modes of a rope's drives; driven and hauled vehicles keep their holding force as drive force."""
     own = vehicles_of(system, state)
     state.drives.force[own & (((modes != SPEED) & (axes != DRUM)) | ~state.attached)] = 0.0
     for carriage in np.flatnonzero(own & (axes == DRUM)).tolist():  # along the haul rope, on the arc length

@@ -1,7 +1,7 @@
-"""Drive references within limits and end stops, and available force of drives and brakes.
+"""Reference motion of drives within limits and end stops, and available force of drives and brakes.
 
-A brake on the drive is a deceleration with a limited force: the reference is to rest within the step, and what that
-takes beyond the force of the brake is not given (`generalized_alpha.limited_step`). At rest the brake holds up to it.
+A brake on the drive is a deceleration with a limited force: the reference stops within the step, but the drive force is
+limited to the force of the brake (`generalized_alpha.step`). At rest the brake holds with up to that force.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ PASSING = 1.5  # changes of the acceleration in a step, by which it may be above
 
 @kernel
 def braking_speed(distance, speed, deceleration, duration):
-    """Highest speed (m/s) after `duration` (s) with a stop within `distance` (m) at a constant deceleration."""
+    """Highest speed (m/s) after `duration` (s) that allows a stop within `distance` (m) at a constant deceleration."""
     half = 0.5 * duration
     room = half * half + 2.0 * (distance - half * speed) / deceleration
     return deceleration * (sqrt(room) - half) if room > half * half else 0.0
@@ -26,14 +26,14 @@ def braking_speed(distance, speed, deceleration, duration):
 
 @kernel
 def capped_speed(target, ahead, behind, speed, deceleration, duration):
-    """Speed (m/s) nearest to the target with a stop by `deceleration` within distances (m) `ahead` and `behind`."""
+    """Speed (m/s) nearest to `target` that allows a stop by `deceleration` within distances (m) `ahead`, `behind`."""
     most = braking_speed(ahead, speed, deceleration, duration)
     return max(min(target, most), -braking_speed(behind, -speed, deceleration, duration))
 
 
 @kernel
 def force_limit(carriages, state, carriage, speed):
-    """Available force (N) of a drive at a speed (m/s), or of its brakes in an emergency stop."""
+    """Available force (N) of a vehicle's drive at a speed (m/s), or of its brakes in an emergency stop."""
     if carriages.fixed[carriage]:
         return inf
     if state.drives.braking[carriage]:
@@ -46,7 +46,7 @@ def force_limit(carriages, state, carriage, speed):
 
 @kernel
 def advance_reference(carriages, cable, state, carriage, duration):
-    """Move the reference (position, speed, acceleration) of a driven joint or drum by `duration` (s).
+    """Advance the reference (position, speed, acceleration) of a driven joint or haul drum by `duration` (s).
 
     Brakes that an emergency stop applies instead of the drive stop the reference by the end of the step, unless that
     takes more than they can (`motion.find_saturated`). Otherwise it brakes in time for the ends of the track.
@@ -63,9 +63,9 @@ def advance_reference(carriages, cable, state, carriage, duration):
 
 @kernel
 def approach_target(limits, drives, axis, course, ahead, behind, duration):
-    """Move the course of a drive by `duration` (s) towards its target speed, within its limits.
+    """Advance the reference motion of a drive by `duration` (s) towards its target speed, within its limits.
 
-    It stops within the distances `ahead` and `behind` (m); the speed changes as in `ramp`. Where the limits of
+    The drive stops within the distances `ahead` and `behind` (m); the speed changes as in `ramp`. Where the limits of
     acceleration and deceleration differ, a reversal pauses for the rest of the step in which it comes to rest.
 
     Args:
@@ -93,14 +93,14 @@ def approach_target(limits, drives, axis, course, ahead, behind, duration):
 
 @kernel
 def follow(course, number, position, velocity, acceleration):
-    """Set one component of a reference motion: position, speed and acceleration."""
+    """Set position, velocity and acceleration of row `number` of a reference motion."""
     course.position[number], course.velocity[number] = position, velocity
     course.acceleration[number] = acceleration
 
 
 @kernel
 def ramp(course, number, target, limit, jerk, duration):
-    """Advance one component of a reference motion by `duration` (s) towards the speed `target` (m/s).
+    """Advance row `number` of a reference motion by `duration` (s) towards the speed `target` (m/s).
 
     The speed changes as fast as the acceleration `limit` (m/s²) allows, within the limit of the jerk (m/s³) where that
     is not inf; without one the position is the exact integral of the trapezoid.

@@ -1,9 +1,9 @@
 """Stations of a moving rope: vehicles off the rope hang at rest, and are attached on their return.
 
-Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part. Its force comes and goes
-between two steps, so that the next one uses no acceleration of the last. One that comes to an end of the mesh leaves
-the rope `RAIL` of the last element before it, as a rail of the station would take it: nearer to the end the rope cannot
-bend under a load as it should, which throws it up with several times its weight.
+Beyond the mesh a vehicle is in the station that is nearer along its loop, and takes no part in the motion. Its force on
+the rope sets in or ends between two steps, so the next step uses no accelerations of the last one. A vehicle that comes
+to an end of the mesh leaves the rope a share `RAIL` of the last element before the end, as onto a station rail: nearer
+to the end the rope cannot bend under a load as it should, and would throw it up with several times its weight.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ STEPS_AT_END = 2.0  # from an end of the mesh, within which a vehicle has come f
 
 @kernel
 def loop_coordinate(system, state, carriage):
-    """Place (m) of a clamped vehicle along mesh and loop, from the start of the mesh."""
+    """Arc length (m) of a clamped vehicle along mesh and loop, from the start of the mesh."""
     return loop_coordinate_after(system, state, carriage, 0.0)
 
 
 @inlined_kernel
 def loop_coordinate_after(system, state, carriage, way):
-    """Place (m) of a clamped vehicle along mesh and loop once the rope has gone by for another `way` (m)."""
+    """Arc length (m) of a clamped vehicle along mesh and loop after a further rope travel `way` (m)."""
     length = system.moving_cable.loop_length
     along = system.carriages.loop_place[carriage] - system.moving_cable.loop_offset
     place = along - state.loop_start[0] + state.rope.position[0] + way
@@ -49,7 +49,7 @@ def loop_coordinate_after(system, state, carriage, way):
 
 @inlined_kernel
 def rail_at(system, end):
-    """Length (m) of the rail of a station along the start (0) or the end (1) of the mesh."""
+    """Length (m) of the station rail along the start (0) or the end (1) of the mesh of a moving rope."""
     homes, last = system.cable.node_arc_length, system.cable.node_arc_length.size - 1
     between = 0.5 * max(system.moving_cable.loop_length - homes[last], 0.0)  # stations: a loop may have none
     first = 0 if end == 0 else last - 1
@@ -58,7 +58,7 @@ def rail_at(system, end):
 
 @inlined_kernel
 def leaves(system, state, carriage, place):
-    """Return whether a vehicle at a place (m) of the mesh is off it in the next step, or on the rail of a station."""
+    """Return whether a vehicle at an arc length (m) of the mesh is off it in the next step, or on a station rail."""
     length, speed = system.cable.unstrained_length, state.rope.velocity[0]
     if speed > SLOW and place > length - rail_at(system, 1):
         return True
@@ -69,9 +69,10 @@ def leaves(system, state, carriage, place):
 
 @inlined_kernel
 def stays_off(system, state, place):
-    """Return whether a vehicle off the rope at a place (m) of the mesh hangs on a rail that it does not leave inwards.
+    """Return whether a detached vehicle at an arc length (m) of the mesh stays on a station rail for now.
 
-    As where the rope has stopped with it there. What comes from a station on a rope that is as slow is near the end.
+    For example where the rope has stopped with the vehicle there. On a rope that slowly moves inwards, a vehicle that
+    comes from the station is within `STEPS_AT_END` steps of the end, and does not stay on the rail.
     """
     before_end, speed = system.cable.unstrained_length - place, state.rope.velocity[0]
     near = STEPS_AT_END * system.solver.step * abs(speed)
@@ -84,7 +85,7 @@ def stays_off(system, state, place):
 
 @kernel
 def park(system, state, carriage, place):
-    """Detach a carriage and hang it at rest in the station nearest to its place (m) on the loop."""
+    """Detach a vehicle and hang it at rest in the station nearest to its arc length `place` (m) on the loop."""
     length, loop = system.cable.unstrained_length, system.moving_cable.loop_length
     at_start = place < 0.5 * length or 2.0 * (place - length) >= loop - length
     hang_in_station(system, state, carriage, 0.0 if at_start else length)
@@ -92,7 +93,7 @@ def park(system, state, carriage, place):
 
 @kernel
 def hang_in_station(system, state, carriage, station):
-    """Detach a carriage and hang it at rest at the end of the cable with the arc length `station` (m)."""
+    """Detach a vehicle and hang it at rest at the end of the cable that has the arc length `station` (m)."""
     cable = system.cable
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         give_back(system, state, state.joint_node[carriage])
@@ -112,7 +113,7 @@ def hang_in_station(system, state, carriage, station):
 
 @kernel
 def detach_carriers(system, state):
-    """Park all carriers that come to a station."""
+    """Detach all carriers that come to a station from a moving rope, and hang them at rest there."""
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):
             place = loop_coordinate(system, state, carriage)
@@ -122,10 +123,10 @@ def detach_carriers(system, state):
 
 @kernel
 def attach_carriers(system, state):
-    """Attach all carriers that have reached the mesh and stay on it: upright, moving with the rope.
+    """Attach all carriers that have reached the mesh and stay on it to a moving rope: upright, at its speed.
 
-    Within one step of the end of the mesh its weight is on the held end but for some centimetres of arm, so that no
-    other carriage feels more of it than the wave that a load makes that rolls onto a rope.
+    Within one step of the end of the mesh the held end bears a carrier's weight but for some centimetres of arm, so
+    that other vehicles feel no more of it than the wave of a load that rolls onto a rope.
     """
     for carriage in range(system.carriages.fixed.size):
         if state.attached[carriage] or not system.carriages.clamped[carriage]:
@@ -139,14 +140,14 @@ def attach_carriers(system, state):
 
 @kernel
 def attach(system, state, carriage, place):
-    """Attach one carriage to the moving cable at the arc length `place` (m)."""
+    """Attach one vehicle to the moving cable at the arc length `place` (m), at the speed of the cable."""
     speed, rate = transport_velocity(system.cable, state, place)
     put_on(system, state, carriage, place, speed, rate)
 
 
 @kernel
 def put_on(system, state, carriage, place, speed, rate):
-    """Attach a carriage to the cable at an arc length (m): upright, moving along the cable at `speed` (m/s)."""
+    """Attach a vehicle to the cable at an arc length (m): upright, moving along the cable at `speed` (m/s)."""
     cable = system.cable
     state.attached[carriage], state.newton_curvature[0] = True, 0.0
     keep_on(system, state, carriage)

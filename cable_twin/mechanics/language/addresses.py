@@ -1,4 +1,4 @@
-"""Tables of record addresses: one kernel takes any number of records of a type."""
+"""Tables of memory addresses of packed records, so that one kernel takes any number of records of a type."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _intrinsic: Any = intrinsic  # its stub asks for the typing context in a call
 
 
 class Addresses:
-    """Addresses of records, which stay in place for the lifetime of this object.
+    """Table of addresses of packed records, which stay in place for the lifetime of this object.
 
     Attributes:
         table: (rows, columns) integers, for kernels.
@@ -29,20 +29,20 @@ class Addresses:
         self.table: NDArray[np.int64] = np.array([[address(one) for one in row] for row in self._packed], np.int64)
 
     def write(self, row: int, column: int, record: Any) -> None:
-        """Replace one record in a table of record addresses.
+        """Replace one record in the table of addresses by another of the same type.
 
         Raises:
-            TypeError: it is of another type: kernels would read it as what it is not.
+            TypeError: the record is of another type, so that kernels would misread it.
         """
         packed, before = pack(record), self._packed[row][column]
         if getattr(packed, "_numba_type_", None) != getattr(before, "_numba_type_", None):
-            raise TypeError(f"{type(record).__name__}: type differs from the replaced record")
+            raise TypeError(f"{type(record).__name__}: given another type; allowed: that of the replaced record")
         self._packed[row][column] = packed
         self.table[row, column] = address(self._packed[row][column])
 
 
 def address(packed: Any) -> int:
-    """Address of a packed record, which stays in place as long as somebody holds that."""
+    """Memory address of a packed record, valid as long as somebody holds a reference to the record."""
     if hasattr(packed, "address"):
         return int(packed.address)
     _UNPACKED[id(packed)] = packed

@@ -31,7 +31,7 @@ class Known(int):
 
 
 class KnownType(types.Type):
-    """Type of one compile-time constant in numba."""
+    """Numba type of one compile-time constant (`Known`)."""
 
     def __init__(self, value: int) -> None:
         self.value = value
@@ -47,7 +47,7 @@ def _typeof_known(value: Known, context: Any) -> KnownType:
 
 
 class RecordType(types.Type):
-    """Type of a named tuple passed by reference in numba."""
+    """Numba type of a named tuple that is passed to kernels by reference."""
 
     def __init__(self, record: Any, kinds: tuple[types.Type, ...]) -> None:
         self.names: tuple[str, ...] = record._fields
@@ -74,7 +74,7 @@ def by_reference(record: type) -> type:
 
 @register_model(RecordType)
 class _RecordModel(models.PrimitiveModel):
-    """Data model of a record: an opaque address, since its full type is longer than most kernels."""
+    """Numba data model of a record: an opaque address, since its full type is longer than most kernels."""
 
     def __init__(self, manager: Any, kind: RecordType) -> None:
         super().__init__(manager, kind, cgutils.voidptr_t)
@@ -91,7 +91,7 @@ class _Fields(AttributeTemplate):
 
 @lower_getattr_generic(RecordType)
 def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer: ir.Value, name: str) -> ir.Value:
-    """Read a field through one inlined function per field and module, for short compiled code."""
+    """Emit code that reads a field of a record, by one inlined function per field and module to keep code short."""
     known = record.kinds[record.names.index(name)]
     if isinstance(known, KnownType):
         return context.get_constant(types.int64, known.value)
@@ -113,7 +113,7 @@ def read_field(context: Any, builder: ir.IRBuilder, record: RecordType, pointer:
 def _load(
     builder: ir.IRBuilder, pointer: ir.Value, path: list[ir.Constant], kind: ir.Type, leave_out: Set[int] = frozenset()
 ) -> ir.Value:
-    """Load a value word by word, since LLVM loses the invariance of a load of several words."""
+    """Emit code that loads a value word by word, since LLVM loses the invariance of a load of several words."""
     if isinstance(kind, ir.LiteralStructType | ir.ArrayType):
         parts = kind.elements if isinstance(kind, ir.LiteralStructType) else [kind.element] * kind.count
         value = ir.Constant(kind, None if leave_out else ir.Undefined)
@@ -128,15 +128,15 @@ def _load(
 
 
 class Packed:
-    """Record in the layout of kernels: its words, and the owners of all memory they point to."""
+    """Record packed in the memory layout of kernels: its words, and the owners of all memory they point to."""
 
     __slots__ = ("_numba_type_", "_owners", "_words", "address")
 
     def __init__(self, record: Any) -> None:
-        """Write the words of a record of a `by_reference` class, and of its inner records.
+        """Pack a record of a `by_reference` class, and its inner records, into machine words.
 
         Raises:
-            TypeError: one line: a field is nothing that a record holds.
+            TypeError: one line: a field has a type that no record holds.
         """
         fields = [Packed(field) if type(field) in _RECORDS else field for field in record]
         self._owners = record, fields
@@ -149,8 +149,8 @@ class Packed:
                 form, values = _words(field, kinds[-1])
             except (TypeError, ValueError, NumbaError):
                 raise TypeError(
-                    f"{type(record).__name__}.{name}: {type(field).__name__} given; "
-                    "a record holds arrays, int, float, bool, tuples of floats and records"
+                    f"{type(record).__name__}.{name}: given {type(field).__name__}; "
+                    "allowed: arrays, int, float, bool, tuples of floats and records"
                 ) from None
             layout += form
             words += values
@@ -168,7 +168,7 @@ _FORMS = {types.boolean: "?", types.int64: "q", types.float64: "d"}
 
 
 def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
-    """Encode one field of a record as machine words, in the layout of `struct`."""
+    """Format and values, as for `struct.pack`, of one field of a record in the memory layout of kernels."""
     if isinstance(kind, types.Array):  # an array of numba: two owners, nobody here, then what follows
         sizes = (*field.shape, *field.strides)
         return f"PPqqP{len(sizes)}q", (0, 0, field.size, field.itemsize, field.__array_interface__["data"][0], *sizes)
@@ -184,12 +184,12 @@ def _words(field: Any, kind: types.Type) -> tuple[str, tuple[Any, ...]]:
 
 
 def pack(record: Any) -> Any:
-    """Pack a record for calls of kernels, worth keeping for frequent calls; the record itself without JIT.
+    """Pack a record for calls of kernels, worth keeping for frequent calls; without JIT return the record itself.
 
-    What its arrays hold may change, which arrays they are may not. Anything that is no record stays as it is.
+    The contents of its arrays may change later, its fields may not. Anything that is no record is returned as it is.
 
     Raises:
-        TypeError: one line: a field is nothing that a record holds.
+        TypeError: one line: a field has a type that no record holds.
     """
     config: Any = numba.config
     if type(record) not in _RECORDS or config.DISABLE_JIT:

@@ -1,4 +1,4 @@
-"""Compilation of kernels: once, without the interpreter lock, and cached on disk.
+"""Compilation of kernels by numba: once, without the interpreter lock, and cached on disk.
 
 No `fastmath`: with the arithmetic of IEEE 754 as written, results do not depend on what the compiler inlines where,
 so that a fresh compilation, a cached one and another process agree to the last bit. Where a product and a sum are
@@ -42,7 +42,7 @@ class Kernel:
     def __init__(
         self, function: Callable[..., Any], compiler: type[WholeCompiler] = WholeCompiler, **options: Any
     ) -> None:
-        """Set up compilation for other kernels, without compiling."""
+        """Register the function with numba for calls from other kernels, without compiling it."""
         functools.update_wrapper(self, function)
         self.py_func = function
         self._options = {"pipeline_class": compiler, **_OPTIONS, **options}
@@ -55,25 +55,25 @@ class Kernel:
 
     @property
     def title(self) -> str:
-        """Name of a kernel in the list of cached kernels."""
+        """Name of the kernel in the list of cached kernels."""
         return title_of(self.py_func)
 
     @property
     def kinds_loaded(self) -> set[tuple[str, str]]:
-        """Kind and title of the compiled code that this process has loaded from the cache."""
+        """Kind of call and title of this kernel's code that this process has loaded from the cache."""
         both = {FROM_PYTHON: self._from_python, FROM_KERNELS: self._from_kernels}
         return {(kind, self.title) for kind, compiled in both.items() if any(compiled.stats.cache_hits.values())}
 
     def is_kept(self, arguments: tuple[Any, ...]) -> bool:
-        """Return whether the cache holds the kernel for calls from Python with arguments of these types."""
+        """Return whether the disk cache holds the kernel for calls from Python with arguments of these types."""
         cache = self._from_python._cache
         return isinstance(cache, KernelCache) and cache.has(tuple(numba.typeof(pack(one)) for one in arguments))
 
     def compiled_for(self, kinds: tuple[Any, ...]) -> Any:
-        """Result of compilation for calls from Python with arguments of these types of numba.
+        """Numba's compilation result of the kernel for calls from Python with these argument types.
 
         Raises:
-            KeyError: there was no such call yet.
+            KeyError: Python has not called it with such arguments yet.
         """
         return self._from_python.overloads[kinds]
 
@@ -83,7 +83,7 @@ class Kernel:
 
 
 def _decorated(function: Callable[..., Any], kind: str, options: dict[str, Any]) -> Any:
-    """Dispatcher of numba for a function, with a cache of its kind."""
+    """Numba dispatcher of a function, with a disk cache for its `kind` of call, from Python or from kernels."""
     compiled: Any = numba.njit(**options)(function)
     if "<" not in function.__qualname__:  # <locals>, <lambda>
         compiled._cache = KernelCache(function, kind)
@@ -91,23 +91,23 @@ def _decorated(function: Callable[..., Any], kind: str, options: dict[str, Any])
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile `function` on its first call, or load it from the cache; plain Python with NUMBA_DISABLE_JIT=1."""
+    """Decorator: compile on the first call, or load from the cache; plain Python with NUMBA_DISABLE_JIT=1."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function)
 
 
 def brief_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Kernel for a single short run, compiled faster with less optimisation."""
+    """Decorator: kernel for a single short run, compiled faster with less optimisation."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, BriefCompiler)
 
 
 def inlined_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Kernel inlined into its callers, for calls in every iteration."""
+    """Decorator: kernel inlined into its callers, for calls in every iteration."""
     config: Any = numba.config
     return function if config.DISABLE_JIT else Kernel(function, forceinline=True)
 
 
 def as_python(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Uncompiled function of a kernel without calls of other kernels, for rare calls on a few numbers."""
+    """Plain Python function of a kernel that calls no other kernels, for rare calls on a few numbers."""
     return function.py_func if isinstance(function, Kernel) else function

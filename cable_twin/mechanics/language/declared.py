@@ -18,7 +18,7 @@ LATEST = 2**53  # solver steps, of which a float still counts each
 
 
 class Range(NamedTuple):
-    """Least and greatest value of an array; a text stands for a size given at the check."""
+    """Allowed least and greatest value of an array; a text names a size that is given at the check."""
 
     least: float | str
     most: float | str
@@ -29,13 +29,13 @@ CLOCK = Range(0, LATEST)
 
 
 def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
-    """Ranges of all arrays of a named tuple by name, of inner records by dotted names such as "nodes.position".
+    """Allowed ranges of all arrays of a record class by name, of inner records by dotted names as "nodes.position".
 
     A field is declared as `Annotated[array type, ..., Range(...)]`, with several of them for columns of its last axis.
     Floats without one have `ANY`; conditions have none.
 
     Raises:
-        TypeError: whole numbers have none, which may be indices.
+        TypeError: an array of integers, which may be indices, has no declared range.
     """
     found: dict[str, tuple[Range, ...]] = {}
     for name, hint in get_type_hints(record, include_extras=True).items():
@@ -46,7 +46,7 @@ def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
         if hasattr(kind, "_fields"):
             found |= {f"{name}.{inner}": ranges for inner, ranges in ranges_of(kind).items()}
         elif kind == NDArray[np.int64] and not declared:
-            raise TypeError(f"{record.__name__}.{name}: no range is declared")
+            raise TypeError(f"{record.__name__}.{name}: given no range of its integers; allowed: a declared `Range`")
         else:
             found[name] = tuple(declared) or ((ANY,) if kind == NDArray[np.float64] else ())
     return found
@@ -55,12 +55,12 @@ def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
 def range_faults(
     arrays: Mapping[str, NDArray[Any]], ranges: Mapping[str, tuple[Range, ...]], sizes: Mapping[str, float]
 ) -> Iterator[str]:
-    """One line for each array with values out of range.
+    """Yield one line for each array of a record that has values out of its allowed range.
 
     Args:
         arrays: by name.
-        ranges: of each, as `ranges_of` has them.
-        sizes: what texts in them stand for.
+        ranges: of each array, as of `ranges_of`.
+        sizes: values of the sizes that ranges name.
     """
     for name, array in arrays.items():
         if array.dtype == np.bool_ and np.any(np.ascontiguousarray(array).view(np.uint8) > 1):
@@ -81,13 +81,13 @@ R = TypeVar("R")
 
 
 class Of:
-    """Shape, unit and first value of an array, or of all arrays of a record: `Annotated[type, Of(...)]`.
+    """Declaration of shape, unit and first value of an array, or of all arrays of a record: `Annotated[type, Of(...)]`.
 
     Args:
-        shape: numbers, or names of sizes as "node", "vehicle"; none for that of the record which holds the array.
+        shape: numbers, or names of sizes as "node", "vehicle"; none for the shape declared for the outer record.
         unit: of its numbers.
-        first: value that it begins with.
-        field: the one array of a record that this is for; of all others it is another declaration.
+        first: initial value of its numbers.
+        field: name of the one array of a record that this declaration is for; None for all others.
     """
 
     def __init__(self, *shape: int | str, unit: str = "-", first: float = 0.0, field: str | None = None) -> None:
@@ -107,10 +107,10 @@ class Declared(NamedTuple):
 
 @cache
 def declared(record: Any) -> tuple[Declared, ...]:
-    """Declarations of all arrays of a record, in order.
+    """Declarations of all arrays of a record class, in order.
 
     Raises:
-        TypeError: one is declared without a shape.
+        TypeError: an array is declared without a shape.
     """
     return tuple(_declared(record, "", ()))
 
@@ -126,14 +126,14 @@ def _declared(record: Any, within: str, outer: tuple[Of, ...]) -> Iterator[Decla
             continue
         of = next((one for one in given if one.field == name), None) or next((o for o in given if not o.field), None)
         if of is None:
-            raise TypeError(f"{record.__name__}.{name}: no shape is declared")
+            raise TypeError(f"{record.__name__}.{name}: given no shape; allowed: a shape declared by `Of`")
         ranges = tuple(one for one in extras if isinstance(one, Range))
         scalar = get_args(get_args(kind)[1])[0]
         yield Declared(f"{within}{name}", scalar, of.shape, of.unit, of.first, ranges)
 
 
 def _shaped(given: Of, outer: tuple[Of, ...]) -> Of:
-    """Declaration with the shape of the outer record where it has none of its own."""
+    """Declaration of an array, with the shape of its outer record where it has none of its own."""
     if given.shape or not outer:
         return given
     return Of(*outer[0].shape, unit=given.unit, first=given.first, field=given.field)
@@ -207,17 +207,17 @@ def with_arrays_together(record: type[R], arrays: Sequence[Arrays], common: Cont
 
 
 def is_common(field: Declared, common: Container[str]) -> bool:
-    """Return whether an array exists once for all records of a block."""
+    """Return whether a declared array exists once for all records of one block of memory."""
     return bool(field.shape) and field.shape[0] in common
 
 
 def _key(field: Declared, row: int, common: Container[str]) -> str:
-    """Name of an array in the block of several records."""
+    """Key of an array of record `row` in a block of memory of several records."""
     return field.name if is_common(field, common) else f"{row}/{field.name}"
 
 
 def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ...]]], count: int) -> tuple[R, ...]:
-    """Several records of zeros, allocated in one block of memory."""
+    """Allocate several records of zeros in one block of memory."""
     offsets, size = [], 0
     for kind, shape in shapes.values():
         offsets.append(size)
@@ -229,7 +229,7 @@ def _in_one_block(record: type[R], shapes: Mapping[str, tuple[Any, tuple[int, ..
 
 
 def _views(record: type[R], block: NDArray[Any], row: int, within: str = "") -> R:
-    """Record `row` of a block of memory, with its arrays as views of that."""
+    """Record number `row` of a block of memory, its arrays being views of the block."""
     fields: list[Any] = []
     for name, kind in _kinds(cast(Any, record)):
         key = f"{within}{name}"
@@ -245,7 +245,7 @@ def _views(record: type[R], block: NDArray[Any], row: int, within: str = "") -> 
 
 @cache
 def _kinds(record: Any) -> tuple[tuple[str, Any], ...]:
-    """Field names of a record, each with its class if it is a record, else None."""
+    """Field names of a record class, each with the field's class if that is a record, else None."""
     return tuple((name, kind if hasattr(kind, "_fields") else None) for name, kind in get_type_hints(record).items())
 
 
@@ -266,12 +266,12 @@ def clone(record: R) -> R:
 
 
 def write(source: Any, target: Any) -> None:
-    """Copy all arrays of a record into another one of equal shapes, without a kernel."""
+    """Copy all arrays of a record into another one of equal shapes, from Python without a kernel."""
     target.memory[:] = source.memory
 
 
 class Kept:
-    """Copy of the block of memory of some records, with their arrays created on demand.
+    """Copy of the block of memory of one or several records, whose array views are created on demand.
 
     Args:
         records: one or several in the same block.
@@ -296,12 +296,12 @@ class Kept:
 
     @property
     def record(self) -> Any:
-        """First of the copied records."""
+        """First of the copied records, on the copied memory."""
         return self.records[0]
 
 
 def _row_of(record: Any) -> int:
-    """Number of a record among the records of its block of memory."""
+    """Index of a record among all records of its block of memory."""
     block, arrays = record.memory.base, arrays_of(record)
     for name in block.dtype.names:
         row, slash, key = name.partition("/")

@@ -1,4 +1,4 @@
-"""Calls of compiled kernels by their address, and counters that threads share.
+"""Calls of compiled kernels by the address of their machine code, and atomic counters for threads.
 
 A kernel that names another one takes its code in; a kernel that calls it by address runs the very machine code that
 Python calls, and is compiled in no time.
@@ -35,7 +35,7 @@ _UNCOMPILED: dict[int, Any] = {}  # functions by the number that stands for thei
 
 
 def address_of(function: Any, arguments: tuple[Any, ...], returned: types.Type) -> int:
-    """Address of the machine code of a kernel for arguments of these types, which Python has called before.
+    """Address of a kernel's machine code for arguments with which Python has called it before.
 
     Args:
         function: the kernel.
@@ -43,20 +43,20 @@ def address_of(function: Any, arguments: tuple[Any, ...], returned: types.Type) 
         returned: type of what it returns.
 
     Raises:
-        TypeError: it returns anything else.
-        KeyError: it is not compiled for such arguments.
+        TypeError: the kernel returns another type.
+        KeyError: the kernel is not compiled for such arguments.
     """
     if not isinstance(function, Kernel):
         _UNCOMPILED[id(function)] = function
         return id(function)
     compiled = function.compiled_for(tuple(numba.typeof(pack(one)) for one in arguments))
     if compiled.signature.return_type != returned:
-        raise TypeError(f"{function.title} returns {compiled.signature.return_type}, not {returned}")
+        raise TypeError(f"{function.title}: given a result of {compiled.signature.return_type}; allowed: {returned}")
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 
 def _caller(returned: types.Type) -> Any:
-    """Function that kernels call with an address and a tuple of arguments."""
+    """Numba intrinsic that calls the kernel at an address with a tuple of arguments, for one return type."""
 
     @_intrinsic
     def call(typingctx: Any, address: Any, arguments: Any) -> Any:

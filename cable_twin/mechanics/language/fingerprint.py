@@ -1,4 +1,4 @@
-"""Fingerprint of the sources of kernels, under which compiled code is kept."""
+"""Fingerprint (hash) of the Python sources of kernels, under which their compiled code is cached."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 class Sources:
-    """Python sources of folders, with their fingerprint as first read by this process.
+    """Python source files of folders, with their fingerprint (hash) as first read by this process.
 
     Attributes:
-        fingerprint: text that another content of any of them changes.
+        fingerprint: hash as text, which changes with the content of any of the files.
     """
 
     def __init__(self, *folders: Path) -> None:
@@ -25,7 +25,7 @@ class Sources:
         return [(found.st_mtime_ns, found.st_size) for found in (file.stat() for file in self._files)]
 
     def are_unchanged(self) -> bool:
-        """Return whether all files are as first read; the fingerprint does not cover code compiled after an edit."""
+        """Return whether all source files are as first read; the fingerprint covers no code compiled after an edit."""
         try:
             return self._read_stamps() == self._stamps
         except OSError:  # one is gone
@@ -34,5 +34,5 @@ class Sources:
 
 @functools.cache
 def sources(*folders: Path) -> Sources:
-    """Sources of folders with their fingerprint, read once by a process."""
+    """Python sources of folders with their fingerprint, read once by a process."""
     return Sources(*folders)

@@ -1,7 +1,7 @@
-"""Cache of compiled kernels on disk: those that came with the package, and those that this user has compiled.
+"""Disk cache of compiled kernels: those shipped with the package, and those that this user has compiled.
 
-What is kept goes by the text of the sources, the target, and the versions of Python, numba and llvmlite; neither by
-times nor by places of files, so that kernels compiled on one machine serve on another one. numba's own cache asks only
+Cached code is keyed by the text of the sources, the target, and the versions of Python, numba and llvmlite; neither by
+times nor by paths of files, so that kernels compiled on one machine serve on another one. numba's own cache checks only
 whether the file of a kernel has changed, not those of the kernels that it calls.
 """
 
@@ -34,23 +34,23 @@ ROOM = 50 * 2**20  # bytes that a first compilation is sure to find enough
 
 
 def sources_of(folder: Path) -> Sources:
-    """Sources of the kernels of a folder: of the mechanics, and of the folder itself."""
+    """Sources that the kernels of a folder depend on: those of the mechanics, and of the folder itself."""
     return sources(MECHANICS) if folder.is_relative_to(MECHANICS) else sources(MECHANICS, folder)
 
 
 def version_directory(folder: Path) -> str:
-    """Name of the directory of the compiled kernels of a folder, one for each version of their sources.
+    """Name of the cache directory for the kernels of a folder, one for each version of their sources.
 
-    That is the mechanics and their own folder, which `test_architecture` sees to.
+    Their sources are the mechanics and their own folder, as `test_architecture` ensures.
     """
     return f"kernels-{sources_of(folder).fingerprint}"
 
 
 @functools.cache
 def cache_directory(folder: Path) -> Path | None:
-    """Cache directory of the compiled kernels of a folder in the user's home, or where NUMBA_CACHE_DIR says.
+    """Directory where a folder's compiled kernels are cached, in the user's home or under NUMBA_CACHE_DIR.
 
-    None, and a line that says so, where they cannot be kept.
+    None, with a warning in the log, where kernels cannot be kept.
     """
     name = version_directory(folder)
     if not folder.is_relative_to(MECHANICS):
@@ -68,7 +68,7 @@ def cache_directory(folder: Path) -> Path | None:
         with tempfile.TemporaryFile(dir=directory):
             room = shutil.disk_usage(directory).free
         if room < ROOM and not filled:
-            raise OSError(errno.ENOSPC, f"{room / 2**20:.0f} MB are free, {ROOM / 2**20:.0f} MB are needed")
+            raise OSError(errno.ENOSPC, f"given {room / 2**20:.0f} MB free; allowed: {ROOM / 2**20:.0f} MB or more")
     except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
         reason = getattr(error, "strerror", None) or error
         logging.getLogger("cable_twin").warning(
@@ -81,43 +81,47 @@ def cache_directory(folder: Path) -> Path | None:
 
 
 def refuse_shared(directory: Path) -> None:
-    """Refuse a directory writable by others, who could place code in the cache of this process.
+    """Refuse a cache directory writable by others, who could place code in it for this process to run.
 
-    What only the group of this user may write is closed to it: some systems make all directories so.
+    Write access of the user's own group is removed: some systems create all directories with it.
 
     Raises:
-        PermissionError: others may write there, or it is theirs.
+        PermissionError: other users own the directory or may write there.
     """
     found = directory.stat()
     if found.st_uid not in (0, os.geteuid()):
-        raise PermissionError(errno.EPERM, f"it belongs to another user ({found.st_uid})", str(directory))
+        raise PermissionError(errno.EPERM, f"given owner {found.st_uid}; allowed: this user or root", str(directory))
     if found.st_mode & 0o002 or (found.st_mode & 0o020 and found.st_gid != os.getegid()):
-        raise PermissionError(errno.EPERM, f"others may write there (mode {found.st_mode & 0o777:o})", str(directory))
+        raise PermissionError(
+            errno.EPERM,
+            f"given mode {found.st_mode & 0o777:o}, with which others may write; allowed: writing by its user alone",
+            str(directory),
+        )
     if found.st_mode & 0o020:
         directory.chmod(found.st_mode & 0o755)
 
 
 @functools.cache
 def shipped_directory(folder: Path) -> Path | None:
-    """Directory of the compiled kernels of a folder that came with the package; None if they are of other sources."""
+    """Directory of a folder's compiled kernels shipped with the package; None if built from other sources."""
     directory = SHIPPED / version_directory(folder)
     return directory if directory.is_dir() else None
 
 
 def title_of(function: Callable[..., Any]) -> str:
-    """Name of a kernel's function among the files of the cache."""
+    """Name of a kernel's function in the file names of the cache: module and qualified name."""
     return f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}"
 
 
 class _CacheEntry(CompileResultCacheImpl):
-    """Cache entry of a kernel."""
+    """Numba's conversion of one compiled kernel to and from its cache file, with support for bitcode parts."""
 
     def __init__(self, function: Any) -> None:
         self._lineno = function.__code__.co_firstlineno
         self._locator = SimpleNamespace(_py_file=function.__code__.co_filename)  # for what numba says of a failure
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """Rebuild the compilation result of a kernel, or of a bitcode part, from its cache entry."""
+        """Rebuild numba's compilation result of a kernel, or of a bitcode part, from its cache entry."""
         (name, kind, parts), function, env, signature, *_ = payload
         if kind != PartLibrary.KIND:
             return super().rebuild(target_context, payload)
@@ -136,10 +140,10 @@ class _CacheEntry(CompileResultCacheImpl):
 
 
 class KernelCache(FunctionCache):
-    """Cache of one kernel, called from Python or from kernels.
+    """Disk cache of one kernel, for calls either from Python or from other kernels.
 
     Args:
-        function: The kernel's.
+        function: Python function of the kernel.
         kind: `FROM_PYTHON` or `FROM_KERNELS`.
     """
 
@@ -156,7 +160,7 @@ class KernelCache(FunctionCache):
 
     @property
     def cache_path(self) -> str:
-        """Place of the kernel's files within a directory of kernels."""
+        """Subdirectory of the kernel's files within a directory of cached kernels."""
         return str(self._place)
 
     @functools.cached_property
@@ -173,20 +177,20 @@ class KernelCache(FunctionCache):
         return IndexDataCacheFile(str(directory / self._place), self._file_name, self._sources.fingerprint)
 
     def _files(self) -> Iterator[IndexDataCacheFile]:
-        """Files that may hold the kernel, the user's own only once those that came with the package are refused."""
+        """Yield the cache files that may hold the kernel: the one shipped with the package, then the user's own."""
         if self._shipped is not None:
             yield self._shipped
         if self._own is not None:
             yield self._own
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code, unless a source was edited since the start: the cache belongs to the old source."""
+        """Save compiled code of the kernel, unless a source was edited since the start: the cache is of the old one."""
         if self._own is not None and self._sources.are_unchanged() and self._impl.check_cachable(data):
             os.makedirs(self._own._cache_path, exist_ok=True)
             self._own.save(self._index_key(sig, data.codegen), self._impl.reduce(data))
 
     def has(self, types: tuple[Any, ...]) -> bool:
-        """Return whether the cache holds code for arguments of these types."""
+        """Return whether the cache holds the kernel's code for arguments of these types."""
         key = self._index_key(types, target_context().codegen())
         for file in self._files():
             try:
@@ -197,10 +201,10 @@ class KernelCache(FunctionCache):
         return False
 
     def load_overload(self, sig: Any, target_context_of_numba: Any) -> Any:
-        """Load the code for these types; None for a file whose code differs from its index.
+        """Load the kernel's cached code for argument types; None for a file whose code differs from its index.
 
-        numba writes the index first, so that two starts at once of scenarios of different types may leave that. None
-        also once a source was edited since the start: this process may have read the new one.
+        numba writes the index first, so that two starts at once of scenarios of different types may leave such a file.
+        None also once a source was edited since the start: this process may have read the new one.
         """
         context = target_context()
         context.refresh()
@@ -224,14 +228,14 @@ class KernelCache(FunctionCache):
 
 
 def keeps_kernels() -> bool:
-    """Return whether compiled kernels are cached for other processes."""
+    """Return whether compiled kernels can be cached on disk for other processes."""
     return cache_directory(MECHANICS) is not None
 
 
 def kept_kernels(since: float) -> set[tuple[str, str]]:
-    """Kind and title of all kernels of the mechanics that this user has cached since a time (s, of the clock).
+    """Kind of call and title of all kernels of the mechanics cached by this user since a time (s, of the clock).
 
-    Kinds are `FROM_PYTHON` and `FROM_KERNELS`. A kernel is there before for other types, of a plane or of one rope.
+    Kinds are `FROM_PYTHON` and `FROM_KERNELS`. A kernel may be cached earlier for other types, as of a plane.
     """
     directory = cache_directory(MECHANICS)
     if directory is None:

@@ -1,4 +1,4 @@
-"""Compilation passes and linking of kernels: those that kernels call are bitcode, and machine code in their callers.
+"""Compilation passes and linking of kernels: a called kernel is kept as bitcode and compiled within its callers.
 
 numba would optimise each kernel, and translate it, anew in every caller and in that one's callers, up to the one that
 Python calls. Here this is done once, in that one: half of the time that LLVM takes in a first start. The machine code
@@ -47,12 +47,12 @@ _found: dict[tuple[Any, ...], Any] = {}
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class FindTypes(NopythonTypeInference):
-    """Type inference pass of numba, with cached types of operations."""
+    """Numba's type inference pass, with cached types of operations on numbers and arrays."""
 
     _name = "find_types"
 
     def run_pass(self, state: Any) -> bool:
-        """Run numba's type inference with the caching context."""
+        """Run numba's type inference with the typing context that caches operations."""
         context = state.typingctx
         state.typingctx = _WithFound(context)
         try:
@@ -62,7 +62,7 @@ class FindTypes(NopythonTypeInference):
 
 
 class _WithFound:
-    """Typing context of numba with a cache of resolved operations."""
+    """Numba's typing context with a cache of resolved operations."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -71,7 +71,7 @@ class _WithFound:
         return getattr(self._context, name)
 
     def resolve_function_type(self, function: Any, arguments: tuple[Any, ...], named: Any) -> Any:
-        """Signature of an operation or call; None without one."""
+        """Signature of an operation or call for argument types, cached for numbers and arrays; None without one."""
         meant = getattr(function, "typing_key", function)
         if named or getattr(meant, "__module__", "") not in MODULES or not all(isinstance(a, PLAIN) for a in arguments):
             return self._context.resolve_function_type(function, arguments, named)
@@ -102,7 +102,7 @@ PASSES = (
 
 
 class _Library(JITCodeLibrary):
-    """Machine code of a kernel together with all called kernels."""
+    """Machine code of a kernel together with that of all kernels that it calls."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Optimise defined functions only, without numba's preparation of mere declarations."""
@@ -113,7 +113,7 @@ class _Library(JITCodeLibrary):
                 passes.run(function, builder)
 
     def _optimize_final_module(self) -> None:
-        """Optimise in one round, with neighbouring numbers of vectors and matrices as lanes of SIMD registers.
+        """Optimise the linked module in one round, with neighbouring numbers of vectors and matrices as SIMD lanes.
 
         numba has a round before, for the counts of references that kernels do not have, and no such lanes.
         """
@@ -121,7 +121,7 @@ class _Library(JITCodeLibrary):
         passes.run(self._final_module, builder)
 
     def finalize(self) -> None:
-        """Link all parts, each once, and generate machine code."""
+        """Link the bitcode of all called kernels, each once, and generate machine code."""
         libraries = dict.fromkeys(self._linking_libraries)
         self._linking_libraries = [one for one in libraries if not isinstance(one, PartLibrary)]
         for bitcode in reversed(_parts_of(libraries)):  # callers first: what nobody calls is not taken in
@@ -132,7 +132,7 @@ class _Library(JITCodeLibrary):
 class _BriefLibrary(_Library):
     """Machine code of a kernel after numba's first round of optimisation only.
 
-    Its parts are its own: what is loaded after it with parts of the same names would get these in place of better ones.
+    Its parts are private: else a kernel loaded later with parts of the same names would get these less optimised ones.
     """
 
     def _optimize_final_module(self) -> None:
@@ -146,17 +146,17 @@ class _BriefLibrary(_Library):
 
 
 class _NoCode:
-    """Placeholder for the machine code generator of a bitcode part."""
+    """Placeholder for numba's machine code generator in a bitcode part, which has no machine code."""
 
     def set_env(self, name: str, env: Any) -> None:
         """Ignore numba's environment object, as a bitcode part has no references to Python globals."""
 
 
 class PartLibrary(_Library):
-    """Bitcode of a kernel and, separately, of all called kernels, linked into the kernel that Python calls.
+    """LLVM bitcode of a kernel and, separately, of all called kernels, linked into the kernel that Python calls.
 
     Attributes:
-        parts: the bitcode of each, itself the last.
+        parts: bitcode of each called kernel, and of this kernel as the last one.
     """
 
     KIND = "part"  # in what is kept of it
@@ -164,7 +164,7 @@ class PartLibrary(_Library):
     parts: tuple[bytes, ...] = ()
 
     def finalize(self) -> None:
-        """Keep the bitcode of the part and of its callees, without machine code."""
+        """Keep the bitcode of the kernel and of the kernels that it calls, without machine code."""
         self._raise_if_finalized()
         libraries = dict.fromkeys(self._linking_libraries)
         for library in libraries:
@@ -177,7 +177,7 @@ class PartLibrary(_Library):
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """Bitcode of the part and all its callees in one module, for a calling library of numba."""
+        """Bitcode of the kernel and all kernels that it calls as one module, for a calling library of numba."""
         self._ensure_finalized()
         if self._shared_module is None:
             self._shared_module = llvm.parse_bitcode(self.parts[-1])
@@ -186,7 +186,7 @@ class PartLibrary(_Library):
         return self._shared_module
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return a null pointer, as a part has no entry point for calls."""
+        """Return a null pointer, as a bitcode part has no entry point for calls."""
         self._ensure_finalized()
         return 0
 
@@ -197,14 +197,14 @@ class PartLibrary(_Library):
 
     @classmethod
     def of(cls, codegen: Any, name: str, parts: tuple[bytes, ...]) -> PartLibrary:
-        """Restore a part from the output of `serialize_using_object_code`."""
+        """Restore a bitcode part from the output of `serialize_using_object_code`."""
         library = cls(codegen, name)
         library.parts, library._finalized = parts, True
         return library
 
 
 def _parts_of(libraries: Iterable[JITCodeLibrary]) -> tuple[bytes, ...]:
-    """Bitcode of all parts among libraries and of the parts they call, each once, callees first."""
+    """Bitcode of all parts among libraries and of the parts that these call, each once, callees first."""
     return tuple(dict.fromkeys(chain.from_iterable(one.parts for one in libraries if isinstance(one, PartLibrary))))
 
 
@@ -214,7 +214,7 @@ class WholeCompiler(CompilerBase):
     library: type[_Library] = _Library  # that it makes
 
     def define_pipelines(self) -> list[PassManager]:
-        """Define the compiler passes, and a symbol name that no other process gives to other code."""
+        """Define numba's compiler passes for a kernel, and a symbol name that is unique among processes."""
         self.state.targetctx = _make_subtarget(target_context(), self.state.flags)
         self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         self.state.library.enable_object_caching()
@@ -227,12 +227,12 @@ class WholeCompiler(CompilerBase):
 
 
 class BriefCompiler(WholeCompiler):
-    """Compiler of kernels called from Python for a short run."""
+    """Compiler of kernels called from Python for a single short run, with little optimisation."""
 
     library = _BriefLibrary
 
 
 class PartCompiler(WholeCompiler):
-    """Compiler of kernels that only other kernels call."""
+    """Compiler of kernels that only other kernels call, to bitcode without machine code."""
 
     library = PartLibrary

@@ -1,4 +1,4 @@
-"""Arrays as flat rows of numbers, for block copies and elementwise loops."""
+"""Contiguous arrays as flat rows of numbers in kernels, for block copies and elementwise loops."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ copy_array: Any = _copy_in_python if _config.DISABLE_JIT else _copy
 
 @inlined_kernel
 def combine_arrays(start, weight, rate, target):
-    """Write start + weight rate, three arrays of one shape; `target` may be `start`."""
+    """Write start + weight rate into `target`, all arrays of one shape; `target` may be `start`."""
     begin, slope, there = flat(start), flat(rate), flat(target)
     for i in range(begin.size):
         there[i] = begin[i] + weight * slope[i]
@@ -78,7 +78,7 @@ def combine_arrays(start, weight, rate, target):
 
 @inlined_kernel
 def add_array(source, target):
-    """Add the first array to the second one of its shape, both contiguous."""
+    """Add the array `source` to the array `target` of equal shape, both contiguous."""
     here, there = flat(source), flat(target)
     for i in range(there.size):
         there[i] += here[i]

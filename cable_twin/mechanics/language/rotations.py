@@ -1,4 +1,4 @@
-"""Rotations and orientations of bodies: one angle about y in a plane, three in space, by type as in `vectors`.
+"""Rotations and orientations of bodies: one angle about y in a plane, three in space, by length of the tuple.
 
 A rotation is a tuple of 1 or 3 angles in rad about the axes of the world; so are an angular velocity in rad/s and a
 moment in N m. The coordinates of a body are its centre of mass and, in a plane, its pitch; in space its unit quaternion
@@ -52,7 +52,7 @@ def moment(arm: Vector, force: Vector) -> Turn:
 
 @formula
 def by_turn(arm: Vec) -> Mat:
-    """Matrix (dim x turns) of θ x a by the rotation θ; its transpose is the matrix of a x F by F."""
+    """Matrix B (dim x turns) of the cross product θ x a = B θ for an arm a; a x F = Bᵀ F."""
     if len(arm) == 2:
         return Mat((Vec((arm[1],)), Vec((-arm[0],))))
     x, y, z = arm
@@ -61,7 +61,7 @@ def by_turn(arm: Vec) -> Mat:
 
 @formula
 def moment_by_turn(arm: Vec, force: Vec) -> Mat:
-    """Matrix (turns x turns) of the moment (θ x a) x F by the rotation θ of the arm: a Fᵀ - (a·F) 1."""
+    """Derivative (turns x turns) of the moment (θ x a) x F by the rotation θ of the arm: a Fᵀ - (a·F) 1."""
     along = [x * f for x, f in zip(arm, force, strict=True)]
     if len(arm) == 2:
         return Mat((Vec((-sum(along),)),))
@@ -85,10 +85,10 @@ def gyration(
         inertia: J (turns²) about the axes of the world.
         spin: ω (turns,) rad/s.
         acceleration: ω_dot (turns,) rad/s².
-        turned: rotation vector (turns,) of the step so far, which the integrator adds to.
-        mass_factor: ∂ω_dot by it.
-        rate_factor: ∂ω by it.
-        stiffness_factor: of the turn itself, 1 or 0.
+        turned: rotation vector Δ (turns,) of the step so far, to which the integrator adds increments.
+        mass_factor: ∂ω_dot/∂Δ of the integrator.
+        rate_factor: ∂ω/∂Δ of the integrator.
+        stiffness_factor: of the rotation itself, 1 or 0.
     """
     if len(spin) == 1:
         return inertia @ acceleration, mass_factor * inertia
@@ -135,7 +135,7 @@ def inverse_of(a: Mat) -> Mat:
 
 @formula
 def turn_in_space(turn: Turn) -> Turn:
-    """Three components of a rotation, angular velocity or moment."""
+    """Three components in space of a rotation, angular velocity or moment, also of one in a plane."""
     return (0.0, turn[0], 0.0) if len(turn) == 1 else turn
 
 
@@ -159,7 +159,7 @@ def orientation(row: Any, like: Vector) -> Matrix:
 
 @formula
 def _of_quaternion(x, y, z, w):
-    """Rotation matrix (9,) of a quaternion of any non-zero length."""
+    """Rotation matrix (3, 3) of a quaternion of any non-zero length."""
     f = 2.0 / (x * x + y * y + z * z + w * w)
     return (
         (1.0 - f * (y * y + z * z), f * (x * y - z * w), f * (x * z + y * w)),
@@ -170,7 +170,7 @@ def _of_quaternion(x, y, z, w):
 
 @kernel
 def turn_row(row, turn):
-    """Rotate the coordinates of a body in space by a rotation vector (3,) about the axes of the world."""
+    """Rotate the quaternion of a body in space by a rotation vector (3,) about the axes of the world."""
     a, b, d, c = _quaternion(turn)
     x, y, z, w = row[3], row[4], row[5], row[6]
     p = c * x + a * w + b * z - d * y
@@ -202,9 +202,9 @@ def inertia_of(inertia: Any, body: int, axes: Matrix, like: Vector) -> Matrix:
 
 @kernel
 def set_upright(row: Any, along: Vector) -> None:
-    """Set the coordinates of a body upright: world axes, in space rotated about z to put x along the cable.
+    """Set a body upright: its axes those of the world, in space rotated about z to put x along the cable.
 
-    `along` (dim,) is the direction of that; of the two ways, x points to where x of the world rises.
+    `along` (dim,) is the direction of the cable; of its two senses, x takes the one in which x of the world rises.
     """
     if len(along) == 2:
         row[2] = 0.0
@@ -231,7 +231,7 @@ def move_body(position: Any, increment: Any, like: Vector) -> None:
 
 @kernel
 def make_unit(positions: Any, like: Vector) -> None:
-    """Normalise the quaternions of bodies in space."""
+    """Normalise the quaternions of all bodies in space; no-op in a plane."""
     if len(like) == 3:
         for body in range(positions.shape[0]):
             turn_row(positions[body], (0.0, 0.0, 0.0))
@@ -268,7 +268,7 @@ def _quaternion(turn):
 def orientation_in_space(row: Any, like: Vector) -> tuple[Vector, Vector]:
     """Unit quaternion x, y, z, w of a body from its coordinates, and its angles of roll, pitch and yaw in rad.
 
-    The pitch of a body in a plane goes on beyond a turn.
+    The pitch of a body in a plane is not wrapped after a full turn.
     """
     if len(like) == 2:
         return (0.0, sin(0.5 * row[2]), 0.0, cos(0.5 * row[2])), (0.0, row[2], 0.0)
@@ -293,7 +293,7 @@ def turn_between(first: Any, last: Any, like: Vector) -> Turn:
 
 @kernel
 def _turn_between(first, last):
-    """Logarithm of the quaternion `last` times the conjugate of `first`."""
+    """Rotation vector (3,) from body `first` to `last`: logarithm of `last` times the conjugate of `first`."""
     a, b, c, d = first[3], first[4], first[5], first[6]
     x, y, z, w = last[3], last[4], last[5], last[6]
     p = -w * a + x * d - y * c + z * b

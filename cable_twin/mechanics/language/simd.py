@@ -30,7 +30,7 @@ WIDTH = LANES.width
 
 @formula
 def gather(coordinates: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
-    """r_A, slope A, r_B, slope B, vectors (dim,) of lanes, of `WIDTH` elements from `first` on.
+    """Nodal vectors r_A, slope A, r_B, slope B (dim,) of `WIDTH` elements from `first` on, as SIMD lanes.
 
     Takes `coordinates` (nodes, 2, dim) or their rates. The numbers of a node are loaded at once, as they are in memory,
     and then turned into lanes.
@@ -41,12 +41,12 @@ def gather(coordinates: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
 
 @formula
 def gather_listed(coordinates: Any, elements: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
-    """The same of those in a list `elements` (n,), from entry `first` on: with the slopes towards each element."""
+    """Nodal vectors (dim,) of `WIDTH` elements in a list (n,) from entry `first` on, own slopes, as SIMD lanes."""
     return of_elements(coordinates, [elements[first + lane] for lane in range(WIDTH)], 2, like)
 
 
 def of_elements(coordinates: Any, elements: Sequence[Any], after: int, like: Vec) -> tuple[Vec, ...]:
-    """Nodal vectors of the lanes of elements, with the slope in row `after` of their first nodes; for formulas."""
+    """Nodal vectors of `elements` as SIMD lanes, with slopes of first nodes from row `after`; for formulas."""
     dim = len(like)
     vectors: list[Vec] = []
     for end in range(2):
@@ -59,52 +59,52 @@ def of_elements(coordinates: Any, elements: Sequence[Any], after: int, like: Vec
 
 @formula
 def gather_numbers(numbers: Any, first: Any) -> Any:
-    """Lanes of `WIDTH` entries of `numbers` (elements,) from `first` on."""
+    """SIMD lanes of `WIDTH` entries of `numbers` (elements,) from `first` on."""
     last = size_of(numbers, 0) - 1
     return as_lanes([numbers[least(first + lane, last)] for lane in range(WIDTH)])
 
 
 @formula
 def gather_numbers_listed(numbers: Any, elements: Any, first: Any) -> Any:
-    """Lanes of the entries of `numbers` of the elements in a list, from its entry `first` on."""
+    """SIMD lanes of the entries of `numbers` for `WIDTH` elements in a list, from list entry `first` on."""
     return as_lanes([numbers[elements[first + lane]] for lane in range(WIDTH)])
 
 
 @formula
 def gather_vectors_listed(rows: Any, elements: Any, first: Any, like: Vec) -> Vec:
-    """Vector (dim,) of lanes: columns of `rows` (dim, n) of the elements in a list, from its entry `first` on."""
+    """Vector (dim,) of SIMD lanes: columns of `rows` (dim, n) for elements in a list, from list entry `first` on."""
     return Vec(as_lanes([rows[axis, elements[first + lane]] for lane in range(WIDTH)]) for axis in range(len(like)))
 
 
 @formula
 def gather_vectors(rows: Any, first: Any, like: Vec) -> Vec:
-    """Vector (dim,) of lanes: `WIDTH` adjacent columns of `rows` (dim, n) from column `first` on, all existing."""
+    """Vector (dim,) of SIMD lanes: `WIDTH` adjacent columns of `rows` (dim, n) from column `first` on, all existing."""
     return Vec(read_lanes(rows, (axis, first), WIDTH) for axis in range(len(like)))
 
 
 @formula
 def read_vector(rows: Any, first: Any, like: Vec) -> Vec:
-    """Vector (dim,) of lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    """Vector (dim,) of SIMD lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
     return Vec(read_lanes(rows, (first + axis, 0), WIDTH) for axis in range(len(like)))
 
 
 @formula
 def read_square(rows: Any, first: Any, like: Vec) -> Mat:
-    """Matrix (dim, dim) of lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    """Matrix (dim, dim) of SIMD lanes from as many rows of `rows` (rows, WIDTH), from row `first` on."""
     dim = len(like)
     return Mat(read_vector(rows, first + i * dim, like) for i in range(dim))
 
 
 @formula
 def spread(values: Vec | Mat, rows: Any, first: Any) -> None:
-    """Write the lanes of a vector or matrix to as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    """Write a vector or matrix of SIMD lanes to as many rows of `rows` (rows, WIDTH), from row `first` on."""
     for k, value in enumerate(values.entries):
         write_lanes(value, rows, (first + k, 0))
 
 
 @formula
 def add_spread(values: Vec | Mat, rows: Any, first: Any) -> None:
-    """Add the lanes of a vector or matrix to as many rows of `rows` (rows, WIDTH), from row `first` on."""
+    """Add a vector or matrix of SIMD lanes to as many rows of `rows` (rows, WIDTH), from row `first` on."""
     for k, value in enumerate(values.entries):
         place = first + k, 0
         write_lanes(read_lanes(rows, place, WIDTH) + value, rows, place)
@@ -112,7 +112,7 @@ def add_spread(values: Vec | Mat, rows: Any, first: Any) -> None:
 
 @formula
 def add_diagonal(value: Any, rows: Any, first: Any, dim: int) -> None:
-    """Add lanes to the diagonal of the matrix (dim, dim) of lanes in `rows` (rows, WIDTH), from row `first` on."""
+    """Add SIMD lanes to the diagonal of the matrix (dim, dim) of lanes in `rows` (rows, WIDTH), from row `first` on."""
     for axis in range(dim):
         place = first + axis * (dim + 1), 0
         write_lanes(read_lanes(rows, place, WIDTH) + value, rows, place)
@@ -120,7 +120,7 @@ def add_diagonal(value: Any, rows: Any, first: Any, dim: int) -> None:
 
 @formula
 def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
-    """Write the lanes of a group of elements, `rows` (n, WIDTH), as `numbers` (WIDTH, n): a row an element."""
+    """Transpose the lanes of a group of elements, `rows` (n, WIDTH), into `numbers` (WIDTH, n): a row an element."""
     dim = len(like)
     for first in range(0, 4 * dim + 16 * dim * dim, WIDTH):
         lanes = transposed([read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)])
@@ -129,7 +129,7 @@ def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
 
 
 def transposed(rows: Sequence[Any]) -> list[Any]:
-    """Columns of a square matrix of `WIDTH` rows in registers; for formulas."""
+    """Transpose a square matrix of `WIDTH` rows in SIMD registers; for formulas."""
     a, b, c, d = rows
     even, odd = (0, 4, 2, 6), (1, 5, 3, 7)
     halves = shuffled(a, b, even), shuffled(a, b, odd), shuffled(c, d, even), shuffled(c, d, odd)
@@ -138,9 +138,9 @@ def transposed(rows: Sequence[Any]) -> list[Any]:
 
 
 def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
-    """Numbers of `WIDTH` arrays of one shape, all first ones as lanes, and so on; for formulas.
+    """Read `WIDTH` arrays of one shape as SIMD lanes, one lane an array, one register an entry; for formulas.
 
-    They are read as they are in memory, and then turned into lanes.
+    Numbers are read in the order of memory and then transposed into lanes.
     """
     count = prod(shape)
     whole = count - count % WIDTH
@@ -151,7 +151,7 @@ def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
 
 
 def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int, ...]) -> None:
-    """Write what `read_beside` gives to as many arrays of one shape, for formulas."""
+    """Write SIMD lanes as read by `read_beside` to as many arrays of one shape; for formulas."""
     whole = len(numbers) - len(numbers) % WIDTH
     for k in range(0, whole, WIDTH):
         for own, array in zip(transposed(numbers[k : k + WIDTH]), arrays, strict=True):
@@ -162,7 +162,7 @@ def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int
 
 
 def _place(shape: tuple[int, ...], number: int) -> tuple[int, ...]:
-    """Indices of an entry of an array in the order of memory."""
+    """Index tuple of the entry `number`, in the order of memory, of an array of a shape."""
     return tuple(number // prod(shape[axis + 1 :]) % size for axis, size in enumerate(shape))
 
 

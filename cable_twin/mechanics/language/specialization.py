@@ -21,7 +21,7 @@ from cable_twin.mechanics.language.by_reference import KnownType, RecordType
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class PutKnown(FunctionPass):
-    """Compiler pass: replace known fields by their values, and prune dead branches."""
+    """Compiler pass of numba: replace `Known` fields of records by their values, and prune dead branches."""
 
     _name = "put_known"
 
@@ -29,7 +29,7 @@ class PutKnown(FunctionPass):
         FunctionPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        """Run the pass on a function's intermediate code, as numba's interface of a pass."""
+        """Run the pass on a function's intermediate code; return whether anything was replaced (numba's interface)."""
         found = False
         for block in state.func_ir.blocks.values():
             for assign in block.find_insts(ir.Assign):
@@ -44,7 +44,7 @@ class PutKnown(FunctionPass):
 
 
 def _known_value(value: Any, state: Any) -> int | None:
-    """Value of a known field, or length of a tuple; None for run-time values."""
+    """Value of an expression that is a `Known` field or the length of a tuple; None for run-time values."""
     if isinstance(value, ir.Expr) and value.op == "call" and len(value.args) == 1:
         called = guard(get_definition, state.func_ir, value.func)
         kind = _kind_of(value.args[0], state)
@@ -55,7 +55,7 @@ def _known_value(value: Any, state: Any) -> int | None:
 
 
 def _kind_of(value: Any, state: Any) -> types.Type | None:
-    """Type of a function argument, or of a field of a record or tuple in it; None for others."""
+    """Numba type of an expression: function argument, or field of a record or tuple in one; None for others."""
     if isinstance(value, ir.Var):
         value = guard(get_definition, state.func_ir, value)
     if isinstance(value, ir.Arg):
@@ -71,7 +71,7 @@ def _kind_of(value: Any, state: Any) -> types.Type | None:
 
 
 def known_fields(kinds: tuple[types.Type, ...]) -> set[str]:
-    """Names of the known fields of records and of their inner records."""
+    """Names of the `Known` fields of record types and of their inner records."""
     records = [kind for kind in kinds if isinstance(kind, RecordType)]
     inner = (known_fields(record.kinds) for record in records)
     fields = (pair for record in records for pair in zip(record.names, record.kinds, strict=True))
@@ -79,7 +79,7 @@ def known_fields(kinds: tuple[types.Type, ...]) -> set[str]:
 
 
 def names_left(function: Any, kinds: tuple[types.Type, ...]) -> set[str]:
-    """Global names used by a function after specialization for argument types."""
+    """Names of the globals that a function still uses after specialization for argument types."""
     state = SimpleNamespace(func_ir=run_frontend(function), args=kinds)
     PutKnown().run_pass(state)
     assigned = (one.value for block in state.func_ir.blocks.values() for one in block.find_insts(ir.Assign))

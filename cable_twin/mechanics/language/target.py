@@ -1,4 +1,4 @@
-"""Target of compilation: a class of CPUs, for which kernels are the same code on every CPU that has it.
+"""Compilation target: an instruction-set class of CPUs, for which kernels are the same code on every CPU that has it.
 
 A log made on one CPU of a class then replays to the last bit on another one, and kernels that are compiled once serve
 all of them. The instructions of newer CPUs are left to `CABLE_TWIN_CPU=native`.
@@ -22,14 +22,14 @@ config: Any = numba_config
 
 @functools.cache
 def target() -> Target:
-    """Target of this process, for the CPU of this machine or what NUMBA_CPU_NAME and NUMBA_CPU_FEATURES say instead."""
+    """Compilation target of this process, from the CPU of this machine or NUMBA_CPU_NAME and NUMBA_CPU_FEATURES."""
     name = config.CPU_NAME or llvm.get_host_cpu_name()
     features = get_host_cpu_features() if config.CPU_FEATURES is None else config.CPU_FEATURES
     return chosen(Target(name, name, features))
 
 
 class _Codegen(JITCPUCodegen):
-    """Code generator of numba for the target; that of other code in the process remains as it is."""
+    """Numba's code generator for the compilation target; that of other code in the process remains as it is."""
 
     def _get_host_cpu_name(self) -> str:
         return target().cpu
@@ -38,12 +38,12 @@ class _Codegen(JITCPUCodegen):
         return target().features
 
     def magic_tuple(self) -> tuple[Any, ...]:
-        """Text under which compiled code is kept: the target, and what else code of the same sources depends on."""
+        """Cache key of compiled code: the compilation target, and what else code of the same sources depends on."""
         return *super().magic_tuple(), llvmlite.__version__, bool(config.USING_SVML)
 
 
 @functools.cache
 def target_context() -> Any:
-    """Context in which numba compiles and loads kernels."""
+    """Numba's target context, in which kernels are compiled and loaded for the compilation target."""
     context: Any = cpu_target.target_context
     return context.subtarget(_internal_codegen=_Codegen("cable_twin"))

@@ -36,14 +36,14 @@ _WORD = ir.IntType(32)
 
 
 class LanesType(types.Type):
-    """SIMD type in numba of `width` floats."""
+    """Numba type of a SIMD register of `width` floats."""
 
     def __init__(self, width: int) -> None:
         self.width, self.vector = width, ir.VectorType(ir.DoubleType(), width)
         super().__init__(name=f"lanes{width}")
 
     def can_convert_from(self, typingctx: Any, other: types.Type) -> Conversion | None:
-        """Allow conversion of a number to lanes with equal values."""
+        """Allow numba to convert a number to SIMD lanes of equal values."""
         return Conversion.promote if isinstance(other, (types.Float, types.Integer)) else None
 
 
@@ -84,7 +84,7 @@ class Vec(tuple[Any, ...]):
 
     @property
     def entries(self) -> tuple[Any, ...]:
-        """All numbers of a vector."""
+        """All numbers of the vector."""
         return self
 
     def __add__(self, other: Any) -> Any:
@@ -115,12 +115,12 @@ class Mat(tuple[Vec, ...]):
 
     @property
     def entries(self) -> tuple[Any, ...]:
-        """All numbers of a matrix, row by row."""
+        """All numbers of the matrix, row by row."""
         return tuple(x for row in self for x in row)
 
     @property
     def T(self) -> Mat:  # noqa: N802 - as numpy has it
-        """Transpose of a matrix."""
+        """Transpose of the matrix."""
         return Mat(map(Vec, zip(*self, strict=True)))
 
     def __add__(self, other: Any) -> Any:
@@ -145,7 +145,7 @@ class Mat(tuple[Vec, ...]):
 
 
 def _shaped(value: Any) -> Any:
-    """Tuple of numbers as a vector, of vectors of one length as a matrix, others with such parts."""
+    """Convert a tuple of numbers to a vector, of vectors of one length to a matrix, parts of others likewise."""
     if not isinstance(value, tuple) or isinstance(value, Vec | Mat):
         return value
     parts = [_shaped(part) for part in value]
@@ -167,8 +167,8 @@ def _plain(value: Any) -> Any:
 def formula(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: trace a function of numbers, lanes, arrays and tuples into the kernels that call it.
 
-    It takes its arguments by their places, reads and writes entries of arrays by indices that are not negative, and
-    gives numbers and tuples of them. Called from Python with plain tuples, it gives plain tuples.
+    The function takes positional arguments only, reads and writes entries of arrays by indices that are not negative,
+    and returns numbers and tuples of them. Called from Python with plain tuples, it returns plain tuples.
     """
 
     @functools.wraps(function)
@@ -182,7 +182,7 @@ def formula(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _trace(function: Callable[..., Any]) -> None:
-    """Tell numba the types and instructions of a formula."""
+    """Register a formula with numba: its type inference, and the instructions that its call becomes."""
 
     class _Typing(AbstractTemplate):
         key = function
@@ -206,7 +206,7 @@ def _trace(function: Callable[..., Any]) -> None:
 
 
 class _Number:
-    """Traced number: its type, and its value in the compiled code once instructions are generated.
+    """Traced number of a formula: its type, and its value in the compiled code once instructions are generated.
 
     A product keeps its factors, for the sums that it goes into; it is multiplied out where it is used otherwise.
     """
@@ -225,7 +225,7 @@ class _Number:
         return self._value
 
     def cast(self, kind: types.Type) -> ir.Value | None:
-        """Cast a traced number to another type."""
+        """Value in the compiled code of the traced number, converted to another numba type."""
         if self.place is None:
             return None
         context, builder = self.place
@@ -292,10 +292,10 @@ class _Number:
         return _Number(self.kind, builder.call(root, [self.value]), self.place)
 
     def __bool__(self) -> bool:
-        raise TypeError("a formula may not ask for the value of a number")
+        raise TypeError("condition in a formula: given one on the value of a number; allowed: on lengths and types")
 
     def __eq__(self, other: object) -> bool:
-        raise TypeError("a formula may not ask for the value of a number")
+        raise TypeError("condition in a formula: given one on the value of a number; allowed: on lengths and types")
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -309,7 +309,7 @@ class _Number:
 
 
 def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number:
-    """Sum or difference with a product, of the second or else the first number, in one instruction."""
+    """Fused multiply-add of a sum or difference with a product, the second or else the first number, rounded once."""
     context, builder = one.place
     product, rest = (other, one) if other.factors is not None else (one, other)
     assert product.factors is not None
@@ -324,15 +324,15 @@ def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number
 
 @functools.cache
 def fuses() -> bool:
-    """Return whether the CPUs that kernels are compiled for multiply and add in one instruction."""
+    """Return whether the CPUs of the compilation target have a fused multiply-add instruction."""
     return "+fma" in target().features.split(",") or not machine().startswith("x86")
 
 
 class _Array:
-    """Traced array, or a sub-array by leading indices.
+    """Traced array of a formula, or a sub-array of it at leading indices.
 
-    Where it starts is worked out once, for all its entries: by numba's own way a third of the instructions of a kernel
-    were of that.
+    Its start address is computed once for all its entries: with numba's own indexing this took a third of the
+    instructions of a kernel.
     """
 
     __slots__ = ("_steps", "_where", "axis", "before", "index", "kind", "place", "value")
@@ -346,7 +346,7 @@ class _Array:
         self._steps: list[ir.Value] = []  # bytes from one entry of an axis to the next
 
     def at(self, index: Any) -> _Array:
-        """Entry or sub-array at one or some leading indices."""
+        """Traced entry or sub-array at one or some leading indices."""
         entry = self
         for one in index if isinstance(index, tuple) else (index,):
             after = _Array(self.kind, self.value, self.place)
@@ -355,7 +355,7 @@ class _Array:
         return entry
 
     def start(self) -> ir.Value:
-        """Pointer to the first entry of the array."""
+        """Pointer to the first entry of the traced array or sub-array."""
         if self._where is None:
             context, builder = self.place
             if self.before is None or self.index is None:
@@ -387,7 +387,7 @@ class _Array:
 
 
 def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
-    """Traced stand-in for an argument of a formula."""
+    """Traced stand-in for an argument of a formula, from its numba type and its value in the compiled code."""
     if isinstance(kind, types.BaseTuple):
         kinds: Any = kind
         parts = [None] * len(kind) if place is None else cgutils.unpack_tuple(place[1], value, len(kind))
@@ -397,13 +397,13 @@ def _stand_in(kind: Any, value: ir.Value | None, place: Any) -> Any:
         return _Array(kind, value, place)
     plain = types.unliteral(kind)
     if plain not in _RANKS:
-        raise TypeError(f"a formula takes numbers, lanes, arrays and tuples of them, not {kind}")
+        raise TypeError(f"argument of a formula: given {kind}; allowed: numbers, lanes, arrays and tuples of them")
     return _Number(plain, value, place)
 
 
 def _constant(value: Any, place: Any) -> _Number:
     if not isinstance(value, int | float):
-        raise TypeError(f"{type(value).__name__} where a number has to be")
+        raise TypeError(f"number in a formula: given {type(value).__name__}; allowed: int, float or a traced number")
     kind = types.int64 if isinstance(value, int) else types.float64
     return _Number(kind, None if place is None else place[0].get_constant(kind, value), place)
 
@@ -435,7 +435,7 @@ def _value_of(outcome: Any, kind: Any, place: Any) -> ir.Value:
 
 @formula
 def square_root(value: Any) -> Any:
-    """Square root of a float, or of each lane."""
+    """Square root of a number, or of each SIMD lane."""
     return value.square_root() if isinstance(value, _Number) else np.sqrt(value)
 
 
@@ -483,9 +483,9 @@ def lane_of(lanes: Any, number: int) -> Any:
 
 
 def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
-    """Lanes of two SIMD registers in another order, those of the second one numbered after the first one's.
+    """SIMD lanes picked by number from two registers, those of the second numbered after the first one's.
 
-    For formulas: one instruction, where `lane_of` and `as_lanes` leave the compiler to find one.
+    For formulas: one instruction, which with `lane_of` and `as_lanes` the compiler would have to find.
     """
     if not isinstance(one, _Number):
         return np.concatenate([one, other])[list(lanes)]
@@ -497,7 +497,7 @@ def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
 
 
 def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
-    """Read `count` numbers of an array as lanes, consecutive in memory from the entry `index` on; for formulas."""
+    """Read `count` numbers of an array as SIMD lanes, consecutive in memory from entry `index` on; for formulas."""
     if not isinstance(array, _Array):
         first = np.ravel_multi_index(index, array.shape)
         return array.reshape(-1)[first : first + count]
@@ -510,7 +510,7 @@ def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
 
 
 def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
-    """Write lanes to consecutive numbers of an array in memory, from the entry `index` on; for formulas."""
+    """Write SIMD lanes to consecutive numbers of an array in memory, from the entry `index` on; for formulas."""
     if not isinstance(array, _Array):
         first = np.ravel_multi_index(index, array.shape)
         array.reshape(-1)[first : first + LANES.width] = lanes
@@ -521,12 +521,12 @@ def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
 
 @formula
 def beside(one: Any, other: Any) -> Any:
-    """Pair up the numbers of two tuples of one structure, for formulas on both at once."""
+    """Pair the numbers of two tuples of equal structure as SIMD lanes, for formulas on both at once."""
     return together([one, other])
 
 
 def together(parts: Sequence[Any]) -> Any:
-    """Join the numbers of tuples of one structure as lanes, for formulas on all at once."""
+    """Join the numbers of several tuples of equal structure as SIMD lanes, for formulas on all at once."""
     if isinstance(parts[0], tuple):
         return tuple(together(each) for each in zip(*parts, strict=True))
     return as_lanes(parts)
@@ -534,13 +534,13 @@ def together(parts: Sequence[Any]) -> Any:
 
 @formula
 def first_of(pairs: Any) -> Any:
-    """First number of each pair in a tuple of pairs."""
+    """First of the two tuples of numbers that `beside` has paired."""
     return _lanes_of(pairs, 0)
 
 
 @formula
 def second_of(pairs: Any) -> Any:
-    """Second number of each pair in a tuple of pairs."""
+    """Second of the two tuples of numbers that `beside` has paired."""
     return _lanes_of(pairs, 1)
 
 
@@ -551,7 +551,7 @@ def _lanes_of(pairs: Any, number: int) -> Any:
 
 
 def _define(function: Callable[..., Any], instruction: str, operands: int = 2) -> None:
-    """Define a Python operator between lanes, or lanes and a number, in kernels as one instruction."""
+    """Define a Python operator on SIMD lanes, or lanes and a number, in kernels as one instruction."""
 
     @infer_global(function)
     class _Typing(ConcreteTemplate):

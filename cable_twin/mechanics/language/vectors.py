@@ -38,7 +38,7 @@ def accumulate(a: Vec | Mat, row: Any) -> None:
 
 @formula
 def load(row: Any, like: Vec | Mat) -> Vec | Mat:
-    """First entries of the array `row` as a vector or matrix of the shape of `like`."""
+    """Read a vector, or a matrix row by row, of the shape of `like` from the first entries of the array `row`."""
     if isinstance(like, Vec):
         return Vec(row[i] for i in range(len(like)))
     columns = len(like[0])
@@ -71,7 +71,7 @@ def product(a: Vec | Mat, b: Vec | Mat) -> Vec | Mat:
 
 @formula
 def less_product(c: Vec | Mat, a: Mat, b: Vec | Mat) -> Vec | Mat:
-    """Difference c - a b of vectors or of matrices, product by product: each takes one instruction with its sum."""
+    """Difference c - a b of a matrix a with vectors or matrices b, c, by one fused multiply-add a product."""
     if isinstance(b, Mat):
         columns = b.T
         return Mat(
@@ -82,7 +82,7 @@ def less_product(c: Vec | Mat, a: Mat, b: Vec | Mat) -> Vec | Mat:
 
 
 def _less(total: Any, row: Vec, column: Vec) -> Any:
-    """`total` less the scalar product of a row and a column."""
+    """`total` less the scalar product of a matrix row and a column, product by product."""
     for x, y in zip(row, column, strict=True):
         total = total - x * y
     return total
@@ -90,7 +90,7 @@ def _less(total: Any, row: Vec, column: Vec) -> Any:
 
 @formula
 def sum_of_products(a: Mat, x: Vec | Mat, b: Mat, y: Vec | Mat) -> Vec | Mat:
-    """Sum a x + b y of two products of matrices, or of matrices and vectors, product by product."""
+    """Sum a x + b y of matrices a, b times vectors or matrices x, y, added up product by product."""
     if isinstance(x, Mat) and isinstance(y, Mat):
         columns = [Vec((*first, *second)) for first, second in zip(x.T, y.T, strict=True)]
         return Mat(Vec(Vec((*p, *q)) @ column for column in columns) for p, q in zip(a, b, strict=True))
@@ -99,13 +99,13 @@ def sum_of_products(a: Mat, x: Vec | Mat, b: Mat, y: Vec | Mat) -> Vec | Mat:
 
 @formula
 def linear(a: Mat, x: Vec, b: Mat, y: Vec, c: Vec) -> Vec:
-    """Linear combination c + a x + b y of vectors."""
+    """Sum c + a x + b y of vectors c, x, y and matrices a, b."""
     return c + sum_of_products(a, x, b, y)
 
 
 @formula
 def outer(c: float, a: Vec, b: Vec) -> Mat:
-    """Matrix c a bᵀ."""
+    """Outer product c a bᵀ of two vectors, times a number c."""
     return Mat(Vec(c * x * y for y in b) for x in a)
 
 

@@ -42,7 +42,7 @@ CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they
 
 @kernel
 def buffer_force(stiffness, toe, damping, depth, depth_rate):
-    """Contact force (N), and its derivatives by depth (N/m) and rate (N s/m); k in N/m, c in s/m, d_0 in m."""
+    """One-sided contact force (N), its derivatives by depth (N/m) and rate (N s/m); k in N/m, c in s/m, d_0 in m."""
     hysteresis = 1.0 + damping * depth_rate
     if not (depth > 0.0 and hysteresis > 0.0):
         return 0.0, 0.0, 0.0
@@ -55,7 +55,7 @@ def buffer_force(stiffness, toe, damping, depth, depth_rate):
 
 @kernel
 def buffer_energy(stiffness, toe, depth):
-    """Elastic energy (J) of a contact: the integral of f over the depth (m)."""
+    """Elastic energy (J) of a one-sided contact: the integral of its elastic force f over the depth (m)."""
     if not depth > 0.0:
         return 0.0
     if depth < toe:
@@ -65,7 +65,7 @@ def buffer_energy(stiffness, toe, depth):
 
 @kernel
 def stop_force(carriages, cable, carriage, s, s_dot):
-    """Force (N) of the end stops along the cable on a carriage at s (m), and its derivatives by s and ṡ."""
+    """Force (N) of the end stops along the cable on a vehicle at arc length s (m), its derivatives by s and ṡ."""
     stroke = carriages.stop_stroke[carriage]
     sign, depth = 1.0, stroke - s
     if s > 0.5 * cable.unstrained_length:
@@ -84,7 +84,7 @@ LEAST_SPEED = 0.01  # m/s, slower than that two which have met before only lean 
 
 @inlined_kernel
 def place_and_velocity(cable, state, carriage):
-    """Position (dim,) in m and velocity (dim,) in m/s of a joint."""
+    """Position (dim,) in m and velocity (dim,) in m/s of a vehicle's joint on the rope."""
     if at_node(cable, state, carriage):
         node = state.joint_node[carriage]
         return load(state.nodes.position[node, R], cable.gravity), load(state.nodes.velocity[node, R], cable.gravity)
@@ -95,7 +95,7 @@ def place_and_velocity(cable, state, carriage):
 
 
 class Contact(NamedTuple):
-    """Buffers of two vehicles: compression d = room - |b|, with b from one joint to the other, and what moves it."""
+    """Buffer contact of two vehicles: compression d = room - |b|, b from joint to joint, its rate and direction."""
 
     depth: float  # d (m), -inf where they are far from each other
     rate: float  # ḋ (m/s)
@@ -106,7 +106,7 @@ class Contact(NamedTuple):
 
 @kernel
 def press(system, state, carriage, entry):
-    """Contact of a vehicle with one that it may touch."""
+    """Buffer contact (`Contact`) of a vehicle with one of the vehicles that it may touch."""
     buffers, other = system.buffers, system.buffers.other[entry]
     apart = buffers.side[entry] * (state.joints.position[other] - state.joints.position[carriage])
     still = scale(0.0, system.cable.gravity)
@@ -128,13 +128,13 @@ def press(system, state, carriage, entry):
 
 @inlined_kernel
 def pressed_force(buffers, entry, depth, rate):
-    """Buffer force (N) of a pair of vehicles and its derivatives, see `buffer_force`."""
+    """Buffer force (N) between two vehicles and its derivatives by compression and rate, see `buffer_force`."""
     return buffer_force(buffers.stiffness[entry], 0.0, buffers.damping[entry], depth, rate)
 
 
 @kernel
 def push_on(system, state, carriage):
-    """Buffer force (dim,) in N of all neighbours on a vehicle at its joint."""
+    """Total buffer force (dim,) in N of all neighbours on a vehicle, at its joint."""
     buffers, force = system.buffers, scale(0.0, system.cable.gravity)
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
         contact = press(system, state, carriage, entry)
@@ -144,11 +144,12 @@ def push_on(system, state, carriage):
 
 @kernel
 def pair_tangent(buffers, entry, contact, rate_factor, stiffness_factor):
-    """J (dim²) in N/m of one pair: the force on either joint changes by J Δ(place of the other less its own).
+    """Tangent J (dim²) in N/m of the buffer force between two vehicles by the relative displacement of their joints.
 
-    With F = -N w, N(d, ḋ), and velocities that grow as places do,
+    The force on either joint changes by J Δ(position of the other less its own). With F = -N w, N(d, ḋ), and velocities
+    that change in proportion to positions,
     J = (N_d + N_ḋ ∂/∂t) w wᵀ + N_ḋ w ẇᵀ - N (1 - w wᵀ) / |b|. Where the joints have almost met, w is no smooth function
-    of the places any more, and is taken as constant.
+    of the positions any more, and is taken as constant.
     """
     size, by_depth, by_rate = pressed_force(buffers, entry, contact.depth, contact.rate)
     way = contact.way
@@ -162,7 +163,7 @@ def pair_tangent(buffers, entry, contact, rate_factor, stiffness_factor):
 
 @inlined_kernel
 def in_one_patch(system, state, carriage, other):
-    """Return whether the nodes of the joints of two vehicles follow each other, so that one patch has both."""
+    """Return whether two vehicles' joints are at adjacent nodes that follow them, so that one patch has both."""
     cable = system.cable
     if at_node(cable, state, carriage) and at_node(cable, state, other):
         return abs(state.joint_node[carriage] - state.joint_node[other]) == 1
@@ -171,7 +172,7 @@ def in_one_patch(system, state, carriage, other):
 
 @kernel
 def predict_contacts(system, state, rate_factor, stiffness_factor, work):
-    """Store tangents of buffers in contact, and predict displacements of the vehicles where one patch has not both.
+    """Store tangents of buffers in contact, and predict displacements of vehicles in contact without a common patch.
 
     Needs chains and drives condensed.
     """
@@ -211,7 +212,7 @@ def predict_contacts(system, state, rate_factor, stiffness_factor, work):
 
 @kernel
 def condense_along(system, state, carriage, rate_factor, stiffness_factor, work):
-    """Condense a vehicle in buffer contact along the rope: stiffness and inertia (N/m), and force (N)."""
+    """Condense a vehicle in buffer contact to motion along the rope: stiffness and inertia (N/m), and force (N)."""
     cable, carriages, like = system.cable, system.carriages, system.cable.gravity
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
     if at_node(cable, state, carriage):
@@ -242,9 +243,9 @@ def condense_along(system, state, carriage, rate_factor, stiffness_factor, work)
 
 @kernel
 def with_neighbours(system, state, carriage, force, impedance, work):
-    """Contact force (dim,) in N and impedance D of a carriage, with the buffers of its neighbours added.
+    """Contact force (dim,) in N and impedance D of a vehicle, with the buffers of its neighbours added.
 
-    Those that are not in its patch are where `predict_contacts` has them.
+    Neighbours outside its patch are displaced as `predict_contacts` predicts.
     """
     buffers, like = system.buffers, system.cable.gravity
     for entry in range(buffers.offset[carriage], buffers.offset[carriage + 1]):
@@ -262,7 +263,7 @@ def with_neighbours(system, state, carriage, force, impedance, work):
 
 @kernel
 def couple_neighbours(system, state, carriage, by_force, work):
-    """Couple a vehicle at a node to neighbours in contact at the next nodes, in the patch that has both.
+    """Add the buffer coupling of a vehicle with neighbours at the adjacent following nodes to their common patch.
 
     Args:
         system: parameters.
@@ -288,7 +289,7 @@ def couple_neighbours(system, state, carriage, by_force, work):
 
 @kernel
 def contact_error(system, state, work, increment, previous):
-    """Residual error (m) of vehicles in buffer contact; 0 where the tangent has all of it.
+    """Estimated error (m) of vehicles in buffer contact after a Newton iteration; 0 if the tangent is complete.
 
     Args:
         system: parameters.
@@ -323,7 +324,7 @@ def buffers_energy(system, state, carriage):
 
 @kernel
 def settle_buffers(system, state):
-    """End a step: store buffer forces and touches of each vehicle with the vehicles after it on the rope."""
+    """End a step: store buffer forces and contacts of each vehicle with the vehicles after it on the rope."""
     buffers = system.buffers
     for carriage in range(state.push.shape[0]):
         if not belongs(system, state, carriage):

@@ -63,7 +63,7 @@ def centre(state, body, like):
 
 @inlined_kernel
 def axes_of(state, body, like):
-    """Rotation matrix (dim²) of a body."""
+    """Rotation matrix (dim²) of a body, from its axes to those of the world."""
     return orientation(state.bodies.position[body], like)
 
 
@@ -75,19 +75,19 @@ def spin_of(rates, body, like):
 
 @inlined_kernel
 def arm_to(axes, offset, like):
-    """Arm A u (dim,) in m of a point at `offset` (dim,) in the axes of a body."""
+    """Vector A u (dim,) in m from the centre of mass of a body to its point at `offset` (dim,) in body axes."""
     return product(axes, load(offset, like))
 
 
 @inlined_kernel
 def pivot_position(state, body, offset, like):
-    """Position (dim,) in m of a point of `body`."""
+    """Position (dim,) in m of the point of a body, as a pivot, at `offset` (dim,) in m in body axes."""
     return add_scaled(1.0, centre(state, body, like), arm_to(axes_of(state, body, like), offset, like))
 
 
 @inlined_kernel
 def pivot_velocity(state, body, offset, like):
-    """Velocity (dim,) in m/s of a point of `body`."""
+    """Velocity (dim,) in m/s of the point of a body, as a pivot, at `offset` (dim,) in m in body axes."""
     arm = arm_to(axes_of(state, body, like), offset, like)
     velocity = state.bodies.velocity
     return add_scaled(1.0, load(velocity[body], like), cross(spin_of(velocity, body, like), arm))
@@ -95,7 +95,7 @@ def pivot_velocity(state, body, offset, like):
 
 @kernel
 def hang_chain(carriages, state, carriage, place, along):
-    """Place every body of a carriage upright below `place` (dim,) in m, with heading `along` (dim,) the cable."""
+    """Place every body of a vehicle upright below `place` (dim,) in m, with heading along the cable, `along` (dim,)."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         set_upright(state.bodies.position[body], along)
         axes = axes_of(state, body, place)
@@ -106,7 +106,7 @@ def hang_chain(carriages, state, carriage, place, along):
 
 @kernel
 def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
-    """Set a common velocity (m/s) and acceleration (m/s²), (dim,), of all bodies of a carriage, and joint forces."""
+    """Give all bodies of a vehicle one velocity (m/s) and acceleration (m/s²), (dim,), and its joints their forces."""
     force, still = scale(0.0, gravity), no_turn(gravity)
     dim = len(gravity)
     for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
@@ -123,7 +123,7 @@ def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
 
 @kernel
 def close_joints(carriages, state, carriage, pivot, above, work):
-    """Gaps (eq. 14) of all joints of a carriage on the cable, at `pivot` (dim,) in m and orientation `above`."""
+    """Store the gaps (eq. 14) of all joints of a vehicle below a cable point `pivot` (dim,) m, orientation `above`."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         store(subtract(pivot, pivot_position(state, body, carriages.upper_pivot[body], pivot)), work.joint_gap[body])
         pivot = pivot_position(state, body, carriages.lower_pivot[body], pivot)
@@ -132,11 +132,11 @@ def close_joints(carriages, state, carriage, pivot, above, work):
 
 @kernel
 def joint_accelerations(carriages, state, carriage, feedback, cable, above, work):
-    """Right side γ of eq. 12 for all joints of a carriage: accelerations (m/s²) at q_ddot = 0.
+    """Right side γ of eq. 12 for all joints of a vehicle: accelerations (m/s²) at q_ddot = 0.
 
-    `cable` has position and velocity (dim,) of the joint on the cable, and the parts that velocities make of its
-    acceleration and of the rate of its spin (turns,); `above` is how the cable is turned there. The gaps and their
-    rates are fed back with `feedback` (1/s) squared and doubled.
+    `cable` has position and velocity (dim,) of the joint on the cable, and the velocity-dependent parts of its
+    acceleration and of the rate of its spin (turns,); `above` is the orientation of the cable there (`hinge.Above`).
+    The gaps and their rates are fed back with `feedback` (1/s) squared and doubled.
     """
     position, velocity, acceleration, turning = cable
     like = position
@@ -155,14 +155,14 @@ def joint_accelerations(carriages, state, carriage, feedback, cable, above, work
 
 @formula
 def joint_acceleration(above, pivot, arm, spin, feedback):
-    """Right side γ of a joint: Φ_ddot of its gap Φ by velocities alone, + 2 f Φ_dot + f² Φ with a feedback f (1/s)."""
+    """Right side γ of eq. 12 for one joint: Φ_ddot by velocities alone + 2 f Φ_dot + f² Φ, with feedback f (1/s)."""
     (position, velocity, acceleration), (own_position, own_velocity) = above, pivot
     gap, gap_rate = position - own_position, velocity - own_velocity
     return 2.0 * feedback * gap_rate + (feedback * feedback * gap + (acceleration - cross(spin, cross(spin, arm))))
 
 
 class ChainImpedance(NamedTuple):
-    """Impedance of a chain at a pivot: force and moment Δ(λ, m) = D Δ(p, θ) + b, θ the rotation of the body above."""
+    """Impedance of a chain of bodies at a pivot: Δ(λ, m) = D Δ(p, θ) + b, with θ the rotation of the body above."""
 
     pp: Any  # (dim²) N/m, force by displacement
     pt: Any  # (dim turns) N, force by rotation
@@ -173,7 +173,7 @@ class ChainImpedance(NamedTuple):
 
 
 class Rotation(NamedTuple):
-    """Rotation of a body by the motion of its upper pivot: -(by_place p + by_above θ + least)."""
+    """Rotation of a body, -(by_place p + by_above θ + least), by displacement p of its upper pivot and turn θ above."""
 
     by_place: Any  # (turns dim) rad/m
     by_above: Any  # (turns²)
@@ -181,7 +181,7 @@ class Rotation(NamedTuple):
 
 
 class Condensed(NamedTuple):
-    """Equations of a body with the chain below it, before its rotation is eliminated: symbols of theory.md."""
+    """Condensed equations of a body with the chain below, before its rotation is eliminated: symbols of theory.md."""
 
     mass: Any  # m' (dim²), with the drag
     column: Any  # y: force by the rotation of the body
@@ -194,7 +194,7 @@ class Condensed(NamedTuple):
 
 @formula
 def without_chain(like):
-    """Impedance below the last body of a chain, zero."""
+    """Zero impedance, as that below the last body of a chain."""
     still = no_turn(like)
     nothing = 0.0 * like
     square, wide = outer(0.0, like, like), outer(0.0, like, still)
@@ -225,7 +225,7 @@ def balance(mass, accelerated, gyration_moment, arms, force, below, moments, dra
 
 @formula
 def condense_body(mass, drag_turning, arms, gap, residuals, stiff, chain):
-    """Equations of a body and the chain below it, by displacement p of its upper pivot and its own rotation θ.
+    """Condense the chain below a body into its equations, by displacement p of its upper pivot and its rotation θ.
 
     Closing the gap g of its joint moves centre and lower pivot by p + g + v θ and p + g + w θ.
     """
@@ -247,14 +247,14 @@ def condense_body(mass, drag_turning, arms, gap, residuals, stiff, chain):
 
 @formula
 def free_rotation(body, hinge_by_turn, hinge_by_above):
-    """Rotation of a body without constraints, θ = -(S + η)⁻¹ (row p - η_above θ_above + h), and that inverse."""
+    """Rotation of a body without constraints, θ = -(S + η)⁻¹ (row p - η_above θ_above + h), and (S + η)⁻¹."""
     inverse = inverse_of(body.stiff + hinge_by_turn)
     return Rotation(inverse @ body.row, -(inverse @ hinge_by_above), inverse @ body.right), inverse
 
 
 @formula
 def impedance_of(body, chain, hinge_by_turn, hinge_by_above, rotation, held):
-    """Impedance of a chain at the upper pivot of a body, its rotation eliminated.
+    """Impedance of a body with the chain below at its upper pivot, with the rotation of the body eliminated.
 
     D = D' + m' - y θ_p,  b = b^ + R^ - y θ_0, and in the rows of the moment the hinge η with constraint moments.
     """
@@ -271,7 +271,7 @@ def impedance_of(body, chain, hinge_by_turn, hinge_by_above, rotation, held):
 
 @kernel
 def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
-    """Eliminate all bodies of a carriage; leaves D and b of its cable joint in row body_offset[carriage].
+    """Eliminate all bodies of a vehicle; store D and b of its cable joint's impedance in row body_offset[carriage].
 
     Needs `joint_gap`, and the orientation of the cable at the joint, `above` (`hinge.Above`). From the last body
     upwards: its residuals and tangents, its equations with the chain below, and the impedance of both at its pivot.
@@ -327,7 +327,7 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
 
 @inlined_kernel
 def keep_impedance(chain, body, work):
-    """Store impedance D and b of the chain from a body downwards."""
+    """Store impedance D and b of the chain from a body downwards in the workspace."""
     store(chain.pp, work.impedance[body])
     store(chain.pt, work.impedance_turning[body])
     store(chain.tp, work.impedance_moment[body])
@@ -338,7 +338,7 @@ def keep_impedance(chain, body, work):
 
 @formula
 def moved_body(rotation, gap, arms, moved, turned):
-    """Increments of a body: rotation (turns,), displacement (dim,) of its centre of mass and of its lower pivot."""
+    """Newton increments of a body: rotation (turns,), displacement (dim,) of centre of mass and of lower pivot."""
     by_place, by_above, least = rotation
     up, low = arms
     turn = -linear(by_place, moved, by_above, turned, least)
@@ -348,9 +348,9 @@ def moved_body(rotation, gap, arms, moved, turned):
 
 @kernel
 def recover_chain(carriages, state, carriage, moved, turned, work):
-    """Increments of bodies and multipliers, from displacement (dim,) and rotation (turns,) of the cable joint.
+    """Recover bodies and multipliers of a vehicle from displacement (dim,) and rotation (turns,) of its cable joint.
 
-    The increments of the bodies go to `body_increment`; the multipliers are brought up to date here.
+    The increments of the bodies go to `body_increment`; the multipliers in the state are updated.
     """
     like, still, dim = moved, turned, len(moved)
     square, turns_by_place, turns = outer(0.0, like, like), outer(0.0, still, like), outer(0.0, still, still)
@@ -377,7 +377,7 @@ def recover_chain(carriages, state, carriage, moved, turned, work):
 
 @kernel
 def carriage_mass(carriages, carriage):
-    """Mass (kg) of all bodies of a carriage."""
+    """Mass (kg) of all bodies of a vehicle."""
     total = 0.0
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         total += carriages.mass[body]
@@ -385,7 +385,7 @@ def carriage_mass(carriages, carriage):
 
 
 def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> FloatArray:
-    """Shift (bodies, dim) in m of the centres of mass of the empty `carriages` under payloads (carriages,) in kg."""
+    """Shift (bodies, dim) in m of the bodies' centres of mass from empty to payloads (carriages,) in kg."""
     offsets = np.zeros(carriages.upper_pivot.shape)
     for body, position, mass in zip(payloads.body, payloads.position, masses, strict=True):
         if mass > 0.0:
@@ -394,7 +394,7 @@ def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray)
 
 
 def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> Carriages:
-    """Carriages with payloads (carriages,) in kg: mass, inertia about the common centre, pivots from that centre."""
+    """Vehicles with payloads (carriages,) in kg: mass, inertia about the common centre, pivots from that centre."""
     offsets = centre_offsets(carriages, payloads, masses)
     mass, inertia = carriages.mass.copy(), carriages.inertia.copy()
     for body, position, added in zip(payloads.body, payloads.position, masses, strict=True):
@@ -416,7 +416,7 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
 
 
 def shift_centres(state: State, change: FloatArray) -> None:
-    """Move the reference centres of mass of `state` by `change` (bodies, dim) in m in body axes, bodies unmoved."""
+    """Refer the motion of bodies to centres of mass moved by `change` (bodies, dim), m in body axes; bodies stay."""
     for body in np.flatnonzero(np.any(change != 0.0, axis=1)):
         dim = change.shape[1]
         axes = np.array(orientation(state.bodies.position[body], tuple(change[body]))).reshape(dim, dim)
@@ -430,7 +430,7 @@ def shift_centres(state: State, change: FloatArray) -> None:
 
 
 def top_of(carriages: Carriages, state: State, carriage: int) -> tuple[FloatArray, FloatArray]:
-    """Position (dim,) in m and velocity (dim,) in m/s of the uppermost pivot of a carriage."""
+    """Position (dim,) in m and velocity (dim,) in m/s of the uppermost pivot of a vehicle."""
     body = int(carriages.body_offset[carriage])
     dim = carriages.upper_pivot.shape[1]
     arm, turning = _arm(state, body, carriages.upper_pivot[body])
@@ -438,7 +438,7 @@ def top_of(carriages: Carriages, state: State, carriage: int) -> tuple[FloatArra
 
 
 def hang_together(carriages: Carriages, state: State, carriage: int, place: FloatArray, velocity: FloatArray) -> None:
-    """Move the bodies of a carriage so that its joints close below `place` (dim,) in m, which has `velocity` in m/s.
+    """Translate the bodies of a vehicle so that its joints close below `place` (dim,) in m with `velocity` in m/s.
 
     Orientations and spins stay, and so do accelerations, which the next step finds.
     """
@@ -452,7 +452,7 @@ def hang_together(carriages: Carriages, state: State, carriage: int, place: Floa
 
 
 def _arm(state: State, body: int, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Arm (dim,) in m from the centre of a body to a point in its axes, and its rate (dim,) in m/s."""
+    """Vector (dim,) in m from a body's centre to its point at `offset` in body axes, and its rate (dim,) in m/s."""
     dim = offset.size
     arm = np.array(orientation(state.bodies.position[body], tuple(offset))).reshape(dim, dim) @ offset
     return arm, np.array(cross(tuple(state.bodies.velocity[body, dim:]), tuple(arm)))

@@ -20,7 +20,7 @@ def counterweight_motion(counterweights, cable, state, end):
 
 @kernel
 def limit_force(counterweights, end, travel, speed):
-    """Force (N) of the travel-limit buffers along the pull, and its derivatives by travel and speed."""
+    """Force (N) of a counterweight's travel-limit buffers along its pull, and its derivatives by travel and speed."""
     low, high = counterweights.travel[end, 0], counterweights.travel[end, 1]
     sign, depth = (1.0, low - travel) if travel < low else (-1.0, travel - high)
     stiffness, damping = counterweights.stiffness[end], counterweights.damping[end]
@@ -46,7 +46,7 @@ def add_counterweights(counterweights, cable, state, mass_factor, rate_factor, s
 
 @kernel
 def counterweight_energies(counterweights, cable, state, end):
-    """Kinetic energy, elastic energy of the buffers and potential of the constant force (J), zero at travel 0."""
+    """Kinetic, elastic buffer and potential energy (J) of the counterweight at `end`; potential zero at travel 0."""
     if not counterweights.mass[end] > 0.0:
         return 0.0, 0.0, 0.0
     travel, speed, _ = counterweight_motion(counterweights, cable, state, end)

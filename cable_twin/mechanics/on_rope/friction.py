@@ -1,7 +1,7 @@
-"""Dry friction with presliding (Dahl): force law, use at the joint of a vehicle, and force of its brakes.
+"""Dry friction of a vehicle's joint with presliding (Dahl), and force of its brakes; of towers see `on_rope.tower`.
 
-Towers have the same law over the sliding distance of the rope (`mobilise`). Another law needs no more than the normal
-force that is given here.
+Friction of the rope at towers is in `on_rope.tower`: the same law (`mobilise`) over the sliding distance of the rope.
+Another friction law of joints needs no more than the normal force that `friction_force` takes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cable_twin.mechanics.parameters import TRACK_ROPE
 
 @kernel
 def brake_force(carriages, state, carriage, brake):
-    """Available force (N) of one brake (SERVICE, EMERGENCY, TRACK_ROPE), rising linearly once applied."""
+    """Available force (N) of one brake of a vehicle (SERVICE, EMERGENCY, TRACK_ROPE), rising linearly once applied."""
     full = carriages.brake_force[carriage, brake]
     if full == 0.0 or not state.drives.braking[carriage]:
         return 0.0
@@ -26,7 +26,7 @@ def brake_force(carriages, state, carriage, brake):
 
 @kernel
 def mobilise(way, before, presliding):
-    """Mobilised share z in -1..1 of a friction after a slip `way` (m) from the share `before`, and dz/dway (1/m).
+    """Mobilised share z (-1..1) of a friction limit after a slip `way` (m) from share `before`, and dz/dway (1/m).
 
     Dahl's law dz/ds = (1 - z sign(ṡ)) / p, in closed form over the way since the start of the step. It is smooth
     through zero speed and holds still on a slope, since z changes with the way and not with time; a joint that goes
@@ -39,14 +39,14 @@ def mobilise(way, before, presliding):
 
 @kernel
 def deflection(carriages, state, carriage):
-    """Mobilised share -1..1 of the rolling friction of a carriage, and its derivative by s (1/m)."""
+    """Mobilised share -1..1 of the rolling friction of a vehicle, and its derivative by s (1/m)."""
     way = state.joints.position[carriage] - state.friction_origin[carriage]
     return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 
 
 @kernel
 def friction_force(carriages, state, carriage, normal):
-    """Friction (N) along the cable at a normal contact force (N); derivatives by s, by ṡ and by the normal force.
+    """Friction force (N) along the cable on a vehicle at a normal force (N); derivatives by s, ṡ and normal force.
 
     A track-rope brake grips with its own force, and holds and slips by the same law.
     """
@@ -61,14 +61,14 @@ def friction_force(carriages, state, carriage, normal):
 
 @kernel
 def settle_friction(carriages, state, carriage):
-    """End a step: store the mobilised friction as the start of the next step."""
+    """End a step: store the mobilised friction of a vehicle's joint as the start of the next step."""
     state.friction_deflection[carriage], _ = deflection(carriages, state, carriage)
     state.friction_origin[carriage] = state.joints.position[carriage]
 
 
 @formula
 def along_and_across(force, r_x):
-    """Length of r_x (-); tangential part (N), normal part (dim,) and its size (N) of a force (dim,)."""
+    """Split a force (dim,) in N by the tangent r_x: |r_x| (-), tangential part, normal part (dim,) and its size (N)."""
     norm = square_root(dot(r_x, r_x))
     tangential = dot(force, r_x) / norm
     normal_force = add_scaled(-tangential / norm, r_x, force)

@@ -36,14 +36,14 @@ from cable_twin.mechanics.on_rope.tangent_hinge import tangent_pitch
 
 
 class Above(NamedTuple):
-    """Orientation and angular velocity of the cable at a joint."""
+    """Orientation and angular velocity of the cable at a vehicle's joint."""
 
     orientation: Any  # in a plane r_x (2,); in space its unit tangent (3,)
     spin: Any  # (turns,) rad/s, of its tangent
 
 
 class Joint(NamedTuple):
-    """Moment of a joint on the body below, with derivatives and constrained axes."""
+    """Moment of a joint on the body below it, its derivatives, and the axes that it constrains."""
 
     moment: Any  # (turns,) N m
     by_turn: Any  # (turns²) minus its derivative by the turn of the body
@@ -55,7 +55,7 @@ class Joint(NamedTuple):
 
 @kernel
 def hinge_moment(carriages, body, angle, rate):
-    """Moment (N m) of spring and damper at an angle (rad) and rate (rad/s), and its negative derivatives by both."""
+    """Moment (N m) of a hinge spring and damper at angle (rad) and rate (rad/s), and its negative derivatives."""
     stiffness, damping = carriages.hinge_stiffness[body], carriages.hinge_damping[body]
     return -stiffness * angle - damping * rate, stiffness, damping
 
@@ -68,13 +68,13 @@ def hinge_energy(carriages, body, angle):
 
 @kernel
 def is_hinged(carriages, body):
-    """Return whether a joint has a spring, damper or constrained axes; a bare pivot needs no angles."""
+    """Return whether the joint above a body has a spring, damper or constrained axes; a bare pivot needs no angles."""
     return carriages.hinge_stiffness[body] > 0.0 or carriages.hinge_damping[body] > 0.0 or carriages.held[body] > 0
 
 
 @inlined_kernel
 def hinge(carriages, state, body, topmost, above, stiffness_factor, rate_factor, like):
-    """Joint at the upper pivot of a body; `topmost` of a chain, below a cable of orientation `above`."""
+    """Moment and axes (`Joint`) of the joint above a body; `topmost`: on a cable of orientation `above`."""
     if len(like) == 2:
         return _hinge_in_plane(carriages, state, body, topmost, above, stiffness_factor, rate_factor)
     return _hinge_in_space(carriages, state, body, topmost, above, stiffness_factor, rate_factor)
@@ -93,7 +93,7 @@ def _hinge_in_plane(carriages, state, body, topmost, above, stiffness_factor, ra
 
 @inlined_kernel
 def joint_axes(state, body, topmost, tangent):
-    """Joint axes a (of the upper part) and c (of the body), second c of a revolute joint, and pitch angle (rad)."""
+    """Axes of a joint in space: a of the upper part, c of the body, second c if revolute; and pitch angle (rad)."""
     x, y, z = transpose(orientation(state.bodies.position[body], tangent))
     if topmost:
         return tangent, y, z, atan(dot(tangent, z) / dot(tangent, x))
@@ -103,7 +103,7 @@ def joint_axes(state, body, topmost, tangent):
 
 @inlined_kernel
 def hinge_angle(state, body, topmost, above):
-    """Pitch angle (rad) of a body relative to the body or cable above, for its spring."""
+    """Pitch angle (rad) of a body relative to the body or cable above, for the hinge spring."""
     if len(above.spin) == 1:
         over = tangent_pitch(above.orientation) if topmost else state.bodies.position[body - 1, 2]
         return state.bodies.position[body, 2] - over
@@ -160,7 +160,7 @@ def hinge_tangents(axes, moments, stiffness, damping, relative, stiffness_factor
 
 @formula
 def with_constraint(moment, by_body, by_above, a, c, axis, holding, stiffness_factor):
-    """Moment of a hinge and its derivatives, with the constraint moment λ c x a; `holding` (3,) is the present one."""
+    """Hinge moment and its derivatives with a constraint moment λ c x a added, of the present moment `holding` (3,)."""
     size = holding @ axis / (axis @ axis)
     # δ(c x a) = c (a·θ) - (a·c) θ + (a·c) t - a (c·t)
     apart = stiffness_factor * size * (a @ c) * unit_matrix(a)
@@ -170,7 +170,7 @@ def with_constraint(moment, by_body, by_above, a, c, axis, holding, stiffness_fa
 
 
 class Held(NamedTuple):
-    """Increment of a constraint moment: derivatives by pivot position and upper rotation, and constant part."""
+    """Increment of a rotational constraint moment: derivatives by pivot position and upper rotation, constant part."""
 
     by_place: Any
     by_above: Any
@@ -188,9 +188,9 @@ def measure_held(carriages, state, body, topmost, direction, gap):
 
 @kernel
 def accelerate_held(state, body, topmost, above, turning, feedback, gap):
-    """Write Φ_ddot of the rotational constraints at zero accelerations into `gap` (2,); no-op in a plane.
+    """Write Φ_ddot of a joint's rotational constraints at zero accelerations into `gap` (2,); no-op in a plane.
 
-    With q = c x a, Φ_dot = q·(ω - Ω). `turning` (turns,) in rad/s² is what velocities alone make of the rate of the
+    With q = c x a, Φ_dot = q·(ω - Ω). `turning` (turns,) in rad/s² is the velocity-dependent part of the rate of the
     spin Ω above the first body of a chain; gaps and rates are fed back with `feedback` (1/s) squared and doubled.
     """
     if len(above.spin) == 1:
@@ -210,13 +210,13 @@ def accelerate_held(state, body, topmost, above, turning, feedback, gap):
 
 @inlined_kernel
 def hold(joint, inverse, by_place, by_above, least, gap):
-    """Constrained rotation of a body, from the free rotation -(by_place p + by_above θ + least).
+    """Apply a joint's rotational constraints to the free rotation -(by_place p + by_above θ + least) of its body.
 
-    Takes the inverse of what stiffens the turn, and the gaps Φ (2,). Each axis q that holds is one equation
-    q·(turn - θ) = -Φ with one moment λ q.
+    Takes the inverse of the rotational stiffness of the body, and the gaps Φ (2,). Each constrained axis q is one
+    equation q·(turn - θ) = -Φ with one constraint moment λ q.
 
     Returns:
-        The three coefficients, and those of the moment that holds (`Held`).
+        The three coefficients of the constrained rotation, and those of the constraint moment (`Held`).
     """
     if len(joint.moment) == 1:
         return by_place, by_above, least, Held((), (), ())
@@ -234,7 +234,7 @@ def hold(joint, inverse, by_place, by_above, least, gap):
 
 @formula
 def hold_axis(axis, gap, rotation, held, inverse, through):
-    """Rotation and constraint moment with one more axis q: the equation q·(turn - θ) = -Φ, the moment λ q."""
+    """Add one constrained axis q to the rotation of a body: equation q·(turn - θ) = -Φ, constraint moment λ q."""
     by_place, by_above, least = rotation
     yields = inverse @ axis
     weight = 1.0 / (axis @ yields)
@@ -252,13 +252,13 @@ def hold_axis(axis, gap, rotation, held, inverse, through):
 
 @formula
 def add_held(a, held):
-    """Sum of a matrix and the contribution of rotational constraints; in a plane the matrix alone."""
+    """Sum of a matrix or vector and the contribution of rotational constraints; in a plane `a` alone."""
     return a + held if held else a
 
 
 @inlined_kernel
 def keep_held(held, body, work):
-    """Store the coefficients of a constraint moment for `recover_held`."""
+    """Store the coefficients of a rotational constraint moment for `recover_held`."""
     store(held.by_place, work.held_by_place[body])
     store(held.by_above, work.held_by_above[body])
     store(held.least, work.held_right[body])
@@ -266,7 +266,7 @@ def keep_held(held, body, work):
 
 @kernel
 def recover_held(state, body, moved, turned, work):
-    """Update the constraint moment of a joint, from the increments of pivot and upper rotation."""
+    """Update the rotational constraint moment of a joint, from the increments of pivot and upper rotation."""
     if len(turned) == 1:
         return
     square = outer(0.0, moved, moved)

@@ -1,4 +1,4 @@
-"""Joint of a vehicle at a node of the mesh that follows the vehicle: contact force, force along the rope, place.
+"""Vehicle joint at a mesh node that follows the vehicle: contact force, force along the rope, choice of the node.
 
 The joint is at r of the node, and turns with the mean r_x of both slopes there. Along the rope acts what the elements
 beside the node give (`rope.patch`), against drive, friction and end stop: Q_X = |r_x| f_t, with the mean |r_x|. Of an
@@ -48,14 +48,14 @@ AT_END = 0.5  # of the element at an end of a moving rope: room that a node keep
 
 @inlined_kernel
 def rope_passing(coordinates, node, like):
-    """Stretched rope (-) that passes a load per arc length: mean |r_x| of both sides of its node."""
+    """Stretched length per arc length (-) of rope that passes a moving load's node: mean |r_x| of both sides."""
     before, after = load(coordinates[node, BEFORE], like), load(coordinates[node, AFTER], like)
     return 0.5 * (sqrt(dot(before, before)) + sqrt(dot(after, after)))
 
 
 @inlined_kernel
 def direction_at_node(state, node, like):
-    """Orientation of the rope at a node that follows a load, and its angular velocity, as `hinge.Above`."""
+    """Orientation of the rope at a node that follows a moving load, and its angular velocity, as `hinge.Above`."""
     r_x = mean_slope(state.nodes.position, node, like)
     turning = mean_slope(state.nodes.velocity, node, like)
     return Above(tangent_orientation(r_x), product(turn_by_slope(r_x), turning))
@@ -63,7 +63,7 @@ def direction_at_node(state, node, like):
 
 @kernel
 def follow_joints(state):
-    """Move all nodes that go along with a load to its joint, and set the lengths of the elements beside them."""
+    """Move all nodes that go along with a moving load to its joint, and set the lengths of the elements beside them."""
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
         if number >= 0:
@@ -77,7 +77,7 @@ def follow_joints(state):
 
 @inlined_kernel
 def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
-    """Add a vehicle to the patch of its joint's node; needs the chain and the drive condensed, as `add_joint`."""
+    """Add force and impedance of a vehicle to the patch of its joint's node; needs chain and drive condensed."""
     carriages, like = system.carriages, system.cable.gravity
     dim, node, first = len(like), state.joint_node[carriage], system.carriages.body_offset[carriage]
     patch, last = work.patch[carriage], work.patch.shape[1]
@@ -122,7 +122,7 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work):
-    """Add the hinge of a vehicle at a node to its patch, on the mean of both slopes; as in `tangent_hinge`."""
+    """Add the hinge of a vehicle at a following node to its patch, on the mean slope; as in `tangent_hinge`."""
     like, node = system.cable.gravity, state.joint_node[carriage]
     dim, still, patch, last = len(like), no_turn(like), work.patch[carriage], work.patch.shape[1]
     above = direction_at_node(state, node, like)
@@ -149,7 +149,7 @@ def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness
 
 @kernel
 def pull_along(system, state, carriage):
-    """Force (N) along the rope on a joint at a node, by the elements beside it: Q_X over the mean |r_x|."""
+    """Force (N) along the rope on a vehicle's joint at a node, of the elements beside it: Q_X over the mean |r_x|."""
     node = state.joint_node[carriage]
     return pull_at_node(system, state, node) / rope_passing(state.nodes.position, node, system.cable.gravity)
 
@@ -161,7 +161,7 @@ FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is f
 
 @kernel
 def update_load_nodes(system, state):
-    """Assign a node to each load on the rope: take, hand on, and give back, where loads have come, moved, or gone."""
+    """Reassign nodes to the loads on a rope: take, hand on or return nodes where loads have come, moved or gone."""
     last, places, room = state.node_load.size - 1, state.mesh.arc_length, LEAST * system.cable.cell_length
     for node in range(1, last):
         number = state.node_load[node]
@@ -197,7 +197,7 @@ def update_load_nodes(system, state):
 
 @kernel
 def follow_moved_joints(system, state):
-    """Reassign nodes to loads that were moved off their nodes, without moving the rope; returns whether any was."""
+    """Reassign nodes to loads that were moved off their nodes, without moving the rope; return whether any was."""
     last, moved = state.node_load.size - 1, False
     for node in range(1, last):
         number = state.node_load[node]
@@ -214,10 +214,10 @@ def follow_moved_joints(system, state):
 
 @inlined_kernel
 def is_at_end(system, s):
-    """Return whether a load at an arc length (m) of a rope that moves is too near an end for a node to follow it.
+    """Return whether a moving load at an arc length (m) of a moving rope is too near an end for a node to follow it.
 
-    The exact load would give up its bend, and the rope its speed across, in no time at the end. Here its node stands in
-    the middle of the last element, and the load goes on over one short cubic.
+    At the end a load followed exactly would lose its bend, and the rope its transverse speed, in no time. Instead its
+    node stands in the middle of the last element, and the load goes on over one short cubic.
     """
     homes, last = system.cable.node_arc_length, system.cable.node_arc_length.size - 1
     return system.moving_cable.moving and (s < end_room(homes, 0) or s > homes[last] - end_room(homes, last - 1))
@@ -225,22 +225,22 @@ def is_at_end(system, s):
 
 @inlined_kernel
 def end_room(homes, element):
-    """Room (m) to the end of a moving rope in its first or last element, where no node follows a load."""
+    """Length (m) at an end of a moving rope, in its first or last element, in which no node follows a moving load."""
     return AT_END * (homes[element + 1] - homes[element])
 
 
 @inlined_kernel
 def beside_other(state, node):
-    """Return whether a node next to an inner node follows a load."""
+    """Return whether either neighbour of an inner node follows a moving load."""
     return state.node_load[node - 1] >= 0 or state.node_load[node + 1] >= 0
 
 
 @inlined_kernel
 def hold_of(system, state, number, element):
-    """Share of an element of a length (m) that a load goes before the next node takes it over.
+    """Share (-) of an element, `element` (m) long, that a load's node goes before the next node takes the load over.
 
-    At least a few steps before that node: with fewer the short element ahead of the load rings, and at last the load's
-    own node would stand still.
+    The load is handed over at least a few steps before the next node: with fewer steps the short element ahead of the
+    load oscillates, and in the end the load's own node would stand still.
     """
     ahead = LEAST * system.cable.cell_length + STEPS_AHEAD * system.solver.step * abs(state.joints.velocity[number])
     return min(HOLD, max(LEAST_HOLD, 1.0 - ahead / element))
@@ -248,7 +248,7 @@ def hold_of(system, state, number, element):
 
 @kernel
 def pass_on(system, state, front, way):
-    """Shift a train of loads by one node of the mesh, once the nodes of the loads have moved far from their homes."""
+    """Hand a train of adjacent moving loads on to the next nodes, once its nodes have moved far from their homes."""
     homes, places, beyond, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, front
     room = LEAST * system.cable.cell_length
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:
@@ -264,7 +264,7 @@ def pass_on(system, state, front, way):
 
 @kernel
 def find_node(system, state, carriage):
-    """Find a free node, in the order of the loads, to follow a vehicle that has come onto the rope."""
+    """Find a free node, in the order of the moving loads, to follow a vehicle that has come onto the rope."""
     s, last, homes = state.joints.position[carriage], state.node_load.size - 1, system.cable.node_arc_length
     element = element_at(system.cable, state, s)
     state.joint_element[carriage] = element

@@ -1,4 +1,4 @@
-"""Presence of vehicles on a rope, or in a station of it."""
+"""Presence of vehicles on a rope, or in one of its stations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.mechanics.parameters import ALONE, System
 
 @inlined_kernel
 def belongs(system, state, vehicle):
-    """Return whether a vehicle is on a rope, or in a station of that rope."""
+    """Return whether a vehicle is on a rope, or in one of its stations."""
     return system.number == ALONE or state.vehicle_rope[vehicle] == system.number
 
 
@@ -25,18 +25,18 @@ def rides(system, state, vehicle):
 
 @inlined_kernel
 def keep_on(system, state, vehicle):
-    """Store that a vehicle is on a rope, or in a station of that rope."""
+    """Record in the state that a vehicle is on a rope, or in one of its stations."""
     if system.number != ALONE:
         state.vehicle_rope[vehicle] = system.number
 
 
 def vehicles_of(system: System, state: Any) -> NDArray[np.bool_]:
-    """Condition (vehicles,) of being on a rope, or in a station of that rope."""
+    """Mask (vehicles,) of the vehicles on a rope, or in one of its stations."""
     if system.number == ALONE:
         return np.ones(state.attached.size, dtype=np.bool_)
     return np.asarray(state.vehicle_rope == system.number, dtype=np.bool_)
 
 
 def bodies_of(system: System, state: Any) -> NDArray[np.bool_]:
-    """Condition (bodies,) of belonging to a vehicle on a rope, or in a station of that rope."""
+    """Mask (bodies,) of the bodies of vehicles on a rope, or in one of its stations."""
     return np.repeat(vehicles_of(system, state), np.diff(system.carriages.body_offset))

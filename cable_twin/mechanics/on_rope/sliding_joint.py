@@ -2,7 +2,7 @@
 
 Φ = S(s) e - r_p = 0, with s the arc length on the whole cable. s has no inertia; its row is λ·r_x = |r_x| f_t, where
 f_t is the force of the cable on the vehicle along itself (the paper has f_t = 0). A driven joint has s given instead,
-and its drive force follows from that row. A haul rope pulls the vehicle and not the cable: λ is its pull's remainder.
+and its drive force follows from that row. A haul rope pulls the vehicle and not the cable, which bears λ less the pull.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from cable_twin.mechanics.rope.point import R, add_block, add_to, bend, coordina
 
 @kernel
 def place_joint(cable, state, carriage):
-    """Update the element of the joint; explicit integrators keep the element until a passed node is located."""
+    """Update the element that holds a vehicle's joint; explicit integrators keep it until a passed node is located."""
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         return  # `follow_joints` does
     state.joint_element[carriage] = element_at(cable, state, state.joints.position[carriage])
@@ -49,13 +49,13 @@ def place_joint(cable, state, carriage):
 
 @inlined_kernel
 def joint_point(cable, state, carriage):
-    """Point of the joint on its present element."""
+    """Point of the rope at a vehicle's joint, on the joint's present element."""
     return point_on(state, state.joint_element[carriage], state.joints.position[carriage])
 
 
 @kernel
 def joint_position(cable, state, carriage):
-    """Position S(n) e (dim,) in m of the joint on the cable, or that of the node that follows it."""
+    """Position S(n) e (dim,) in m of a vehicle's joint on the cable, or that of the node that follows the joint."""
     if at_node(cable, state, carriage):
         return load(state.nodes.position[state.joint_node[carriage], R], cable.gravity)
     return value(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
@@ -63,7 +63,7 @@ def joint_position(cable, state, carriage):
 
 @kernel
 def joint_tangent(cable, state, carriage):
-    """Slope S_x(n) e (dim,) of the cable at the joint; the mean of both sides of a node that follows it."""
+    """Slope S_x(n) e (dim,) of the cable at a vehicle's joint; mean of both sides of a node that follows the joint."""
     if at_node(cable, state, carriage):
         return mean_slope(state.nodes.position, state.joint_node[carriage], cable.gravity)
     return slope(state.nodes.position, joint_point(cable, state, carriage), cable.gravity)
@@ -71,7 +71,7 @@ def joint_tangent(cable, state, carriage):
 
 @kernel
 def joint_velocity(cable, state, carriage):
-    """Velocity (dim,) in m/s of the joint: S ė + ṡ S_x e, or that of the node that follows it."""
+    """Velocity (dim,) in m/s of a vehicle's joint: S ė + ṡ S_x e, or that of the node that follows the joint."""
     if at_node(cable, state, carriage):
         return load(state.nodes.velocity[state.joint_node[carriage], R], cable.gravity)
     point = joint_point(cable, state, carriage)
@@ -81,7 +81,7 @@ def joint_velocity(cable, state, carriage):
 
 @inlined_kernel
 def direction_above(system, state, carriage):
-    """Orientation of the cable above a hinged first body; level and at rest above a bare pivot."""
+    """Orientation of the cable above a hinged first body (`hinge.Above`); level and at rest above a bare pivot."""
     like = system.cable.gravity
     if is_hinged(system.carriages, system.carriages.body_offset[carriage]):
         return cable_direction(system.cable, state, carriage)
@@ -90,7 +90,7 @@ def direction_above(system, state, carriage):
 
 @inlined_kernel
 def cable_direction(cable, state, carriage):
-    """Orientation of the cable at the joint, and its angular velocity G (S_x ė + ṡ S_xx e), as `hinge.Above`."""
+    """Orientation of the cable at a vehicle's joint, and its angular velocity G (S_x ė + ṡ S_xx e) (`hinge.Above`)."""
     if at_node(cable, state, carriage):
         return direction_at_node(state, state.joint_node[carriage], cable.gravity)
     point, like = joint_point(cable, state, carriage), cable.gravity
@@ -102,14 +102,14 @@ def cable_direction(cable, state, carriage):
 
 @inlined_kernel
 def tangent_hinge(system, state, carriage, stiffness_factor, rate_factor):
-    """Joint of the first body of a carriage with the cable, as `hinge.Joint`."""
+    """Joint of the first body of a vehicle with the cable tangent, as `hinge.Joint`."""
     first, above = system.carriages.body_offset[carriage], cable_direction(system.cable, state, carriage)
     return hinge(system.carriages, state, first, True, above, stiffness_factor, rate_factor, system.cable.gravity)
 
 
 @kernel
 def tangent_moment(system, state, carriage):
-    """Moment m (turns,) in N m of the cable on the first body of a carriage, and its share m·∂θ/∂s (N) in row s."""
+    """Moment m (turns,) in N m of the cable on the first body of a vehicle, and its share m·∂θ/∂s (N) in row s."""
     first, like = system.carriages.body_offset[carriage], system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, first):
@@ -124,7 +124,7 @@ def tangent_moment(system, state, carriage):
 
 @kernel
 def tangent_moment_force(system, state, carriage, row):
-    """Force (dim,) in N of a carriage's moment on coordinate `row` of the joint's element: -S_x Gᵀ m."""
+    """Force (dim,) in N of a vehicle's hinge moment on coordinate `row` of its joint's element: -S_x Gᵀ m."""
     moment, _ = tangent_moment(system, state, carriage)
     if at_node(system.cable, state, carriage):
         return scale(0.0, system.cable.gravity)  # on its slopes alone
@@ -135,7 +135,7 @@ def tangent_moment_force(system, state, carriage, row):
 
 @kernel
 def spring_energy(system, state, carriage, body):
-    """Elastic energy (J) of the spring above a body of a carriage."""
+    """Elastic energy (J) of the hinge spring above a body of a vehicle."""
     carriages = system.carriages
     if not carriages.hinge_stiffness[body] > 0.0:
         return 0.0
@@ -145,7 +145,7 @@ def spring_energy(system, state, carriage, body):
 
 @kernel
 def velocity_acceleration(cable, state, carriage):
-    """Velocity-dependent acceleration (dim,) in m/s² of the joint: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
+    """Velocity-dependent acceleration (dim,) in m/s² of a vehicle's joint: 2 ṡ S_x ė + ṡ² S_xx e (eq. 12)."""
     point = joint_point(cable, state, carriage)
     s_dot = state.joints.velocity[carriage]
     turning = slope(state.nodes.velocity, point, cable.gravity)
@@ -154,14 +154,14 @@ def velocity_acceleration(cable, state, carriage):
 
 @kernel
 def velocity_turning(cable, state, carriage):
-    """Velocity-dependent rate (turns,) in rad/s² of the cable's angular velocity at the joint; 0 in a plane."""
+    """Velocity-dependent part (turns,) in rad/s² of the cable's angular acceleration at a joint; 0 in a plane."""
     s_dot = state.joints.velocity[carriage]
     return spin_rate_by_velocities(cable, state.nodes, joint_point(cable, state, carriage), s_dot, cable.gravity)
 
 
 @inlined_kernel
 def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
-    """Condense the sliding coordinate and add the impedance of the carriage to its element.
+    """Condense the sliding coordinate of a vehicle, and add its impedance to the element of its joint.
 
     Needs the chain and the drive condensed (`condense_chain`, `condense_drive`), and `sliding_increment` where the
     joint is driven.
@@ -233,7 +233,7 @@ def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
 def driven_force(system, state, carriage):
     """Drive force (N) of a driven joint: tangential contact force less friction and end stops.
 
-    What others push it with is no part of that contact, so that its drive shows what it takes to hold against them.
+    Buffer forces of other vehicles are no part of the contact force, so the drive force includes holding against them.
     """
     cable, carriages = system.cable, system.carriages
     s, s_dot = state.joints.position[carriage], state.joints.velocity[carriage]
@@ -254,7 +254,7 @@ def driven_force(system, state, carriage):
 
 @kernel
 def recover_joint(system, state, carriage, work):
-    """Increment of s, and displacement (dim,) of the joint on the cable, from the nodal increments."""
+    """Recover the increment of a joint's s from nodal increments; return its displacement (dim,) on the cable."""
     cable = system.cable
     like = cable.gravity
     if at_node(cable, state, carriage):
@@ -274,7 +274,7 @@ def recover_joint(system, state, carriage, work):
 
 @kernel
 def recover_turn(system, state, carriage, work):
-    """Rotation (turns,) of the cable at the joint, including damping as in the hinge; needs the increment of s."""
+    """Rotation increment (turns,) of the cable at a joint, damping included as in the hinge; needs that of s."""
     like = system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):

@@ -1,9 +1,9 @@
-"""Moment of the hinge of a first body on the tangent of the cable at its joint.
+"""Moment of the hinge of a vehicle's first body on the tangent of the cable at its joint.
 
 With the turn G δr_x = r_x x δr_x / |r_x|² of the tangent, the cable spins at G w, w = S_x ė + ṡ r_xx. The moment m on
-the body leaves -S_x Gᵀ m to the nodes and -m·G r_xx to the sliding coordinate: the virtual work of -m on the turn.
-Newton sees the turn that the hinge does, k Δα + c Δα_dot over what stiffens it, so that a body above or the cable is
-the same to the chain; in space it takes the turn alone, and the rate as its part of it.
+the body gives -S_x Gᵀ m on the nodes and -m·G r_xx on the sliding coordinate: the virtual work of -m on the turn.
+In Newton's tangent the cable's turn is that of the hinge moment, k Δα + c Δα_dot over the hinge's tangent stiffness, so
+that the chain treats the cable like a body above; in space it is Δα alone, with its rate in proportion to it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def tangent_pitch(r_x):
 
 @kernel
 def tangent_orientation(r_x: Vector) -> Vector:
-    """Unit tangent (3,) of a cable with slope r_x; in a plane r_x (2,), whose pitch only springs ask for."""
+    """Unit tangent (3,) of a cable with slope r_x; in a plane r_x (2,) itself, since only springs need its pitch."""
     if len(r_x) == 2:
         return r_x
     return scale(1.0 / sqrt(dot(r_x, r_x)), r_x)
@@ -47,13 +47,13 @@ def tangent_orientation(r_x: Vector) -> Vector:
 
 @formula
 def turn_by_slope(r_x):
-    """Derivative G (turns x dim) of the rotation of the tangent, in a plane its pitch α, by r_x."""
+    """Derivative G (turns x dim) of the rotation of the cable tangent, in a plane its pitch α, by r_x."""
     return scale(1.0 / dot(r_x, r_x), transpose(by_turn(r_x)))
 
 
 @formula
 def by_arm(turn: Vector, like: Vector) -> Matrix:
-    """Matrix (dim²) of m x a by the arm a."""
+    """Matrix (dim²) of the cross product m x a of a moment m (turns,) with an arm a, by the arm."""
     return Mat((Vec((0.0, turn[0])), Vec((-turn[0], 0.0)))) if len(like) == 2 else scale(-1.0, by_turn(turn))
 
 
@@ -67,7 +67,7 @@ def moment_by_slope(turn, r_x):
 
 @formula
 def spin_by_slope(turning, r_x):
-    """Derivative (turns x dim) of the angular velocity G w by r_x, for a rate w (dim,) of the slope."""
+    """Derivative (turns x dim) of the angular velocity G w of the cable tangent by r_x, at a slope rate w (dim,)."""
     per_square = 1.0 / dot(r_x, r_x)
     turned = outer(-2.0 * per_square * per_square, moment(r_x, turning), r_x)
     return add_scaled(-per_square, transpose(by_turn(turning)), turned)
@@ -92,7 +92,7 @@ def spin_rate_by_velocities(cable: Any, nodes: Any, point: Any, s_dot: float, li
 
 @inlined_kernel
 def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s, along, stiffness_factor, work):
-    """Add the hinge moment on the tangent to the nodes, and to row and column of the sliding coordinate.
+    """Add a vehicle's hinge moment on the cable tangent to the nodes, and to row and column of the sliding coordinate.
 
     Args:
         cable: parameters.
@@ -107,7 +107,7 @@ def add_tangent_hinge(cable, state, carriage, joint, vehicle, point, joint_by_s,
         work: `sliding_row` and `sliding_column` are added to.
 
     Returns:
-        What comes to the pivot of s, and to its right side.
+        Terms to add to the pivot of s, and to its right side.
     """
     like = cable.gravity
     shape, shape_x, shape_xx = point.shape, point.shape_x, point.shape_xx

@@ -42,7 +42,7 @@ STILL = 1e-6  # the same: after a shorter move the rope is taken as it is before
 
 @inlined_kernel
 def find_contact(cable, towers, state, contact):
-    """Update the arc length of a contact to the nearest point of the rope.
+    """Update the arc length of a tower contact to the point of the rope nearest to it.
 
     A rope that is `CLEAR` off does not touch it, and the arc length is left where it is while it is less than that from
     the nearest: with r - p = α n + β t and n at right angles to t, α n·m is r·m - p·m - β t·m > 0, m the side of the
@@ -82,7 +82,7 @@ def nearest(cable, state, place, arc_length):
 
 @inlined_kernel
 def approach(cable, state, place, point, arc_length):
-    """One move of Newton's method towards the point of the rope nearest to a place, from its `point` at an arc length.
+    """Make one move of Newton's method towards the point of the rope nearest to a place, from a `point` of the rope.
 
     Returns:
         r - p (dim,) in m and r_x (dim,) before it; the arc length (m) after it; size of the move, in lengths of the
@@ -101,30 +101,30 @@ def approach(cable, state, place, point, arc_length):
 
 @kernel
 def slid(cable, state, contact):
-    """Sliding displacement (m) of the rope over a contact since the start of the step, positive towards its start.
+    """Sliding displacement (m) of the rope over a tower contact in the step so far, positive towards its start.
 
-    The mesh moves with the rope, less what has run through it.
+    It is measured in unstrained rope before the contact, so that rope which runs through the mesh counts as well.
     """
     return rope_before(cable, state, state.contact_arc_length[contact]) - state.contact_origin[contact]
 
 
 @inlined_kernel
 def normal_force(towers, contact, depth, depth_rate):
-    """Normal force (N) of a contact and its derivatives by depth (N/m) and by its rate (N s/m)."""
+    """Normal force (N) of a tower contact and its derivatives by depth (N/m) and by its rate (N s/m)."""
     stiffness, toe, damping = towers.stiffness[contact], towers.toe[contact], towers.damping[contact]
     return buffer_force(stiffness, toe, damping, depth, depth_rate)
 
 
 @kernel
 def contact_energy(cable, towers, state, contact):
-    """Elastic energy (J) of a contact."""
+    """Elastic energy (J) of a tower contact."""
     depth = contact_frame(cable, towers, state, contact)[4]
     return buffer_energy(towers.stiffness[contact], towers.toe[contact], depth)
 
 
 @kernel
 def contact_frame(cable, towers, state, contact):
-    """Contact kinematics at a tower contact as last found: point, and those of `frame_at`."""
+    """Point of the rope at a tower contact as last found, and the contact kinematics there, see `frame_at`."""
     point = point_at(cable, state, state.contact_arc_length[contact])
     return (point, *frame_at(cable, towers, state, contact, point))
 
@@ -151,7 +151,7 @@ def frame_at(cable, towers, state, contact, point):
 
 @kernel
 def contact_force(cable, towers, state, contact):
-    """Force (dim,) of a contact on the rope, as last found, and its normal part, both in N."""
+    """Force (dim,) of a tower contact, as last found, on the rope, and its normal part, both in N."""
     _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
     z, _ = mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])
@@ -214,10 +214,10 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
 
 @kernel
 def settle_towers(cable, towers, state):
-    """End a step: store mobilised friction and normal load of each tower.
+    """End a step: store the mobilised friction of each tower contact and the normal load of each tower.
 
-    Contacts are where the last iteration had them: of how deep the rope is in one, its move since then is a second
-    order, and the friction of the step is that of the way which the iteration had.
+    Contact points are those of the last iteration: their move since then changes the depth in second order only, and
+    the friction of the step is that of the sliding in that iteration.
     """
     for tower in range(towers.top.shape[0]):
         total = 0.0
@@ -284,7 +284,7 @@ def derail(cable: Any, towers: Any, state: Any, like: Vector) -> None:
 
 @kernel
 def lift(cable, towers, state, tower):
-    """Height (m) of the rope above its nearest contact of a tower, negative in contact."""
+    """Height (m) of the rope above the nearest contact of a tower, negative in contact."""
     deepest = -inf
     for contact in range(towers.contact_offset[tower], towers.contact_offset[tower + 1]):
         deepest = max(deepest, contact_frame(cable, towers, state, contact)[4])
@@ -296,7 +296,7 @@ CREEP = 0.01  # v_0, m/s, at which friction sideways is 0.7 of what it comes to
 
 @kernel
 def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: Vector) -> float:
-    """Contact depth (m) of the rope on its tower; -inf once derailed."""
+    """Depth (m) of the rope in a tower contact; -inf once the rope has derailed from the tower."""
     if len(like) == 2 or state.derailment[towers.contact_tower[contact], 0] == IN_GROOVE:
         return depth
     return -inf
@@ -306,7 +306,7 @@ def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: V
 def with_groove(
     force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
 ) -> Vector:
-    """Force (dim,) in N of a contact with the lateral force of its groove; without groove in a plane.
+    """Force (dim,) in N of a tower contact with the lateral force of its groove added; in a plane without groove.
 
     Args:
         force: of the contact without it, N.
@@ -331,7 +331,7 @@ def side_force(stiffness, friction, aside, speed):
 
 @formula
 def sideways(r_x, normal):
-    """Unit vector (3,) across the rope and the normal of a contact."""
+    """Lateral unit vector (3,) of a tower contact, across the rope and the normal."""
     across = cross(r_x, normal)
     return scale(1.0 / square_root(dot(across, across)), across)
 
@@ -344,7 +344,7 @@ def to_that_side(across, side):
 
 @inlined_kernel
 def groove_tangent(stiffness: float, damping: float, r_x: Vector, normal: Vector, moving: Vector) -> Matrix:
-    """Lateral tangent (dim²) of a groove by the place of the rope; zeros in a plane.
+    """Tangent (dim²) of the lateral force of a groove by the position of the rope; zeros in a plane.
 
     `damping` (N s/m times the integrator's 1/s) is μ N ∂velocity/∂coordinate; rest as in `with_groove`.
     """

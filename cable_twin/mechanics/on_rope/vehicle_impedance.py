@@ -29,7 +29,7 @@ class Impedance(NamedTuple):
 
 @inlined_kernel
 def contact_force(system, state, carriage):
-    """Force (dim,) in N of the cable, and of an own haul rope, on a carriage: λ less the force of a clamp."""
+    """Force (dim,) in N of the cable and of its own haul rope on a vehicle: λ less the force of a clamp."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     if state.clamp_holds[carriage]:
         force = subtract(force, load(state.clamp_force[carriage], force))
@@ -38,7 +38,7 @@ def contact_force(system, state, carriage):
 
 @inlined_kernel
 def impedance_at_pivot(system, state, carriage, work):
-    """Contact force of the cable alone, and impedance of a carriage with haul rope and buffers, at its pivot."""
+    """Contact force of the cable alone on a vehicle, and its impedance at the joint with haul rope and buffers."""
     first, like, still = system.carriages.body_offset[carriage], system.cable.gravity, no_turn(system.cable.gravity)
     force = contact_force(system, state, carriage)
     impedance = load(work.impedance[first], outer(0.0, like, like))
@@ -60,7 +60,7 @@ def impedance_at_pivot(system, state, carriage, work):
 
 @kernel
 def with_haul_rope(carriage, force, impedance, residual, work):
-    """Force F (dim,) in N of the cable alone on a carriage, and D, b of ΔF = D Δp + b, less those of a haul rope.
+    """Force F (dim,) in N of the cable alone on a vehicle, and D, b of ΔF = D Δp + b, less those of its haul rope.
 
     The rope is one more impedance at the joint, in its direction: Δ(F d) = (F' d·Δp + change) d.
     """

@@ -44,7 +44,7 @@ from cable_twin.mechanics.state import State
 
 
 def set_wind(state: State, wind: FloatArray) -> None:
-    """Set a uniform wind (dim,) in m/s; a varying wind replaces the field in the next step."""
+    """Set a uniform wind (dim,) in m/s; if the wind varies, the next step replaces the field."""
     state.wind[:] = wind
     state.wind_field.along_rope[:] = state.wind[:, None]
     state.wind_field.at_bodies[:] = wind
@@ -52,7 +52,7 @@ def set_wind(state: State, wind: FloatArray) -> None:
 
 @kernel
 def update_wind(system, state, h):
-    """Advance the wind by `h` (s), and write its field at elements and bodies."""
+    """Advance the wind by `h` (s), and write its velocity at all elements and bodies of a rope."""
     air, field, dim = system.air, state.wind_field, state.wind.size
     field.time[0] += h
     if not air.varies and field.gust[4] == 0.0:
@@ -86,7 +86,7 @@ def update_wind(system, state, h):
 
 @kernel
 def write_wind_at(wind, state, body, even):
-    """Write the wind at a body, from the mean wind `even` (3,) in m/s."""
+    """Write the wind velocity at a body, from the mean wind `even` (3,) in m/s."""
     field, bodies, dim = state.wind_field, state.bodies.position, state.wind.size
     place = bodies[body, 0], bodies[body, 1] if dim == 3 else 0.0, bodies[body, dim - 1]
     here = wind_at(wind, field, place, even)
@@ -97,7 +97,7 @@ def write_wind_at(wind, state, body, even):
 
 @kernel
 def share_of_gust(gust, time):
-    """Speed of a gust (6,) relative to its amplitude at a time (s)."""
+    """Speed of a gust (6,) at a time (s), relative to its amplitude."""
     duration, passed = gust[4], time - gust[3]
     if not 0.0 < passed < duration:
         return 0.0
@@ -129,7 +129,7 @@ def wind_at(wind, field, place, even):
 
 @kernel
 def ground_at(wind, x):
-    """Height (m) of the ground at `x` (m)."""
+    """Height (m) of the ground of the wind profile at `x` (m)."""
     last = wind.ground.size - 1
     share = min(max((x - wind.ground_start) / wind.ground_step, 0.0), 1.0 * last)
     first = min(int(share), max(last - 1, 0)) if share > 0.0 else 0  # what is no number is at the first
@@ -138,7 +138,7 @@ def ground_at(wind, x):
 
 @inlined_kernel
 def share_of_line(wind, place):
-    """Relative position along the line of a point (3,), from 0 at its start to 1 at its end."""
+    """Relative position of a point (3,) along the line of turbulence points, from 0 at its start to 1 at its end."""
     start, end = wind.points[0], wind.points[wind.points.shape[0] - 1]
     along, length = 0.0, 0.0
     for axis in range(3):
@@ -149,7 +149,7 @@ def share_of_line(wind, place):
 
 @kernel
 def update_turbulence(wind, field, mean):
-    """Write the turbulence at all points in a mean wind (3,) in m/s, delayed with the distance downwind."""
+    """Write the turbulence at all its points in a mean wind (3,) in m/s, delayed with the distance downwind."""
     flat = hypot(mean[0], mean[1])
     speed = hypot(flat, mean[2])
     ahead = (mean[0] / flat, mean[1] / flat) if flat > 0.0 else (1.0, 0.0)
@@ -194,7 +194,7 @@ def update_shedding(wind, state, body, h):
 
 @kernel
 def drag_bodies(system, state, rate_factor, stiffness_factor, work):
-    """Aerodynamic force (N) on all bodies of a rope, and its negative derivatives by position and rotation."""
+    """Store the aerodynamic force (N) on all bodies of a rope, and its negative derivatives by position, rotation."""
     for vehicle in range(state.vehicle_rope.size):
         if belongs(system, state, vehicle):
             for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):
@@ -203,7 +203,7 @@ def drag_bodies(system, state, rate_factor, stiffness_factor, work):
 
 @kernel
 def drag_body(air, state, body, like, rate_factor, stiffness_factor, work):
-    """Aerodynamic force (N) on one body, and its negative derivatives by position and rotation."""
+    """Store the aerodynamic force (N) on one body, and its negative derivatives by position and rotation."""
     dim, q, even = len(like), air.body_drag[body, 0], True
     for axis in range(1, dim):
         even = even and air.body_drag[body, axis * (dim + 1)] == q
@@ -223,7 +223,7 @@ def drag_body(air, state, body, like, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def drag_by_axes(air, state, body, relative, factors, work):
-    """Drag on a body with different areas along its axes: K |w| w, K = A diag(q) Aᵀ rotating with the body."""
+    """Store the drag on a body with a drag area for each axis: K |w| w, K = A diag(q) Aᵀ rotating with the body."""
     speed, rate_factor, stiffness_factor = factors
     axes = orientation(state.bodies.position[body], relative)
     k = product(product(axes, load(air.body_drag[body], axes)), transpose(axes))

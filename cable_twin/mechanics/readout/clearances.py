@@ -43,7 +43,7 @@ class Surroundings(NamedTuple):
 
 @kernel
 def look_around(around, rope, attached, body_position, body_orientation):
-    """Fill `lowest` and `nearest` with the least clearances of rope and vehicles, without vehicles in stations.
+    """Store the least clearances of rope and vehicles, without vehicles in stations, in `lowest` and `nearest`.
 
     Args:
         around: takes the result.
@@ -79,7 +79,7 @@ def look_around_vehicle(around, vehicle, masts, body_position, body_orientation)
 
 @kernel
 def place_outline(around, body, side, position, turn):
-    """Write the outline of a body, or of the left (1) or right side (-1) of its box, in space; returns its points.
+    """Write the outline of a body, or of the left (1) or right side (-1) of its box, in space; return its point count.
 
     `position` (3,) is in m, `turn` (4,) its quaternion.
     """
@@ -102,7 +102,7 @@ def place_outline(around, body, side, position, turn):
 
 @inlined_kernel
 def height_of(profile, x):
-    """Height (m) of a profile (points, 2) at x (m)."""
+    """Height (m) of a ground profile (points, 2) at x (m)."""
     last = profile.shape[0] - 1
     low, high = 0, last
     while high - low > 1:
@@ -125,7 +125,7 @@ def ground_height(around, x, y):
 
 @kernel
 def find_least(around, line, count, lowest):
-    """Update `lowest` (3,) with the least height of a line over the ground, and its place."""
+    """Update `lowest` (3,) with the least height of a polyline over the ground, and the place of that."""
     for point in range(count):
         take_height(around, line[point, 0], line[point, 1], line[point, 2], lowest)
         if point > 0:
@@ -135,7 +135,7 @@ def find_least(around, line, count, lowest):
 
 @kernel
 def take_between(around, profile, start, end, lowest):
-    """Update `lowest` with the height of a segment over the points of a ground profile."""
+    """Update `lowest` with the heights of a segment over the points of a ground profile."""
     way = end[0] - start[0]
     for corner in range(profile.shape[0] if way != 0.0 else 0):
         share = (profile[corner, 0] - start[0]) / way
@@ -154,7 +154,7 @@ def take_height(around, x, y, z, lowest):
 
 @kernel
 def find_nearest(masts, line, count, nearest):
-    """Update `nearest` (2,) with the least distance (m) of a line to a mast, and the index of the mast."""
+    """Update `nearest` (2,) with the least distance (m) of a polyline to a mast, and the index of the mast."""
     for mast in range(masts.shape[0]):
         x, y = masts[mast, 0], masts[mast, 1]
         for point in range(1, count):
@@ -220,7 +220,7 @@ def box_distance(centre, axes, half, corners):
 
 @kernel
 def turn_into(corners, corner, centre, axes, half, box):
-    """Transform one corner of the other box into the axes and centre of `box`."""
+    """Write one corner of the other of two boxes in the axes of box number `box`, from its centre."""
     other = 1 - box
     for axis in range(AXES):
         value = 0.0
@@ -235,7 +235,7 @@ def turn_into(corners, corner, centre, axes, half, box):
 
 @kernel
 def distance_from(half, corners):
-    """Least distance (m) of corners (8, 3) to a box of half lengths (3,); 0 for crossing edges.
+    """Least distance (m) of the corners (8, 3) of a box to another one of half lengths (3,); 0 for crossing edges.
 
     Both are in the axes of the latter.
     """
@@ -269,7 +269,7 @@ def crosses(half, start, end):
 
 @inlined_kernel
 def within(share):
-    """Clamp a share to 0..1."""
+    """Clamp a number to the range 0..1."""
     return min(max(share, 0.0), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Columns of a frame, read from an unchanged state: shape, tension, reactions, energy."""
+"""Columns (arrays) of an output frame, read from an unchanged state: shape, tension, reactions, energy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STOPPING = 3  # beside the modes FREE, FORCE and SPEED, in `command_kind`: an em
 
 @by_reference
 class Columns(NamedTuple):
-    """Quantities of a frame, one row per object in the order of the scenario; NaN where an object lacks a quantity.
+    """Quantities of an output frame, one row per object in the order of the scenario; NaN where not defined.
 
     Everything is in space: a planar system has y = 0 and turns about y only.
     """
@@ -113,7 +113,7 @@ class Columns(NamedTuple):
 
 @kernel
 def observe(system, state, sections, places, rest_loads, lateral, columns):
-    """Fill the columns of a frame from the state of one rope with its vehicles.
+    """Fill the columns of an output frame from the state of one rope with its vehicles.
 
     Args:
         system: parameters.
@@ -153,7 +153,7 @@ def observe(system, state, sections, places, rest_loads, lateral, columns):
 
 @kernel
 def observe_vehicle(system, state, vehicle, lateral, columns):
-    """Fill the columns of one vehicle of a rope."""
+    """Fill the columns of one vehicle of a rope in an output frame."""
     columns.vehicle_rope[vehicle] = state.vehicle_rope[vehicle]
     columns.arc_length[vehicle], columns.speed[vehicle] = state.joints.position[vehicle], state.joints.velocity[vehicle]
     columns.attached[vehicle] = 1.0 if state.attached[vehicle] else 0.0
@@ -176,7 +176,7 @@ def observe_vehicle(system, state, vehicle, lateral, columns):
 
 @kernel
 def observe_command(system, state, carriage, columns):
-    """Fill the columns of a carriage's drive: command, present motion and force limit."""
+    """Fill the columns of a vehicle's drive: command, present motion and force limit."""
     kind, limit, told_speed, told_force, place, speed = nan, nan, nan, nan, nan, nan
     if not system.carriages.fixed[carriage] and not system.carriages.clamped[carriage]:
         place, speed, mode = (
@@ -200,7 +200,7 @@ def observe_command(system, state, carriage, columns):
 
 @kernel
 def observe_body(system, state, body, lateral, columns):
-    """Fill the columns of one body of a rope, with the position of its empty centre of mass."""
+    """Fill the columns of one body of a vehicle, with the position of its centre of mass without payload."""
     own, like = state.bodies.position[body], system.cable.gravity
     spin = spin_of(state.bodies.velocity, body, like)
     arm = arm_to(axes_of(state, body, like), system.carriages.centre_offset[body], like)
@@ -215,7 +215,7 @@ def observe_body(system, state, body, lateral, columns):
 
 @kernel
 def observe_supports(system, state, sections, rest_loads, columns):
-    """Fill the columns of both ends and all towers."""
+    """Fill the columns of the supports of a rope: both ends and all towers."""
     for end in range(2):
         pull = load(sections.node_force[0 if end == 0 else system.cable.element_count], system.cable.gravity)
         store_in_space(scale(-1.0 if end == 0 else 1.0, pull), columns.support_force[end])
@@ -237,7 +237,7 @@ def observe_supports(system, state, sections, rest_loads, columns):
 
 @inlined_kernel
 def observe_groove(system, state, tower, columns, row):
-    """Fill the columns of lateral force and derailment of a tower; NaN for tower -1."""
+    """Fill the columns of lateral force and derailment of a tower, in one row of supports; NaN for tower -1."""
     columns.tower_lateral[row], columns.tower_lateral_ratio[row] = nan, nan
     columns.tower_derailed[row], columns.tower_derailed_time[row] = nan, nan
     if tower >= 0:

@@ -1,4 +1,4 @@
-"""Sampled shape of the rope."""
+"""Positions of the rope at sample points, for output frames."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cable_twin.mechanics.rope.point import interpolate, point_at, position_on_c
 
 @kernel
 def store_in_space(vector, row):
-    """Write a vector (dim,) into `row` (3,): the first entry along the track, the last one upwards."""
+    """Write a vector (dim,) as x, y, z to `row` (3,): first entry along the track, last one upwards; planar y is 0."""
     row[0], row[1], row[2] = vector[0], 0.0, vector[-1]
     if len(vector) == 3:
         row[1] = vector[1]
@@ -23,7 +23,7 @@ def store_in_space(vector, row):
 
 @kernel
 def store_beside(vector, lateral, row):
-    """Write a vector (dim,) into `row` (3,) like `store_in_space`; in a plane with y at `lateral` (m)."""
+    """Write a vector (dim,) as x, y, z into `row` (3,) like `store_in_space`; planar y is `lateral` (m)."""
     store_in_space(vector, row)
     if len(vector) == 2:
         row[1] = lateral
@@ -31,7 +31,7 @@ def store_beside(vector, lateral, row):
 
 @by_reference
 class Places(NamedTuple):
-    """Sample places on a rope, with their elements and shape functions."""
+    """Sample points on a rope, with their elements and shape functions."""
 
     arc_length: FloatArray  # (n,) m
     element: IntArray  # (n,) that holds each
@@ -40,7 +40,7 @@ class Places(NamedTuple):
 
 
 def places_on(cable: Cable, state: Any, arc_lengths: FloatArray) -> Places:
-    """Sample places at `arc_lengths` (n,) in m."""
+    """Create the sample points of a rope at `arc_lengths` (n,) in m."""
     count = arc_lengths.size
     places = Places(
         arc_length=np.array(arc_lengths, dtype=np.float64),
@@ -54,7 +54,7 @@ def places_on(cable: Cable, state: Any, arc_lengths: FloatArray) -> Places:
 
 @kernel
 def find_places(cable, state, places):
-    """Fill elements and shape functions of sample places from their arc lengths."""
+    """Fill elements and shape functions of sample points on a rope from their arc lengths."""
     for k in range(places.arc_length.size):
         point = point_at(cable, state, places.arc_length[k])
         places.element[k] = point.element
@@ -65,7 +65,7 @@ def find_places(cable, state, places):
 
 @kernel
 def sample_positions(cable, state, places, positions):
-    """Fill `positions` (n, 3) in m at all places."""
+    """Fill `positions` (n, 3) in m of the rope at all sample points."""
     if cable.load_nodes:
         find_places(cable, state, places)
     for k in range(places.arc_length.size):

@@ -1,15 +1,15 @@
 """Section forces of the rope, tension from section forces, and reactions of supports.
 
-The strain of a cubic swings over three elements beside a load. What an element exerts on the positions of its nodes
-does not: that is in balance with what is beside it, node by node, as Newton's method has it. So the force G in the
-section at a node A is what the element after it puts there, its inertia and weight, and its share of all that acts
-on places of it. Within an element
+The strain of a cubic element oscillates over three elements beside a load. The forces of an element on the positions
+of its nodes do not: Newton's method balances them node by node. So the section force G at a node A is the nodal force
+there of the element after it, with inertia and weight, and the share of A in all point loads on that element. Within an
+element
 
     F(s) = G_A - u (G_A - G_B - Σ P) - Σ P_(before s) + ρA u_r² / λ r_s,   u from 0 to 1,
 
-P being what acts on places of it: G falls by these where they are, and by what acts along the element evenly. The last
-term is the momentum of a rope that goes by, which is in no nodal force (`rope.ale`). The tension is |F|, with the sign
-of F·r_s: the bending stiffness of a rope carries a shear force where it is bent sharply, which is in it.
+P being the point loads on it: the section force falls by P at each of them, and evenly by the distributed load. The
+last term is the momentum flux of a moving rope, which is in no nodal force (`rope.ale`). The tension is |F|, with the
+sign of F·r_s: it includes the shear force that the bending stiffness of a rope carries where it is bent sharply.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def allocate_sections(system: System, given: int = 0) -> Sections:
 
 @inlined_kernel
 def give(sections, arc_length, force):
-    """Add a force (dim,) in N of another rope at an arc length (m)."""
+    """Register a point load (dim,) in N that another rope exerts at an arc length (m)."""
     number = sections.given[0]
     sections.given[0] = number + 1
     sections.place[number] = arc_length
@@ -84,7 +84,7 @@ def own_count(system):
 
 @inlined_kernel
 def own_place(system, state, number):
-    """Arc length (m) of one of a rope's own point loads; NaN for a vehicle off the rope."""
+    """Arc length (m) of a rope's own point load `number`; NaN for a vehicle off the rope."""
     loads, carriages = system.cable.load_arc_length.size, system.carriages.fixed.size
     if number < loads:
         return system.cable.load_arc_length[number]
@@ -95,7 +95,7 @@ def own_place(system, state, number):
 
 @kernel
 def own_force(system, state, number):
-    """Force (dim,) in N on the rope of one of its own point loads."""
+    """Force (dim,) in N of a rope's own point load `number` on the rope."""
     loads, carriages = system.cable.load_arc_length.size, system.carriages.fixed.size
     if number < loads:
         return load(system.cable.load_force[number], system.cable.gravity)
@@ -158,7 +158,7 @@ def find_node_tensions(system, state, sections):
 
 @inlined_kernel
 def momentum_of(system, state):
-    """Momentum flux terms of a rope for `with_momentum`: moving or not, ρA / λ (kg/m), u at start (m/s), du/ds."""
+    """Momentum flux terms of a rope for `with_momentum`: whether it moves, ρA / λ (kg/m), u at start (m/s), du/ds."""
     cable, speed = system.cable, state.rope.velocity
     if not (system.moving_cable.moving and flows(system, state)):
         return False, 0.0, 0.0, 0.0
@@ -177,7 +177,7 @@ def with_momentum(system, going, arc_length, r_s, section):
 
 @inlined_kernel
 def signed_size(section, r_s):
-    """Length (N) of a section force (dim,), negative in compression along r_s (dim,)."""
+    """Tension (N) from a section force (dim,): its length, negative in compression along r_s (dim,)."""
     tension = sqrt(dot(section, section))
     if tension == inf:  # the square was too large a number, in a motion that blows up
         small = scale(SMALL, section)
@@ -187,7 +187,7 @@ def signed_size(section, r_s):
 
 @kernel
 def tensions_beside(system, state, sections, element, arc_length):
-    """Tension (N) at an arc length (m) on an element with point loads: before and after a load at this place."""
+    """Tension (N) of a rope at an arc length (m) on an element with point loads: before and after a load there."""
     like = system.cable.gravity
     on_element, before, at = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     number = sections.first[element]
@@ -210,9 +210,9 @@ def tensions_beside(system, state, sections, element, arc_length):
 
 @kernel
 def sample_tensions(system, state, sections, places, tensions):
-    """Fill `tensions` (n,) in N at all places, before a load at the place; needs the section forces.
+    """Fill `tensions` (n,) in N of a rope at sample points, before a load there; needs the section forces.
 
-    Between nodes without a load it is next to a line.
+    Between nodes without a load the tension is almost linear.
     """
     for k in range(places.arc_length.size):
         element = places.element[k]
@@ -227,7 +227,7 @@ def sample_tensions(system, state, sections, places, tensions):
 def tension_range(system, state, sections, lowest, highest):
     """Write `lowest` and `highest` (2,) tension (N) of the rope and its arc length (m); needs the section forces.
 
-    Nodes count, and both sides of every load but the contacts of towers, over which it changes little by little.
+    Nodes count, and both sides of every point load but tower contacts, over which the tension changes gradually.
     """
     cable, contacts = system.cable, first_contact(system, sections)
     lowest[0], highest[0] = inf, -inf
@@ -245,7 +245,7 @@ def tension_range(system, state, sections, lowest, highest):
 
 @inlined_kernel
 def take_tension(tension, arc_length, lowest, highest):
-    """Update lowest and highest tension with a tension (N) at an arc length (m)."""
+    """Update `lowest` and `highest` (2,) with a tension (N) at an arc length (m)."""
     if tension < lowest[0]:
         lowest[0], lowest[1] = tension, arc_length
     if tension > highest[0]:
@@ -254,7 +254,7 @@ def take_tension(tension, arc_length, lowest, highest):
 
 @inlined_kernel
 def first_contact(system, sections):
-    """Index, among point loads, of the first tower contact."""
+    """Index of the first tower contact among the point loads of a rope."""
     return sections.given[0] + system.cable.load_arc_length.size + system.carriages.fixed.size
 
 
@@ -270,9 +270,9 @@ def tower_force(system, sections, tower):
 
 @kernel
 def end_force(system, state, end):
-    """Force (dim,) in N of the support at `end` on the cable, from the balance of its node, without other ropes.
+    """Force (dim,) in N of the support at `end` on the cable, by equilibrium of its node, without other ropes.
 
-    Taken with the contact forces as they are, so that a drive that has just been changed does not show in them.
+    Contact forces are taken as they are, so that a drive that has just been changed does not show in them yet.
     """
     element, row = (0, 0) if end == 0 else (system.cable.element_count - 1, 2)
     total = nodal_force(system, state, element, row)

@@ -42,7 +42,7 @@ def rest_length(cable, state, element):
 
 @inlined_kernel
 def mesh_dilution_rate(cable, state):
-    """Mesh dilution rate λ_t / λ (1/s): relative rate of rope taken in between two points of the mesh."""
+    """Mesh dilution rate λ_t / λ (1/s): relative growth rate of the rope between any two points of the mesh."""
     speed = state.rope.velocity
     return (speed[0] - speed[1]) / (cable.unstrained_length * rest_stretch(cable, state))
 
@@ -73,13 +73,13 @@ def flow_on_mesh(cable, state, arc_length):
 
 @kernel
 def rope_before(cable, state, arc_length):
-    """Unstrained rope (m) before an arc length (m), counted from the initial start of the mesh."""
+    """Unstrained length (m) of rope before an arc length (m), counted from the initial start of the mesh."""
     return rest_stretch(cable, state) * arc_length - state.rope.position[0]
 
 
 @inlined_kernel
 def flows(system, state):
-    """Return whether the rope moves through its mesh, by speed or acceleration."""
+    """Return whether a rope moves axially through its mesh, by speed or acceleration."""
     if not system.moving_cable.moving:
         return False
     speed, rate = state.rope.velocity, state.rope.acceleration
@@ -88,12 +88,12 @@ def flows(system, state):
 
 @inlined_kernel
 def flow_factors(cable, state, middle):
-    """Factors of FLOW by rates (kg/s), FLOW by positions (N/m) and SLOPE (N), of elements with a middle arc length (m).
+    """Factors of transport forces of elements with a middle arc length (m): FLOW (kg/s, N/m), SLOPE (N).
 
     2 ρA u ∫SᵀS_s ds of ė, and ρA u_t ∫SᵀS_s ds - ρA u² / λ ∫S_sᵀS_s ds of e. The last one is SᵀS_ss integrated by
-    parts; what w w_s adds to it, and to w_t, and λ_t in that, cancel, so that u_t is all that is left. Its boundary
-    term acts on the ends only, which are held; left out, a support's force has the momentum in it that its sheave takes
-    over, and is smaller than the tension by ρA u² |r_s| / λ.
+    parts; the terms with w w_s, w_t and λ_t cancel but for u_t. The boundary term of that integration acts on the held
+    ends only and is left out: so the force of a support contains the momentum that its sheave takes over, and is
+    smaller than the tension by ρA u² |r_s| / λ. FLOW is by rates (kg/s) and by positions (N/m).
     """
     speed, mass = between_ends(cable, state.rope.velocity, middle), cable.mass_per_length
     rate = between_ends(cable, state.rope.acceleration, middle)
@@ -102,7 +102,7 @@ def flow_factors(cable, state, middle):
 
 @inlined_kernel
 def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor, group):
-    """Add the transport terms of axial rope motion to a group of elements.
+    """Add the transport terms of axial rope motion to residual and tangent of a group of elements.
 
     Args:
         length: of the elements, m.
@@ -131,7 +131,7 @@ def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor,
 
 @formula
 def flow_forces(length, shape, shape_rates, factors):
-    """Transport forces (dim,) in N at r_A, slope A, r_B, slope B of an element; on slopes per length."""
+    """Transport forces (dim,) in N at r_A, slope A, r_B, slope B of an axially moving element; on slopes per length."""
     d, a, b = shape
     by_velocity, by_place, by_slope = factors[0], factors[1], factors[2] / length
     d_flow = add_scaled(by_velocity, shape_rates[0], scale(by_place, d))

@@ -35,7 +35,7 @@ from cable_twin.mechanics.rope.shape_functions import (
 
 @kernel
 def chord_and_slopes(coordinates, element, cable, state):
-    """Chord d and end slopes A, B (dim,) of an element, from `coordinates` (nodes, 2, dim) or their rates."""
+    """Chord d and end slopes times length A, B (dim,) of an element, from `coordinates` (nodes, 3, dim) or rates."""
     like = cable.gravity
     chord = subtract(load(coordinates[element + 1, 0], like), load(coordinates[element, 0], like))
     slope_a = scale(state.mesh.length[element], load(coordinates[element, 2], like))
@@ -45,7 +45,7 @@ def chord_and_slopes(coordinates, element, cable, state):
 
 @formula
 def add_products(c, matrix, k):
-    """Add c cᵀ times a symmetric matrix to the six tangents dd, da, db, aa, ab, bb of d, a, b."""
+    """Add c cᵀ times a symmetric matrix to the six tangent blocks dd, da, db, aa, ab, bb of chord d and slopes a, b."""
     return (
         add_scaled(c[0] * c[0], matrix, k[0]),
         add_scaled(c[0] * c[1], matrix, k[1]),
@@ -58,7 +58,7 @@ def add_products(c, matrix, k):
 
 @inlined_kernel
 def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """Force and tangent of the energy W = ½∫(EA ε² + EI k·k)dx with Kelvin-Voigt damping.
+    """Elastic force and tangent of an element as a continuum, W = ½∫(EA ε² + EI k·k)dx, with Kelvin-Voigt damping.
 
     ε = |r_x| - 1 - α ΔT, so that the axial force is the tension EA ε of the elastic catenary; k is the derivative
     of the unit tangent along the unstrained cable, the material curvature. The damping follows ε and the part of
@@ -140,13 +140,13 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
 
 @kernel
 def whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """Force and tangent of `continuum`, compiled as one shared kernel."""
+    """Elastic force and tangent of `continuum`, compiled as one shared kernel."""
     return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
 @kernel
 def element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """Force and tangent of the paper's elastic energy (eq. 7-9), in the frame of the element's chord.
+    """Force and tangent of the paper's elastic energy of an element (eq. 7-9), in the frame of its chord.
 
     With i the unit chord, W = ½∫(EA (r_x·i - 1)² + EI |r_xx - (r_xx·i) i|²)dx: eq. 8 with the strains of eq. 7, whose
     second axis j is any normal of i. Force and tangent are exact, with the turning of i, but for the turning of the
@@ -252,13 +252,13 @@ def across_of(i, vector):
 
 @formula
 def turned_block(c, i, y, z):
-    """Tangent block of d and a slope by rotation of the chord i: c (P y iᵀ + z P), P y given."""
+    """Tangent block of chord d and a slope by rotation of the chord direction i: c (P y iᵀ + z P), P y given."""
     return subtract(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
 
 
 @inlined_kernel
 def elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """Elastic force and tangent of an element in the elastic model of the cable, see `continuum`."""
+    """Elastic force and tangent of an element in the cable's elastic model, with arguments of `continuum`."""
     if cable.elastic_model == ELEMENT_FRAME:
         return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
     return whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
@@ -266,7 +266,7 @@ def elastic_force(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stif
 
 @inlined_kernel
 def chord_force(cable, length, d, a, b, d_dot, a_dot, b_dot):
-    """Elastic force (dim,) in N on the chord d alone, in the elastic model of the cable."""
+    """Elastic force (dim,) in N on the chord d of an element, in the cable's elastic model."""
     if cable.elastic_model == ELEMENT_FRAME:
         return element_frame(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)[0]
     return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, 0.0, 0.0)[0]
@@ -274,7 +274,7 @@ def chord_force(cable, length, d, a, b, d_dot, a_dot, b_dot):
 
 @inlined_kernel
 def mean_tension(cable, length, d, a, b, d_dot, a_dot, b_dot):
-    """Mean of EA (ε + τ ε_dot) in N over an element, from its chord and slopes (dim,) in m and their rates in m/s.
+    """Mean tension EA (ε + τ ε_dot) in N of an element, from its chord and slopes (dim,) in m and their rates in m/s.
 
     Inside an element the axial strain of a cubic oscillates about its mean, which is the accurate value. The strain
     of `element_frame` has the chord's for its mean.

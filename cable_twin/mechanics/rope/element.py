@@ -47,7 +47,7 @@ from cable_twin.mechanics.rope.shape_functions import MASS, block_row, combine, 
 
 @kernel
 def inertia(cable, length, stretch, r_a, a, r_b, b):
-    """Inertia less gravity, M (e_ddot - g) (eq. 5, 6): forces (dim,) N on r_A, r_B and N m / l on the slopes A, B.
+    """Inertia force less weight of an element, M (e_ddot - g) (eq. 5, 6): (dim,) N on r_A, r_B, N m / l on slopes A, B.
 
     Takes the length (m), λ of `ale`, and the accelerations (dim,) of the nodal coordinates, those of slopes in 1/s².
     """
@@ -63,7 +63,7 @@ def inertia(cable, length, stretch, r_a, a, r_b, b):
 
 @inlined_kernel
 def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Write the residual and tangent of all elements: elastic forces, inertia, weight, flow, and the drag of the air.
+    """Write residual and tangent of all cable elements: elastic forces, inertia, weight, transport terms, air drag.
 
     Elements are computed `WIDTH` at a time; in the last group, what is left over repeats the last element. Those beside
     loads are cleared here, and added with the patches of their loads.
@@ -104,7 +104,7 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def group_tension(cable, state, first):
-    """Mean tension (N) of `WIDTH` elements from `first` on, with damping."""
+    """Mean tension (N), with damping, of each of `WIDTH` elements from `first` on, as SIMD lanes."""
     length, like = gather_numbers(state.mesh.length, first), cable.gravity
     r_a, slope_a, r_b, slope_b = gather(state.nodes.position, first, like)
     d, a, b = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
@@ -117,7 +117,7 @@ def group_tension(cable, state, first):
 
 @kernel
 def element_tensions(cable, state, tensions):
-    """Fill `tensions` (groups, WIDTH) in N with element means; the last element is repeated to fill its group."""
+    """Fill `tensions` (groups, WIDTH) in N with mean tensions of all elements; the last one repeats to fill a group."""
     for group in range(tensions.shape[0]):
         spread((group_tension(cable, state, group * WIDTH),), tensions, group)
         for lane in range(min(WIDTH, cable.element_count - group * WIDTH)):
@@ -128,7 +128,7 @@ def element_tensions(cable, state, tensions):
 
 @formula
 def rates_of_strain(taken_in, shape, shape_rates):
-    """Rates of chord and slopes relative to the rope, for a relative growth `taken_in` (1/s) of rope on the mesh."""
+    """Rates of chord and slopes of an element, less their growth by rope taken in at a rate `taken_in` (1/s)."""
     return (
         add_scaled(-taken_in, shape[0], shape_rates[0]),
         add_scaled(-taken_in, shape[1], shape_rates[1]),
@@ -138,7 +138,7 @@ def rates_of_strain(taken_in, shape, shape_rates):
 
 @inlined_kernel
 def strand_now(system, state):
-    """Mesh-wide flow quantities: rest stretch λ of `ale`, its relative rate (1/s), and whether the rope moves."""
+    """Flow quantities of a whole rope: rest stretch λ of `ale`, mesh dilution rate (1/s), whether the rope moves."""
     flowing = system.moving_cable.moving and flows(system, state)
     return rest_stretch(system.cable, state), mesh_dilution_rate(system.cable, state), flowing
 
@@ -185,9 +185,9 @@ def force_of_element(system, state, element, row):
 
 @inlined_kernel
 def along_element(system, state, strand, length, place, e, e_dot, e_ddot, wind, row):
-    """Elastic force less inertia, weight and flow, with the drag of the air: (dim,) in N on r_A (row 0) or r_B (2).
+    """Nodal force (dim,) in N on r_A (row 0) or r_B (2) of an element: elastic, inertia, weight, transport, air drag.
 
-    All is of one element, or of `WIDTH`.
+    Either for one element, or for `WIDTH` elements in lanes.
 
     Args:
         system: parameters.
@@ -244,14 +244,14 @@ def write_group(cable, length, elastic, inert, mass_factor, group):
 
 @inlined_kernel
 def write_pair(matrix, group, i, j, like):
-    """Write the block of coordinates i and j, and its transpose for j and i."""
+    """Write the tangent block of nodal coordinates i and j to a group, and its transpose for j and i."""
     spread(matrix, group, block_row(i, j, like))
     spread(transpose(matrix), group, block_row(j, i, like))
 
 
 @inlined_kernel
 def clear_element(element, like, work):
-    """Clear residual and tangent of an element before `add_element`."""
+    """Clear residual and tangent of an element in the workspace, before `add_element`."""
     zero = outer(0.0, like, like)
     for i in range(2):
         store(scale(0.0, like), work.right_side[element + 1, i])

@@ -1,4 +1,4 @@
-"""Momentum and kinetic energy of a rope that moves through its mesh."""
+"""Momentum and kinetic energy of a rope that moves axially through its mesh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cable_twin.mechanics.rope.shape_functions import FLOW_OF_CHORD, SLOPE_OF_CH
 
 @kernel
 def flow_energy(cable, state):
-    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds, with the speed u at mid-rope."""
+    """Kinetic energy (J) of axial rope motion beyond ½ ∫ρA λ r_t² ds, with the transport velocity u at mid-rope."""
     along, squared, _, _ = flow_integrals(cable, state)
     speed = 0.5 * (state.rope.velocity[0] + state.rope.velocity[1])
     return speed * along + 0.5 * speed * speed * squared / rest_stretch(cable, state)
@@ -21,7 +21,7 @@ def flow_energy(cable, state):
 
 @kernel
 def flow_integrals(cable, state):
-    """∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N) and ∫ρA r_x·r_tx dx (kg/s).
+    """Integrals of a rope: ∫ρA r_x·r_t dx (kg m/s), ∫ρA r_x·r_x dx (kg), ∫ρA r_x·r_tt dx (N), ∫ρA r_x·r_tx dx (kg/s).
 
     Elements are computed `WIDTH` at a time, and those that are left over, or beside a load, one by one.
     """
@@ -59,7 +59,7 @@ def flow_integrals(cable, state):
 
 @formula
 def flow_products(length, place, rate, acceleration):
-    """Integrals of `flow_integrals` over elements, without ρA, from nodal vectors and their rates."""
+    """Integrals of `flow_integrals` over an element or a group, without ρA, from nodal vectors and their rates."""
     d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
     by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
     for i in range(4):

@@ -1,4 +1,4 @@
-"""Derivatives of the forces of rope elements by the rope that runs over one end of their mesh (`rope.ale`).
+"""Derivatives of the forces of rope elements by the length of rope that runs over one end of their mesh (`rope.ale`).
 
 A coordinate u of rope that has run onto the mesh at its start, or off it at its end, moves with the tangent factors of
 the integrator, so that rest stretch, dilution rate, transport velocity and its rate all change with it. Everything else
@@ -28,7 +28,7 @@ PART = 1e-6  # of a length, for the difference that stands for the derivative of
 
 
 class Change(NamedTuple):
-    """Change of a strand with a metre of rope over one of its ends."""
+    """Derivatives of a strand's transport quantities by the length (m) of rope that runs over one of its ends."""
 
     stretch: Any  # of λ, 1/m
     dilution: Any  # of λ_t / λ, 1/(s m)
@@ -38,7 +38,7 @@ class Change(NamedTuple):
 
 @inlined_kernel
 def change_by_end(cable, state, end, mass_factor, rate_factor):
-    """`Change` by the rope over the start (0) or the end (1), with the tangent factors of the integrator."""
+    """Derivatives `Change` of a strand by rope over its start (0) or end (1), with the integrator's tangent factors."""
     sign = 1.0 if end == 0 else -1.0
     stretch, by_length = rest_stretch(cable, state), sign / cable.unstrained_length
     dilution = (rate_factor * by_length - mesh_dilution_rate(cable, state) * by_length) / stretch
@@ -47,23 +47,23 @@ def change_by_end(cable, state, end, mass_factor, rate_factor):
 
 @inlined_kernel
 def share_of_end(cable, end, arc_length):
-    """Share (-) of the rope over one end that passes a place of the mesh."""
+    """Share (-) of the rope run over one end that passes an arc length of the mesh."""
     share = arc_length / cable.unstrained_length
     return 1.0 - share if end == 0 else share
 
 
 @inlined_kernel
 def place_by_flow(cable, state, end, arc_length):
-    """Way (m) along the mesh of a point clamped to the rope, for a metre of rope over one end."""
+    """Displacement (m) along the mesh of a point clamped to the rope, per metre of rope run over one end."""
     return share_of_end(cable, end, arc_length) / rest_stretch(cable, state)
 
 
 @kernel
 def elastic_change(cable, length, d, a, b, d_dot, a_dot, b_dot, longer, dilution):
-    """Change of the elastic and viscous forces (dim,) in N on d, a, b with rest length and dilution rate.
+    """Change of elastic and viscous forces (dim,) in N on d, a, b of an element with rest length and dilution rate.
 
     Takes the arguments of `continuum`, and the changes of its length, relative, and of the dilution rate, in 1/s: that
-    of strains is -(longer + damping time · dilution) of what is stretched, and the curvature does not feel the latter.
+    of strains is -(longer + damping time · dilution) of the stretch; the curvature does not depend on the dilution.
     """
     if cable.elastic_model == ELEMENT_FRAME:
         rates = add_scaled(-dilution * PART, d, d_dot), add_scaled(-dilution * PART, a, a_dot)
@@ -96,7 +96,7 @@ def elastic_change(cable, length, d, a, b, d_dot, a_dot, b_dot, longer, dilution
 
 @formula
 def factors_change(mass, stretch, speed, change, share):
-    """Change of `flow_factors` at a place with a transport velocity `speed` (m/s) and a `share` of the rope."""
+    """Derivative of `flow_factors` by rope over an end, of which `share` passes a place of `speed` (m/s)."""
     by_stretch, _, by_speed, by_rate = change
     on_slope = speed * (speed * by_stretch / stretch - 2.0 * by_speed * share)
     return 2.0 * mass * by_speed * share, mass * by_rate * share, mass / stretch * on_slope
@@ -104,9 +104,9 @@ def factors_change(mass, stretch, speed, change, share):
 
 @kernel
 def add_flow_tangent(system, state, end, mass_factor, rate_factor, wheel_columns, slot, work):
-    """Add the derivative of the residual of all elements by the rope over one end to a column of their nodes.
+    """Add the derivative of the residual of all elements by rope over one end to a column of right sides of the nodes.
 
-    Those beside loads have theirs in the columns of patches.
+    Elements beside loads have their derivative in the columns of patches.
 
     Args:
         system: parameters.

@@ -1,7 +1,7 @@
-"""Nodes that follow loads: taken from the mesh, handed on from load to load, and given back to the mesh.
+"""Mesh nodes that follow moving loads: taken from the mesh, handed on from load to load, returned to the mesh.
 
-A node that is given back divides a cubic, which leaves the rope and its motion as they are. One that is taken, or left
-out as the next one is handed on, moves the rope between its neighbours to one cubic.
+A node that returns to its home divides a cubic, which leaves the rope and its motion as they are. A node that is taken
+from its home leaves one cubic between its neighbours, to which the rope there is moved.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cable_twin.mechanics.rope.shape_functions import AXIAL_PLACES, AXIAL_POINTS
 
 
 class Field(NamedTuple):
-    """Shape of the rope at a place of the mesh that stands still, and its rates there."""
+    """Shape of the rope at a fixed arc length of the mesh, and its rates there."""
 
     position: Any  # r (dim,) m, r_x (dim,)
     velocity: Any  # of them, per second
@@ -27,7 +27,7 @@ class Field(NamedTuple):
 
 @formula
 def at_place(vectors, shape, shape_x):
-    """Value and slope (dim,) at a place of an element, from nodal vectors and shape functions."""
+    """Value and slope (dim,) of a cubic element at a point, from its nodal vectors and the shape functions there."""
     return (
         shape[0] * vectors[0] + shape[1] * vectors[1] + shape[2] * vectors[2] + shape[3] * vectors[3],
         shape_x[0] * vectors[0] + shape_x[1] * vectors[1] + shape_x[2] * vectors[2] + shape_x[3] * vectors[3],
@@ -50,7 +50,7 @@ def field_at(system, state, element, arc_length):
 
 @inlined_kernel
 def write_row(pair, row):
-    """Write r and r_x (dim,) to a node (rows, dim), the slope on both sides."""
+    """Write r and r_x (dim,) to the rows (rows, dim) of a node, the slope on both sides."""
     store(pair[0], row[R])
     store(pair[1], row[BEFORE])
     store(pair[1], row[AFTER])
@@ -58,7 +58,7 @@ def write_row(pair, row):
 
 @inlined_kernel
 def write_field(field, nodes, node):
-    """Write shape and motion of the rope to a node."""
+    """Write shape and motion of the rope (`Field`) to a node."""
     write_row(field.position, nodes.position[node])
     write_row(field.velocity, nodes.velocity[node])
     write_row(field.acceleration, nodes.acceleration[node])
@@ -67,7 +67,7 @@ def write_field(field, nodes, node):
 
 @kernel
 def copy_node(nodes, source, target):
-    """Copy all coordinates of a node to another one."""
+    """Copy all coordinates of a node, with rates and accelerations, to another node."""
     for row in range(3):
         for axis in range(nodes.position.shape[2]):
             nodes.position[target, row, axis] = nodes.position[source, row, axis]
@@ -78,7 +78,7 @@ def copy_node(nodes, source, target):
 
 @kernel
 def put_node(state, node, arc_length):
-    """Put a node of the mesh to an arc length (m)."""
+    """Move a node of the mesh to an arc length (m), and update the lengths of the elements beside it."""
     places = state.mesh.arc_length
     places[node] = arc_length
     state.mesh.length[node - 1], state.mesh.length[node] = arc_length - places[node - 1], places[node + 1] - arc_length
@@ -86,7 +86,7 @@ def put_node(state, node, arc_length):
 
 @kernel
 def give_back(system, state, node):
-    """Return a node that has followed a load to its home on the mesh, after the nodes that block its path."""
+    """Return a node that has followed a moving load to its home arc length, after the nodes that block its path."""
     homes, places, last, first = system.cable.node_arc_length, state.mesh.arc_length, node, node
     while homes[last] >= places[last + 1]:
         last += 1
@@ -100,7 +100,7 @@ def give_back(system, state, node):
 
 @kernel
 def put_back(system, state, node):
-    """Return a node that has followed a load to its home between its neighbours, without moving the rope."""
+    """Return a node that has followed a moving load to its home between its neighbours, without moving the rope."""
     home, number = system.cable.node_arc_length[node], state.node_load[node]
     element = node if home >= state.mesh.arc_length[node] else node - 1
     write_field(field_at(system, state, element, home), state.nodes, node)
@@ -110,13 +110,13 @@ def put_back(system, state, node):
 
 @inlined_kernel
 def slope_of_one(way, lengths, near, far, place):
-    """Slope (dim,) beside a load of the one cubic that is nearest, in mean square, to two cubics ahead of it.
+    """Slope (dim,) at a moving load of the one cubic that fits the two elements ahead of the load best, in mean square.
 
     Args:
-        way: 1 where they are after the load, -1 where they are before it.
-        lengths: of the near one and of the far one, m.
-        near: nodal vectors of the one beside the load.
-        far: those of the other one.
+        way: 1 where the two elements are after the load, -1 where they are before it.
+        lengths: of the near element and of the far one, m.
+        near: nodal vectors of the element beside the load.
+        far: nodal vectors of the other one.
         place: of the new cubic at the load (dim,).
     """
     whole, total, squared = lengths[0] + lengths[1], scale(0.0, place), 0.0
@@ -142,14 +142,14 @@ def slope_of_one(way, lengths, near, far, place):
 
 @inlined_kernel
 def bend_of_one(way, length, far, place, slope):
-    """r_xx (dim,) at a load of one cubic from the load on, by nodal vectors of the far end and at the load."""
+    """r_xx (dim,) at a load of one cubic from the load on, by its nodal vectors at the load and at the far end."""
     if way > 0:
         return bends(length, (place, slope, far[2], far[3]))[0]
     return bends(length, (far[0], far[1], place, slope))[1]
 
 
 class Rest(NamedTuple):
-    """Nodal vectors of an element, and their rates at places of the mesh that stand still."""
+    """Nodal vectors of an element, and their rates at fixed arc lengths of the mesh."""
 
     position: Any  # r_A, slope A, r_B, slope B (dim,)
     velocity: Any
@@ -159,7 +159,7 @@ class Rest(NamedTuple):
 
 @inlined_kernel
 def at_rest(system, state, element):
-    """Nodal vectors of an element and their rates, as `Rest`."""
+    """Nodal vectors of an element and their rates at fixed arc lengths of the mesh, as `Rest`."""
     cable, nodes, joints = system.cable, state.nodes, state.joints
     e, v, a = motion_at_rest(cable, state, element, nodes.acceleration, joints.acceleration)
     return Rest(e, v, a, motion_at_rest(cable, state, element, nodes.algorithmic, joints.algorithmic)[2])
@@ -167,7 +167,7 @@ def at_rest(system, state, element):
 
 @kernel
 def leave_out(system, state, node, way):
-    """Make one cubic of the two elements ahead of a load, as `merge`."""
+    """Replace the two elements ahead of a moving load by one cubic, see `merge`."""
     near, far = (node, node + 1) if way > 0 else (node - 1, node - 2)
     lengths = state.mesh.length[near], state.mesh.length[far]
     merge(state, node, way, lengths, at_rest(system, state, near), at_rest(system, state, far), system.cable.gravity)
@@ -175,10 +175,10 @@ def leave_out(system, state, node, way):
 
 @inlined_kernel
 def merge(state, node, way, lengths, near, far, like):
-    """Make one cubic of two ahead of a load: gives the slope of its node on that side, and the rates of that.
+    """Merge the two cubics ahead of a load into one: set the slope of the load's node on that side, and its rates.
 
-    The slope is that of the nearest cubic in mean square, of the shape and of velocities and accelerations alike, which
-    passes on no wave shorter than the element that is left.
+    The slope is that of the nearest cubic in mean square, of the shape and of velocities and accelerations alike: no
+    wave shorter than the merged element is passed on.
 
     Args:
         state: with the load's node, whose slope it takes.
@@ -216,10 +216,10 @@ def merge(state, node, way, lengths, near, far, like):
 
 @kernel
 def shift_train(system, state, first, last, way):
-    """Hand loads at the nodes `first` to `last` on to the next nodes, `way` 1 or -1; one node is put back.
+    """Hand the loads at nodes `first` to `last` on to the next nodes, `way` 1 or -1; one node returns to its home.
 
-    The node that is put back divides a cubic, which leaves the rope as it is; the one that is taken is left out, with
-    what of a wave only two elements can hold.
+    The node that returns divides a cubic, which leaves the rope as it is; the node that is taken ahead leaves one cubic
+    of two elements, which loses the part of a wave that only two can represent.
     """
     behind, front = (first, last) if way > 0 else (last, first)
     home = system.cable.node_arc_length[behind]
@@ -241,7 +241,7 @@ def shift_train(system, state, first, last, way):
 
 @inlined_kernel
 def write_both(row, nodes, before, after, side):
-    """Write a node (rows, dim) from the nodal vectors of both elements, r from the one after (1) or before (0) it."""
+    """Write a node (rows, dim) from nodal vectors of its elements, r from the one after (`side` 1) or before (0) it."""
     store(add_scaled(side, after[0], scale(1.0 - side, before[2])), nodes[row, R])
     store(before[3], nodes[row, BEFORE])
     store(after[1], nodes[row, AFTER])
@@ -249,9 +249,10 @@ def write_both(row, nodes, before, after, side):
 
 @kernel
 def stand_still(system, state, node):
-    """Fix a node that has followed its load at its present arc length.
+    """Stop a node that has followed its load at its present arc length.
 
-    Rope on both sides has two velocities there; that of the side to which the load goes on leaves the load its own.
+    The rope has another velocity on either side of the node; with that of the side to which the load moves on, the load
+    keeps its own velocity.
     """
     nodes, joints = state.nodes, state.joints
     _, v_before, a_before = motion_at_rest(system.cable, state, node - 1, nodes.acceleration, joints.acceleration)
@@ -267,7 +268,7 @@ def stand_still(system, state, node):
 
 @kernel
 def take_node(system, state, number, node, s, follow):
-    """Move a free node to the arc length s (m) of a load on an adjacent element, without moving the rope.
+    """Move a free node to the arc length s (m) of a moving load on an adjacent element, without moving the rope.
 
     The two elements on the other side of its former place become one cubic, as by `leave_out`.
 
@@ -277,7 +278,7 @@ def take_node(system, state, number, node, s, follow):
         number: of the load.
         node: free, or with a load that comes back to it.
         s: m, of the load if the node follows it.
-        follow: whether it does, or stands there.
+        follow: whether the node follows the load, or stands at s.
     """
     home, like = state.mesh.arc_length[node], system.cable.gravity
     element, way = (node - 1, 1) if s < home else (node, -1)
@@ -300,7 +301,7 @@ def take_node(system, state, number, node, s, follow):
 
 @inlined_kernel
 def part_of(way, at_load, vectors):
-    """Nodal vectors of the part of an element from a load on (`way` 1), or up to it (-1)."""
+    """Nodal vectors of the part of an element from a load to the end (`way` 1), or from the start to the load (-1)."""
     if way > 0:
         return at_load[0], at_load[1], vectors[2], vectors[3]
     return vectors[0], vectors[1], at_load[0], at_load[1]
@@ -308,7 +309,7 @@ def part_of(way, at_load, vectors):
 
 @inlined_kernel
 def going_along(state, number, element, s, field, follow, like):
-    """Motion of a node at an arc length s (m), from that of the rope there, if the node follows a load."""
+    """Motion of a node at an arc length s (m), from the motion of the rope there, if the node follows a moving load."""
     if not follow:
         return field
     speed, point = state.joints.velocity[number], point_on(state, element, s)

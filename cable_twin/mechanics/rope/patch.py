@@ -1,4 +1,4 @@
-"""Elements beside a load: a node of the mesh follows it, with a slope on either side of the load.
+"""Elements beside a moving load: a node of the mesh follows the load, with a slope on either side.
 
 A node at the arc length X(t) makes the two elements beside it a mesh that moves over the rope (arbitrary
 Lagrangian-Eulerian). Rope passes the node at κ = w - Ẋ, w the transport velocity of `ale`. With nodal coordinates r, t
@@ -9,14 +9,14 @@ Lagrangian-Eulerian). Rope passes the node at κ = w - Ẋ, w the transport velo
 
 and a cubic of r has cubics of V and a, so that inertia, damping and drag of an element are those of `element` with
 these in the place of nodal rates. A shift δX of the node moves the rope under it by -t δX and its slope by -r_xx δX. So
-its row of X is that of forces which know of the rope alone, with the change of the elastic energy by the element's
+the equation of X has the nodal forces of the rope's motion, and the derivative of the elastic energy by the element's
 length:
 
     Q_X = ± dW/dl - t·Q_r - r_xx·Q_t ± ½ ρA λ κ² |t|²,  + for the element before the node.
 
 At a node with two slopes rope changes its velocity by κ times their difference. The momentum that takes,
-ρA λ κ² (t_after - t_before), is a force on r. All of it follows from one kinetic energy, ½∫ρA λ |V|² dx, of which
-nothing is gained.
+ρA λ κ² (t_after - t_before), is a force on r. All of this follows from one kinetic energy, ½∫ρA λ |V|² dx, and adds
+no energy.
 """
 
 from __future__ import annotations
@@ -52,26 +52,26 @@ from cable_twin.mechanics.rope.shape_functions import (
 
 @inlined_kernel
 def follows(state, node):
-    """Return whether a node goes along with its load; one too near an end, or to another load, stands still."""
+    """Return whether a node moves along with its moving load; one too near an end, or to another load, stands still."""
     number = state.node_load[node]
     return number >= 0 and state.node_follows[number]
 
 
 @inlined_kernel
 def at_node(cable, state, carriage):
-    """Return whether the joint of a vehicle, on whatever rope, is at a node that follows it."""
+    """Return whether a vehicle's joint, on whichever rope, is at a mesh node that follows the joint."""
     return cable.load_nodes and state.node_follows[carriage]
 
 
 @inlined_kernel
 def mean_slope(coordinates, node, like):
-    """Mean (dim,) of both slopes of a node, from its coordinates or their rates."""
+    """Mean (dim,) of the slopes on both sides of a node, from its coordinates or their rates."""
     return scale(0.5, add_scaled(1.0, load(coordinates[node, BEFORE], like), load(coordinates[node, AFTER], like)))
 
 
 @inlined_kernel
 def rope_past(system, state, node):
-    """Speed κ (m/s) at which rope passes a node, its rate along the node (m/s²), and the node's own speed (m/s)."""
+    """Speed κ (m/s) of the rope past a node, its rate along the node (m/s²), and the node's own speed (m/s)."""
     speed, rate = 0.0, 0.0
     if follows(state, node):
         number = state.node_load[node]
@@ -84,7 +84,7 @@ def rope_past(system, state, node):
 
 @formula
 def bends(length, e):
-    """r_xx (dim,) in 1/m at both nodes of an element, from its nodal vectors."""
+    """Second derivatives r_xx (dim,) in 1/m at both nodes of an element, from its nodal vectors."""
     chord = (1.0 / (length * length)) * (e[2] - e[0])
     a, b = (2.0 / length) * e[1], (2.0 / length) * e[3]
     return 6.0 * chord - 2.0 * a - b, a + 2.0 * b - 6.0 * chord
@@ -92,7 +92,7 @@ def bends(length, e):
 
 @formula
 def bend_rates(length, grows, e, rates):
-    """Rates (dim,) in 1/(m s) of r_xx at both nodes of an element that grows by `grows` (m/s)."""
+    """Rates (dim,) in 1/(m s) of r_xx at both nodes of an element whose length grows by `grows` (m/s)."""
     moved, turned = bends(length, rates), grows / length
     chord = (1.0 / (length * length)) * (e[2] - e[0])
     a, b = (2.0 / length) * e[1], (2.0 / length) * e[3]
@@ -104,7 +104,7 @@ def bend_rates(length, grows, e, rates):
 
 @formula
 def rope_motion(length, grows, e, rates, accelerations, before, after, spreads):
-    """Velocities and accelerations of the rope at both nodes of an element, as nodal vectors; see the module.
+    """Velocities and accelerations of the rope at both nodes, which may move along it, of an element; see the module.
 
     Args:
         length: of the element, m.
@@ -134,7 +134,7 @@ def rope_motion(length, grows, e, rates, accelerations, before, after, spreads):
 
 @inlined_kernel
 def motion_of_rope(system, state, element, accelerations):
-    """Nodal vectors of an element beside a load, and velocities and accelerations of the rope there, likewise.
+    """Nodal vectors of an element beside a moving load, with velocities and accelerations of the rope at its nodes.
 
     Takes the accelerations of the nodal coordinates (nodes, rows, dim): the true ones, or the auxiliary ones.
     """
@@ -161,7 +161,7 @@ def motion_of_rope(system, state, element, accelerations):
 
 @kernel
 def by_length(cable, length, d, a, b):
-    """Elastic energy of `continuum` by the rest length at given d, a, b: first and second derivative, and mixed ones.
+    """Derivatives of the elastic energy of `continuum` by the rest length at given d, a, b: first, second, mixed.
 
     Returns:
         dW/dl (N), d²W/dl² (N/m), and d²W/dl d(d, a, b), three vectors (dim,) in N/m.
@@ -200,7 +200,7 @@ def by_length(cable, length, d, a, b):
 
 @formula
 def shift_vectors(end, e, length):
-    """Slope and r_xx at one end (0 or 1) of an element: minus the shift of rope under a node that goes along it."""
+    """Slope and r_xx at one end (0 or 1) of an element: minus the shift of r and r_x under a node that moves along."""
     bend_a, bend_b = bends(length, e)
     first = 1.0 - end
     return first * e[1] + end * e[3], first * bend_a + end * bend_b
@@ -208,7 +208,7 @@ def shift_vectors(end, e, length):
 
 @inlined_kernel
 def forces_by_motion(system, state, length, motion, wind):
-    """Nodal forces (dim,) on r_A, slope A, r_B and slope B of one element, or of lanes: elastic ones, and all others.
+    """Nodal forces (dim,) on r_A, slope A, r_B, slope B of an element, or of lanes: elastic ones, and all others.
 
     Those on positions are in N, those on slopes in N m. The others are inertia, weight, damping and drag.
 
@@ -249,7 +249,7 @@ def forces_by_motion(system, state, length, motion, wind):
 
 @inlined_kernel
 def with_passing_rope(system, state, forces, motion, passing):
-    """Nodal forces (dim,) of one element beside a load, or of lanes, with the momentum of rope that passes its nodes.
+    """Nodal forces (dim,) of an element beside a load, or of lanes, with the momentum of rope that passes its nodes.
 
     Takes both parts of `forces_by_motion`, the motion, and the speeds κ (m/s) of rope past both nodes.
     """
@@ -265,7 +265,7 @@ def with_passing_rope(system, state, forces, motion, passing):
 
 @inlined_kernel
 def forces_along(system, state, length, forces, motion, passing):
-    """Forces Q_X (N) on the arc lengths of both nodes of one element beside a load, or of lanes.
+    """Generalized forces Q_X (N) on the arc lengths of both nodes of an element beside a moving load, or of lanes.
 
     Takes the length (m), and the arguments of `with_passing_rope`.
     """
@@ -285,7 +285,7 @@ def forces_along(system, state, length, forces, motion, passing):
 
 @inlined_kernel
 def on_element(system, state, element):
-    """Length (m), motion, wind and passing speeds of an element beside a load."""
+    """Length (m), rope motion, wind and speeds of the rope past the nodes, of an element beside a moving load."""
     return (
         state.mesh.length[element],
         motion_of_rope(system, state, element, state.nodes.acceleration),
@@ -296,7 +296,7 @@ def on_element(system, state, element):
 
 @kernel
 def pull_at_node(system, state, node):
-    """Force Q_X (N) along the rope of both elements beside a node that follows a load."""
+    """Generalized force Q_X (N) along the rope of both elements beside a node that follows a moving load."""
     total = 0.0
     for end in range(2):
         length, motion, wind, passing = on_element(system, state, node - end)
@@ -322,7 +322,7 @@ def force_beside_load(system, state, element, row):
 
 @inlined_kernel
 def beside_load(cable, state, element):
-    """Return whether a node of an element follows a load."""
+    """Return whether an element has a node that follows a moving load."""
     return cable.load_nodes and (state.node_load[element] >= 0 or state.node_load[element + 1] >= 0)
 
 
@@ -336,13 +336,13 @@ def nodal_force(system, state, element, row):
 
 @inlined_kernel
 def travel(state, node, rates):
-    """Entry of a node in `rates` (vehicles,) along the mesh: that of the load that it follows, else 0."""
+    """Rate of a node along the mesh: the entry in `rates` (vehicles,) of the moving load that it follows, else 0."""
     return rates[state.node_load[node]] if follows(state, node) else 0.0
 
 
 @inlined_kernel
 def motion_at_rest(cable, state, element, nodal, along):
-    """Nodal vectors, and velocities and accelerations at places of the mesh that stand still, of one element.
+    """Nodal vectors of an element, with velocities and accelerations of the rope at fixed arc lengths of the mesh.
 
     Takes the accelerations of nodal coordinates (nodes, rows, dim) and of arc lengths (vehicles,).
     """

@@ -1,4 +1,4 @@
-"""Assembly of elements beside loads: residual and tangent in the patch of each load; see `patch`."""
+"""Assembly of the elements beside moving loads: residual and tangent in the patch of each load; see `patch`."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ from cable_twin.mechanics.rope.shape_functions import MASS, block_row, vector_ro
 
 @kernel
 def begin_patches(state, work):
-    """Find the elements beside loads, clear their patches, and find what arc lengths of their nodes are given.
+    """Find the elements beside moving loads, clear their patches, and find which loads have a prescribed arc length.
 
-    Needs the gaps measured, which are the increments of joints that follow a reference.
+    Needs the gaps measured (`measure_gaps`): they are the increments of joints that follow a reference.
     """
     count = 0
     for element in range(work.patch_of.size):
@@ -78,7 +78,7 @@ def begin_patches(state, work):
 
 @kernel
 def list_elements(work, count):
-    """List the elements beside no load, and fill the last group of either list; `count` are beside loads."""
+    """List the elements beside no load, and pad this list and that of `count` elements beside loads to whole groups."""
     work.patch_count[0] = count
     for k in range(count, -(-count // WIDTH) * WIDTH):
         work.patch_elements[k] = work.patch_elements[count - 1]
@@ -94,14 +94,14 @@ def list_elements(work, count):
 
 @inlined_kernel
 def shifts(state, work, node):
-    """Return whether an iteration shifts a node along the rope, but for what flow over the ends of the rope does."""
+    """Return whether a Newton iteration moves a node along the rope, rope over the ends of the mesh left aside."""
     number = state.node_load[node]
     return follows(state, node) and not (work.along_held[number] and work.along_increment[number] == 0.0)
 
 
 @kernel
 def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Add the residual and tangent of all elements beside loads to their patches, `WIDTH` elements at a time."""
+    """Add residual and tangent of all elements beside moving loads to their patches, `WIDTH` elements at a time."""
     count = work.patch_count[0]
     for first in range(0, count, WIDTH):
         nodal_motion, shifted = gather_motion(system, state, first, work), any_shifted(state, work, first)
@@ -116,7 +116,7 @@ def add_patches(system, state, mass_factor, rate_factor, stiffness_factor, work)
 
 @inlined_kernel
 def keep_patch_forces(state, work):
-    """Keep the forces of the elements beside each load, before anything else adds to them."""
+    """Store the forces of the elements beside each moving load, before other forces are added to the patches."""
     last = work.patch.shape[1]
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
@@ -127,7 +127,7 @@ def keep_patch_forces(state, work):
 
 @inlined_kernel
 def gather_motion(system, state, first, work):
-    """Motion of the rope on `WIDTH` elements beside loads, in lanes; their lengths, wind and passing rope in `work`.
+    """Rope motion on `WIDTH` elements beside loads, as SIMD lanes; their lengths, wind and passing speeds go to `work`.
 
     Returns:
         Nodal vectors, and velocities and accelerations of the rope, as of `motion_of_rope`.
@@ -154,7 +154,7 @@ def gather_motion(system, state, first, work):
 
 @inlined_kernel
 def any_shifted(state, work, first):
-    """Return whether an iteration shifts any node of `WIDTH` elements beside loads along the rope."""
+    """Return whether a Newton iteration moves any node of `WIDTH` elements beside moving loads along the rope."""
     found = False
     for lane in range(WIDTH):
         element = work.patch_elements[first + lane]
@@ -164,9 +164,9 @@ def any_shifted(state, work, first):
 
 @inlined_kernel
 def force_patches(system, state, nodal_motion, shifted, work):
-    """Write the forces of a gathered group of elements beside loads to the vectors of `group`.
+    """Write the nodal forces of a gathered group of elements beside moving loads to the vectors of `work.group`.
 
-    Where any of their nodes is `shifted` by the iteration, Q_X to its blocks.
+    Where the iteration moves any of their nodes along the rope (`shifted`), the forces Q_X go to its first block.
     """
     like, rows = system.cable.gravity, work.patch_motion
     length, wind = read_vector(rows, 0, (0.0,))[0], read_vector(rows, 1, like)
@@ -181,7 +181,7 @@ def force_patches(system, state, nodal_motion, shifted, work):
 
 @kernel
 def add_patch_differences(system, state, count, share, patch_columns, slot, work):
-    """Add `share` times the forces of all elements beside loads, less those of arc lengths, to a column of patches.
+    """Add `share` times the nodal forces, and minus `share` times Q_X, of elements beside loads to a column of patches.
 
     Args:
         system: parameters.
@@ -212,10 +212,10 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
 
 @inlined_kernel
 def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of `WIDTH` elements beside loads, with their elastic part, in groups as of `element`.
+    """Linearise `WIDTH` elements beside loads: residual, tangent and their elastic part, in groups as of `element`.
 
-    Takes the `nodal_motion` of `gather_motion`. Where any of their nodes is `shifted` by the iteration, derivatives by
-    length, too.
+    Takes the `nodal_motion` of `gather_motion`. Where the iteration moves any of their nodes (`shifted`), derivatives
+    of the elastic energy by length are stored, too.
     """
     cable, like, group, elastic_group = system.cable, system.cable.gravity, work.group, work.patch_elastic
     rows, stretch = work.patch_motion, rest_stretch(cable, state)
@@ -252,7 +252,7 @@ def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_fa
 
 @inlined_kernel
 def add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work):
-    """Add one element, from a lane of its group, to the patch of its load; with the rows of nodes that follow loads."""
+    """Add one element, from a lane of its group, to the patch of its load, with the rows of nodes that follow loads."""
     cable, like = system.cable, system.cable.gravity
     dim, square = len(like), outer(0.0, like, like)
     number, right = work.patch_of[element], work.patch_right[element]
@@ -301,7 +301,7 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
 
 @formula
 def add_numbers(numbers, patch, right, last, like):
-    """Add residual and tangent of an element, of the `numbers` of a group, to a patch with its residual in `last`."""
+    """Add an element's residual and tangent, `numbers` of a group, to a patch with its residual in column `last`."""
     dim, square = len(like), outer(0.0, like, like)
     rows = [patch_row(right, i, dim) for i in range(4)]
     for i in range(4):
@@ -315,10 +315,10 @@ def add_numbers(numbers, patch, right, last, like):
 
 @formula
 def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elastic_group, like):
-    """Add to a group what damping and drag are by nodal coordinates, as rope passes the nodes.
+    """Add to a group's tangent the damping and drag by nodal coordinates that the rope passing the nodes causes.
 
-    Of the group they are all but the elastic part and the inertia, `mass` (kg/m) by `mass_factor`; `per_rate` is the
-    stiffness factor over the rate factor.
+    Damping and drag are the group's tangent less its elastic part and its inertia, `mass` (kg/m) by `mass_factor`;
+    `per_rate` is the stiffness factor over the rate factor.
     """
     speeds = passing_speeds(length, k_a, k_b)
     powers = (mass_factor * mass * per_rate) * length, length, length * length
@@ -336,7 +336,7 @@ def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elasti
 
 @formula
 def convect(length, mass, grows, before, after, rate_factor, stiffness_factor, group, like):
-    """Add to the blocks of a group the inertia of what accelerations of the rope are by nodal coordinates."""
+    """Add to a group's tangent the inertia by nodal coordinates that the rope passing the nodes causes."""
     still = convection(length, grows, before, after, rate_factor, stiffness_factor)
     inert = mass * length, mass * length * length
     for i in range(4):
@@ -367,7 +367,7 @@ def passing_speeds(length, k_a, k_b):
 
 @formula
 def convection(length, grows, before, after, rate_factor, stiffness_factor):
-    """Rows of ∫S_i S_j dx/l times the derivatives of the rope's accelerations by nodal coordinates, but those by r_tt.
+    """Rows of ∫S_i S_j dx/l times the derivatives of rope accelerations by nodal coordinates, without those by r_tt.
 
     Rows of slopes are without a factor l. Arguments as in `rope_motion`, factors as in `assemble`.
     """
@@ -394,13 +394,13 @@ def convection(length, grows, before, after, rate_factor, stiffness_factor):
 
 @formula
 def shift_row(right, end, dim):
-    """Row of the arc length, in a patch, of one end of the element before or after the load."""
+    """Row, in a moving load's patch, of the arc length of one end of the element before or after the load."""
     return 5 * dim + right * end * (3 * dim + 1)
 
 
 @inlined_kernel
 def energy_by_node(cable, state, element, lane, e, like, work):
-    """Derivative of the elastic energy by the length of the mesh's element: first, second, by nodal coordinates."""
+    """First and second derivative of an element's elastic energy by its length, and mixed ones by nodal coordinates."""
     stretch, length = rest_stretch(cable, state), state.mesh.length[element]
     dim, square = len(like), outer(0.0, like, like)
     by, group = work.patch_by_length, work.patch_elastic
@@ -446,7 +446,7 @@ def energy_by_node(cable, state, element, lane, e, like, work):
 
 @inlined_kernel
 def beyond_elastic(group, elastic_group, row, lane, like):
-    """Vector or matrix of a group without its elastic part."""
+    """Vector or matrix of one element of a group, from `row` on, without the elastic part."""
     return subtract(load(group[row:, lane], like), load(elastic_group[row:, lane], like))
 
 
@@ -454,7 +454,7 @@ def beyond_elastic(group, elastic_group, row, lane, like):
 def add_shift(
     cable, state, element, lane, end, shift, row, e, rates, bend_rate, k, rate_factor, stiffness_factor, work
 ):
-    """Add row and column of the arc length of a node that follows a load, of one of the elements beside it.
+    """Add row and column of the arc length of a node that follows a load, from one of the elements beside the node.
 
     Args:
         cable: parameters.
@@ -520,7 +520,7 @@ def add_shift(
 
 @inlined_kernel
 def add_both_shifts(cable, state, element, lane, e, stiffness_factor, work):
-    """Add the coupling of the arc lengths of two neighbouring nodes that both follow loads."""
+    """Add the coupling of the arc lengths of two neighbouring nodes that both follow moving loads."""
     like = cable.gravity
     dim, square = len(like), outer(0.0, like, like)
     number, right = work.patch_of[element], work.patch_right[element]

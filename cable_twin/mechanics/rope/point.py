@@ -1,7 +1,7 @@
 """Points on the rope: element search, interpolation, and point loads.
 
-Of an element with the nodal coordinates e, r = S e there; coordinate i of it is r or r_x of its first node (0, 1), or
-of its second one (2, 3).
+At a point of an element with the nodal coordinates e, r = S e; coordinate i of an element is r or r_x of its first node
+(0, 1), or of its second one (2, 3).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Point(NamedTuple):
 
 @kernel
 def element_at(cable, state, arc_length):
-    """Element at an `arc_length` (m); beyond an end, the end element; the first one for NaN."""
+    """Index of the element at an `arc_length` (m); beyond an end, the end element; the first one for NaN."""
     place = arc_length / cable.cell_length
     cell = int(min(place, cable.cell_element.size - 1.0)) if place > 0.0 else 0
     element = cable.cell_element[cell]
@@ -44,20 +44,20 @@ def element_at(cable, state, arc_length):
 
 @inlined_kernel
 def point_on(state, element, arc_length):
-    """Point at an `arc_length` (m) on a given element, extrapolated beyond its nodes."""
+    """Point of the rope at an `arc_length` (m) on a given element, extrapolated beyond its nodes."""
     x, length = arc_length - state.mesh.arc_length[element], state.mesh.length[element]
     return Point(element, shape_functions(x, length), shape_functions_x(x, length), shape_functions_xx(x, length))
 
 
 @inlined_kernel
 def point_at(cable, state, arc_length):
-    """Point at an `arc_length` (m) of the whole cable."""
+    """Point of the rope at an `arc_length` (m) of the whole cable."""
     return point_on(state, element_at(cable, state, arc_length), arc_length)
 
 
 @formula
 def interpolate(coordinates, element, weights, like):
-    """Weighted sum (dim,) of the four nodal vectors of an element."""
+    """Weighted sum (dim,) of the four nodal vectors of an element, with shape functions as `weights`."""
     return add_scaled(
         weights[0],
         load(coordinates[element, 0], like),
@@ -75,43 +75,43 @@ def interpolate(coordinates, element, weights, like):
 
 @inlined_kernel
 def value(coordinates, point, like):
-    """Position r (dim,) in m at a point from nodal coordinates, or velocity r_t from nodal rates: S e."""
+    """Position r (dim,) in m at a point of the rope from nodal coordinates, or velocity r_t from nodal rates: S e."""
     return interpolate(coordinates, point.element, point.shape, like)
 
 
 @inlined_kernel
 def slope(coordinates, point, like):
-    """Slope r_x (dim,) at a point from nodal coordinates, or r_tx in 1/s from nodal rates: S_x e."""
+    """Slope r_x (dim,) at a point of the rope from nodal coordinates, or r_tx in 1/s from nodal rates: S_x e."""
     return interpolate(coordinates, point.element, point.shape_x, like)
 
 
 @inlined_kernel
 def bend(coordinates, point, like):
-    """Second derivative r_xx (dim,) in 1/m at a point from nodal coordinates: S_xx e."""
+    """Second derivative r_xx (dim,) in 1/m at a point of the rope from nodal coordinates: S_xx e."""
     return interpolate(coordinates, point.element, point.shape_xx, like)
 
 
 @kernel
 def position_on_cable(cable, state, arc_length):
-    """R (dim,) in m at an arc length."""
+    """Position r (dim,) in m of the cable at an arc length (m)."""
     return value(state.nodes.position, point_at(cable, state, arc_length), cable.gravity)
 
 
 @formula
 def coordinate(array, element, i, like):
-    """Coordinate `i` (dim,) of an element in an `array` (nodes, 2, dim)."""
+    """Nodal coordinate `i` (dim,) of an element from an `array` (nodes, 3, dim)."""
     return load(array[element + i // 2, (i % 2) * (AFTER - i // 2)], like)
 
 
 @formula
 def accumulate_vector(vector, array, element, i):
-    """Add a vector (dim,) to coordinate `i` of an element in an `array` (nodes, rows, dim) of unloaded nodes."""
+    """Add a vector (dim,) to nodal coordinate `i` of an element beside no load, in an `array` (nodes, rows, dim)."""
     accumulate(vector, array[element + i // 2, i % 2])
 
 
 @inlined_kernel
 def add_to(vector, element, i, work):
-    """Add a vector (dim,) to coordinate `i` of an element in the right side."""
+    """Add a vector (dim,) to nodal coordinate `i` of an element in the right side, or in the patch of a moving load."""
     load_number = work.patch_of[element]
     if load_number < 0:
         accumulate_vector(vector, work.right_side, element, i)
@@ -122,14 +122,14 @@ def add_to(vector, element, i, work):
 
 @inlined_kernel
 def add_force(force, point, work):
-    """Add a force (dim,) in N at a place to the right side of the nodes."""
+    """Add a force (dim,) in N at a point of the rope to the right side of the nodes beside it."""
     for i in range(4):
         add_to(scale(point.shape[i], force), point.element, i, work)
 
 
 @inlined_kernel
 def add_block(matrix, element, i, j, work):
-    """Add a full matrix to the tangent block of coordinates `i` and `j` of an element."""
+    """Add a full matrix to the tangent block of nodal coordinates `i`, `j` of an element, or to the patch of a load."""
     load_number = work.patch_of[element]
     if load_number >= 0:
         right, dim = work.patch_right[element], len(matrix)
@@ -144,11 +144,11 @@ def add_block(matrix, element, i, j, work):
 
 @inlined_kernel
 def add_tangent(by_place, by_slope, point, work):
-    """Add the tangent of a force at a place, which works on the rope by Δr, and of what works there by Δr_x.
+    """Add the tangent of a point load on the rope: of its force on r, and of its generalized force on r_x.
 
     Args:
-        by_place: derivatives (dim²) of what works by Δr, by r and by r_x.
-        by_slope: the same of what works by Δr_x.
+        by_place: derivatives (dim²) of the force, which works by Δr, by r and by r_x.
+        by_slope: derivatives (dim²) of the generalized force that works by Δr_x, likewise.
         point: the place.
         work: with the tangent blocks, or the patch, of its element.
     """
@@ -164,7 +164,7 @@ def add_tangent(by_place, by_slope, point, work):
 
 @formula
 def add_tangent_to_nodes(by_place, by_slope, shape, shape_x, first, upper, lower, second):
-    """Add a tangent, see `add_tangent`, to the blocks of an element (2, 2, dim²) of nodes without loads."""
+    """Add a point load's tangent, see `add_tangent`, to the blocks (2, 2, dim²) of an element beside no moving load."""
     for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
         blocks = ((first, upper), (lower, second))[i // 2][j // 2]
         accumulate(matrix, blocks[i % 2, j % 2])
@@ -172,7 +172,7 @@ def add_tangent_to_nodes(by_place, by_slope, shape, shape_x, first, upper, lower
 
 @formula
 def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
-    """Add a tangent, see `add_tangent`, to the patch of a load, of the element before (`right` 0) or after (1) it."""
+    """Add a point load's tangent, see `add_tangent`, to a patch, for its element before (`right` 0) or after (1)."""
     dim = len(by_place[0])
     rows = [patch_row(right, i, dim) for i in range(4)]
     for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
@@ -180,7 +180,7 @@ def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
 
 
 def tangent_blocks(by_place, by_slope, shape, shape_x):
-    """Blocks (dim²) of a tangent, see `add_tangent`, with their coordinates i and j; for formulas."""
+    """Yield the blocks (dim²) of a point load's tangent, see `add_tangent`, with coordinates i and j; for formulas."""
     for j in range(4):
         moved = shape[j] * by_place[0] + shape_x[j] * by_place[1]
         turned = shape[j] * by_slope[0] + shape_x[j] * by_slope[1]
@@ -190,7 +190,7 @@ def tangent_blocks(by_place, by_slope, shape, shape_x):
 
 @formula
 def add_matrix(matrix, array, row, column):
-    """Add a full matrix to a part of a two-dimensional `array`, from a row and a column on."""
+    """Add a full matrix to a two-dimensional `array`, from a row and a column on."""
     for i, line in enumerate(matrix):
         for j, entry in enumerate(line):
             array[row + i, column + j] = array[row + i, column + j] + entry
@@ -198,14 +198,14 @@ def add_matrix(matrix, array, row, column):
 
 @formula
 def add_column(vector, array, row, column):
-    """Add a vector to a part of a column of a two-dimensional `array`, from a row on."""
+    """Add a vector to a column of a two-dimensional `array`, from a row on."""
     for i, entry in enumerate(vector):
         array[row + i, column] = array[row + i, column] + entry
 
 
 @formula
 def add_row(vector, array, row, column):
-    """Add a vector to a part of a row of a two-dimensional `array`, from a column on."""
+    """Add a vector to a row of a two-dimensional `array`, from a column on."""
     for j, entry in enumerate(vector):
         array[row, column + j] = array[row, column + j] + entry
 
@@ -218,13 +218,13 @@ def read_matrix(array, row, column, like):
 
 @formula
 def clamp_row(dim):
-    """First row, in a patch of a load, of the force of a clamp on it; no load follows in the node after such a one."""
+    """First row of a clamp's force in the patch of a moving load; the node after such a load follows no other one."""
     return 7 * dim + 1
 
 
 @formula
 def patch_row(right, i, dim):
-    """First row, in a patch of a load, of coordinate `i` of the element before (`right` 0) or after (1) the load.
+    """First row, in a load's patch, of nodal coordinate `i` of the element before (`right` 0) or after (1) the load.
 
     Rows are those of the node before the load, r and r_x; of the load, r, r_x before and after it, and s; of the node
     after the load likewise, whose last ones are used where it follows a load too.

@@ -34,7 +34,7 @@ CALM = 1e-200  # m²/s², below which the square of a relative wind is none
 
 @inlined_kernel
 def add_drag(rope_drag, wind, length, shape, rates, rate_factor, stiffness_factor, group):
-    """Add the drag on a group of elements to residual and tangent, exact by positions, slopes and rates.
+    """Add the air drag on a group of elements to residual and tangent, exact by positions, slopes and rates.
 
     Args:
         rope_drag: q in kg/m².
@@ -72,7 +72,7 @@ def add_drag(rope_drag, wind, length, shape, rates, rate_factor, stiffness_facto
 
 @inlined_kernel
 def wind_across(number, length, shape, rates, wind):
-    """Wind relative to the rope at a Gauss point of an element, split along and across.
+    """Relative wind at a Gauss point of a rope element, split along and across the rope.
 
     Returns:
         |r_x|; the tangent t (dim,); the part of the relative wind along it in m/s; the part across (dim,) in m/s.
@@ -89,7 +89,7 @@ def wind_across(number, length, shape, rates, wind):
 
 @inlined_kernel
 def drag_on(rope_drag, wind, length, shape, rates, row):
-    """Nodal drag (dim,) in N on elements, at r_A (row 0) or r_B (row 2), consistent with `add_drag`."""
+    """Nodal air drag (dim,) in N on rope elements, at r_A (row 0) or r_B (row 2), consistent with `add_drag`."""
     total = scale(0.0, wind)
     for number in range(POINTS):
         _, _, _, across = wind_across(number, length, shape, rates, wind)

@@ -21,23 +21,23 @@ BENDING_POINTS = 3  # of the bending energy
 
 
 def _abscissae(points: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Legendre points and weights (points,) on 0..1."""
+    """Gauss-Legendre points and weights (points,) on the interval 0..1."""
     x, weights = leggauss(points)
     return (x + 1.0) / 2.0, weights / 2.0
 
 
 def _slopes(x: FloatArray) -> FloatArray:
-    """S_x l of (d, slope A times l, slope B times l) at x = 0..1, shape (points, 3)."""
+    """First derivatives S_x l of the shape functions of (d, slope A times l, slope B times l), (points, 3)."""
     return np.stack([6 * x - 6 * x**2, 1 - 4 * x + 3 * x**2, -2 * x + 3 * x**2], axis=1)
 
 
 def _curvatures(x: FloatArray) -> FloatArray:
-    """S_xx l² of (d, slope A times l, slope B times l) at x = 0..1, shape (points, 3)."""
+    """Second derivatives S_xx l² of the shape functions of (d, slope A times l, slope B times l), (points, 3)."""
     return np.stack([6 - 12 * x, -4 + 6 * x, -2 + 6 * x], axis=1)
 
 
 def _rows(table: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Table as nested tuples, constants for compiled kernels."""
+    """Convert a table of numbers to nested tuples, as a constant of compiled kernels."""
     return tuple(tuple(float(value) for value in row) for row in table)
 
 
@@ -78,14 +78,14 @@ SLOPE_OF_CHORD = tuple((row[2], row[1], row[3]) for row in SLOPE)
 
 @formula
 def shape_functions(x, length):
-    """S_1..S_4 (eq. 2) at x (m) of an element of `length` (m)."""
+    """Shape functions S_1..S_4 (eq. 2) of an element of `length` (m) at x (m)."""
     u = x / length
     return 1 - u * u * (3 - 2 * u), x * (1 - u) * (1 - u), u * u * (3 - 2 * u), x * u * (u - 1)
 
 
 @formula
 def shape_functions_x(x, length):
-    """First derivatives along the cable, 1/m for positions, - for slopes."""
+    """First derivatives of the shape functions along the cable, 1/m for positions, - for slopes."""
     u = x / length
     s = 6 * u * (1 - u) / length
     return -s, 1 - u * (4 - 3 * u), s, u * (3 * u - 2)
@@ -93,7 +93,7 @@ def shape_functions_x(x, length):
 
 @formula
 def shape_functions_xx(x, length):
-    """Second derivatives along the cable, 1/m² for positions, 1/m for slopes."""
+    """Second derivatives of the shape functions along the cable, 1/m² for positions, 1/m for slopes."""
     u = x / length
     s = (6 - 12 * u) / (length * length)
     return -s, (6 * u - 4) / length, s, (6 * u - 2) / length
@@ -101,7 +101,7 @@ def shape_functions_xx(x, length):
 
 @formula
 def shape_functions_xxx(length):
-    """Third derivatives along the cable, 1/m³ for positions, 1/m² for slopes; constant over an element."""
+    """Third derivatives of the shape functions along the cable, 1/m³ for positions, 1/m² for slopes; constant."""
     s = 12 / (length * length * length)
     return s, 6 / (length * length), -s, 6 / (length * length)
 
@@ -114,12 +114,12 @@ def combine(c, d, a, b):
 
 @formula
 def vector_row(i, like):
-    """First row of the vector (dim,) of coordinate i."""
+    """First row, in the array of a group of elements, of the vector (dim,) of nodal coordinate i."""
     return i * len(like)
 
 
 @formula
 def block_row(i, j, like):
-    """First row of the block (dim²) of coordinate i against j."""
+    """First row, in the array of a group of elements, of the block (dim²) of nodal coordinate i against j."""
     dim = len(like)
     return 4 * dim + (4 * i + j) * dim * dim

@@ -1,8 +1,7 @@
 """Linear solver of one rope: block elimination along the cable, O(nodes), without fill.
 
-It goes from both ends to the middle, or to the first and last node that is coupled to other ropes, with the nodes of
-either side beside each other in one register: no node waits for those of the other side, as it does for the one before
-it.
+Elimination goes from both ends to the middle, or to the first and last node that is coupled to other ropes. The nodes
+of both sides, which do not depend on each other, are side by side in one SIMD register.
 
 A node has two unknown vectors, r and r_x, so its block is a tuple of four matrices of the working space.
 """
@@ -26,20 +25,20 @@ from cable_twin.mechanics.language.vectors import (
 
 @formula
 def no_node(like):
-    """Block of zeros for a node."""
+    """Zero node block, of four matrices."""
     zero = Mat(Vec(0.0 for _ in like) for _ in like)
     return zero, zero, zero, zero
 
 
 @formula
 def load_node(array, square):
-    """Load the block of a node from an array (2, 2, dim²)."""
+    """Load a node block from an array (2, 2, dim²)."""
     return load(array[0, 0], square), load(array[0, 1], square), load(array[1, 0], square), load(array[1, 1], square)
 
 
 @formula
 def store_node(matrices, array):
-    """Write the block of a node to an array (2, 2, dim²)."""
+    """Write a node block to an array (2, 2, dim²)."""
     store(matrices[0], array[0, 0])
     store(matrices[1], array[0, 1])
     store(matrices[2], array[1, 0])
@@ -59,7 +58,7 @@ def multiply_nodes(a, b):
 
 @formula
 def less_nodes(c, a, b):
-    """Difference c - a b of node blocks."""
+    """Difference c - a b of three node blocks."""
     return (
         less_product(less_product(c[0], a[0], b[0]), a[1], b[2]),
         less_product(less_product(c[1], a[0], b[1]), a[1], b[3]),
@@ -70,19 +69,19 @@ def less_nodes(c, a, b):
 
 @formula
 def add_parts(a, b):
-    """Sum a + b of two node blocks, or of two pairs."""
+    """Sum a + b of two node blocks, or of two pairs of node vectors."""
     return tuple(one + other for one, other in zip(a, b, strict=True))
 
 
 @formula
 def apply_node(a, x):
-    """Product of a block and the two vectors of a node."""
+    """Product a x of a node block with the two vectors of a node."""
     return sum_of_products(a[0], x[0], a[1], x[1]), sum_of_products(a[2], x[0], a[3], x[1])
 
 
 @formula
 def less_pair(c, a, x):
-    """Difference c - a x of two pairs, with a node block `a`."""
+    """Difference c - a x of two pairs of node vectors, with a node block `a`."""
     return (
         less_product(less_product(c[0], a[0], x[0]), a[1], x[1]),
         less_product(less_product(c[1], a[2], x[0]), a[3], x[1]),
@@ -104,20 +103,20 @@ def store_pair(pair, array):
 
 @formula
 def load_both(one, other, like):
-    """Load the vectors or matrices of two nodes, as `load_pair`, beside each other."""
+    """Load the vectors or matrices of two nodes as SIMD pairs, see `load_pair`."""
     return beside(load_pair(one, like), load_pair(other, like))
 
 
 @formula
 def store_both(both, one, other):
-    """Write what `load_both` gives to the arrays of the two nodes."""
+    """Write SIMD pairs as loaded by `load_both` to the arrays of the two nodes."""
     store_pair(first_of(both), one)
     store_pair(second_of(both), other)
 
 
 @formula
 def factor_node(block):
-    """Schur factors of a node block, and 0, or nan for a singular block."""
+    """Schur factors of a node block, for `solve_pair` and `solve_node`; and 0, or nan for a singular block."""
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
@@ -130,7 +129,7 @@ def factor_node(block):
 
 @formula
 def solve_pair(factors, x):
-    """Solve a factored node block for a right side `x` of two vectors."""
+    """Solve a factored node block for a right side `x` of two vectors of the node."""
     inverse, a_b, c_a, schur_inverse = factors
     last = product(schur_inverse, less_product(x[1], c_a, x[0]))
     return less_product(product(inverse, x[0]), a_b, last), last
@@ -138,7 +137,7 @@ def solve_pair(factors, x):
 
 @formula
 def solve_node(factors, block):
-    """Solve a factored node block for a right side of another block."""
+    """Solve a factored node block for a right side that is another node block."""
     inverse, a_b, c_a, schur_inverse = factors
     last = tuple(product(schur_inverse, less_product(block[2 + j], c_a, block[j])) for j in range(2))
     first = tuple(less_product(product(inverse, block[j]), a_b, last[j]) for j in range(2))
@@ -156,13 +155,15 @@ def invert_node(block):
 
 @kernel
 def solve_block_tridiagonal(diagonal, upper, lower, right_side, like):
-    """Solve in place; `right_side` becomes the solution, see `solve_columns`."""
+    """Solve the equations of a rope in place; `right_side` becomes the solution, see `solve_columns`."""
     return solve_columns(diagonal, upper, lower, right_side, upper, 0, like)
 
 
 @inlined_kernel
 def solve_columns(diagonal, upper, lower, right_side, columns, count, like):
-    """Solve in place for a right side and further ones; they become the solutions, `upper` and `lower` in part factors.
+    """Solve the equations of a rope in place, for `right_side` and further columns, which become the solutions.
+
+    `upper` and `lower` become factors in part.
 
     Args:
         diagonal: (nodes, 2, 2, dim²), matrices row by row.
@@ -192,9 +193,9 @@ def solve_columns(diagonal, upper, lower, right_side, columns, count, like):
 
 @inlined_kernel
 def eliminate_ends(diagonal, upper, lower, right_side, columns, count, first, kept_to, like):
-    """Eliminate all nodes before node `first` and after node `kept_to`, which may be the same one.
+    """Eliminate all nodes of a rope before node `first` and after node `kept_to`, which may be the same one.
 
-    Takes the other arguments of `solve_columns`, and returns what that does; couplings become factors.
+    Takes the other arguments of `solve_columns` and returns the same number; couplings become factors.
     """
     last, square = diagonal.shape[0] - 1, outer(0.0, like, like)
     pairs = min(first, last - kept_to)
@@ -255,7 +256,7 @@ def eliminate_one(diagonal, right_side, columns, count, node, inner, out, back, 
 
 @inlined_kernel
 def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor, like):
-    """Subtract an eliminated node, which is known less `factor` times its neighbour, from the equations of that."""
+    """Subtract an eliminated node, its solution less `factor` times that of `inner`, from the equations of `inner`."""
     square = outer(0.0, like, like)
     on, by, known = load_node(coupling, square), load_node(factor, square), load_pair(right_side[node], like)
     subtract_node(diagonal, right_side, columns, count, node, inner, on, by, known, like)
@@ -263,7 +264,7 @@ def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor,
 
 @inlined_kernel
 def subtract_node(diagonal, right_side, columns, count, node, left, coupling, factor, known, like):
-    """Subtract an eliminated node, `known` less `factor` times one that is `left`, from the equations of that."""
+    """Subtract an eliminated node, solution `known` - `factor` x that of `left`, from the equations of node `left`."""
     square = outer(0.0, like, like)
     block, right = load_node(diagonal[left], square), load_pair(right_side[left], like)
     block, right = without(block, right, coupling, factor, known)
@@ -275,7 +276,7 @@ def subtract_node(diagonal, right_side, columns, count, node, left, coupling, fa
 
 @inlined_kernel
 def substitute_ends(upper, lower, right_side, columns, count, first, kept_to, like):
-    """Back substitution of what `eliminate_ends` eliminated; takes its arguments."""
+    """Back-substitute the nodes that `eliminate_ends` has eliminated; takes its arguments."""
     last, square = right_side.shape[0] - 1, outer(0.0, like, like)
     pairs = min(first, last - kept_to)
     for node in range(first - 1, pairs - 1, -1):
@@ -298,7 +299,7 @@ def substitute_ends(upper, lower, right_side, columns, count, first, kept_to, li
 
 @inlined_kernel
 def substitute_one(right_side, columns, count, node, inner, factor, like):
-    """Back substitution of a node from its neighbour `inner`."""
+    """Back-substitute one node from the solution of its neighbour `inner`."""
     square = outer(0.0, like, like)
     by = load_node(factor, square)
     less_neighbour(by, right_side[inner], right_side[node], like)
@@ -308,11 +309,11 @@ def substitute_one(right_side, columns, count, node, inner, factor, like):
 
 @formula
 def less_neighbour(coupling, neighbour, array, like):
-    """Subtract the product of a node block and a neighbour's pair from a pair (2, ...), in place; pairs of `like`."""
+    """Subtract a node block times a neighbour's vector pair from a pair (2, ...), in place; pairs of shape `like`."""
     store_pair(less_pair(load_pair(array, like), coupling, load_pair(neighbour, like)), array)
 
 
 @formula
 def without(block, right, coupling, factor, known):
-    """Block and right side of a node without its eliminated neighbour, which is `known` - `factor` x the node."""
+    """Block and right side of a node less its eliminated neighbour, with solution `known` - `factor` x the node's."""
     return less_nodes(block, coupling, factor), less_pair(right, coupling, known)

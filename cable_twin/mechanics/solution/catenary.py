@@ -27,7 +27,7 @@ class EquilibriumError(RuntimeError):
 
 
 class Rest(NamedTuple):
-    """Spans of the cable in equilibrium; span k is before tower k."""
+    """Equilibrium of a bare cable, an elastic catenary in each span; span k is before tower k."""
 
     corner: FloatArray  # (spans + 1, dim) m: ends and towers
     basis: FloatArray  # (spans, 2, dim): unit vectors, level along each span and up
@@ -43,7 +43,7 @@ class Rest(NamedTuple):
         return _in_world(after[:-1], self.basis[:-1]) - _in_world(self.pull[1:], self.basis[1:])
 
     def place(self, arc_lengths: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions (n, dim) in m and slopes r_x (n, dim) at arc lengths (n,) in m."""
+        """Positions (n, dim) in m and slopes r_x (n, dim) of the cable at arc lengths (n,) in m."""
         corner_at = np.concatenate([[0.0], np.cumsum(self.length)])
         span = np.clip(np.searchsorted(corner_at, arc_lengths, side="right") - 1, 0, self.length.size - 1)
         s = arc_lengths - corner_at[span]
@@ -57,14 +57,14 @@ class Rest(NamedTuple):
 
 
 def _in_world(vectors: FloatArray, basis: FloatArray) -> FloatArray:
-    """Vectors (n, 2), level and up, in the axes of the world (n, dim), each with its own basis (n, 2, dim)."""
+    """Convert vectors (n, 2), level and up, to axes of the world (n, dim), each from its own basis (n, 2, dim)."""
     return np.einsum("nb,nbd->nd", vectors, basis)
 
 
 def elastic_catenary(
     pull: FloatArray, s: FloatArray, weight: float, stiffness: float, free_stretch: float
 ) -> FloatArray:
-    """Place (n, 2), level and up in m, of elastic catenaries from the origin at arc lengths `s` (n,) in m.
+    """Position (n, 2), level and up in m, on elastic catenaries from the origin at arc lengths `s` (n,) in m.
 
     With tension (H, V + w s), r_x = (1/EA + f/T) (H, V + w s), integrated. `pull` (n, 2) is (H, V) in N, `weight` w in
     N/m, `stiffness` EA in N, `free_stretch` f the length without tension over the unstrained one.
@@ -92,7 +92,7 @@ def line_over(before: FloatArray, here: FloatArray, after: FloatArray) -> FloatA
 
 
 def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[int, FloatArray, float]:
-    """End of a counterweight, its direction (2,) and force (N); -1 and zeros without one."""
+    """End (0, 1) with a counterweight, its direction (2,) and force (N); -1 and zeros without one."""
     weighted = np.flatnonzero(counterweights.mass > 0.0)
     if weighted.size == 0:
         return -1, np.zeros(2), 0.0
@@ -102,9 +102,8 @@ def _weighted_end(counterweights: Counterweights, basis: FloatArray) -> tuple[in
 
 def _too_light(end: int, force: float, reach: str, weight: float) -> EquilibriumError:
     return EquilibriumError(
-        f"cable.{ENDS[end]}.mass: with a counterweight of {with_unit(force, 'N', 6)}, no catenary {reach}: it is "
-        "too light to "
-        f"hold a cable of {with_unit(weight, 'N', 3)}; allowed: a heavier one"
+        f"cable.{ENDS[end]}.mass: given a counterweight of {with_unit(force, 'N', 6)}, with which no catenary {reach}: "
+        f"it is too light to hold a cable of {with_unit(weight, 'N', 3)}; allowed: a heavier one"
     )
 
 
@@ -163,7 +162,10 @@ def rest_over_supports(system: System) -> Rest:
         towers = {0: "", 1: " over a tower"}.get(count - 1, f" over {count - 1} towers")
         reach = f"of {length:g} m reaches over {across:g} m and up {height:g} m{towers}"
         if end < 0:
-            raise EquilibriumError(f"no catenary {reach}: it misses by {with_unit(missed * length, 'm', 3)}")
+            raise EquilibriumError(
+                f"no catenary {reach}: it misses by {with_unit(missed * length, 'm', 3)}; "
+                "allowed: another cable.unstrained_length, or other places of its supports"
+            )
         raise _too_light(end, given, reach, weight * length)
     if end >= 0:
         corner[-end] += found.x[-1] * length * counterweights.direction[end]
@@ -171,7 +173,7 @@ def rest_over_supports(system: System) -> Rest:
 
 
 class Cure(NamedTuple):
-    """Quantity that sets the tension of a rope, to be changed until a tower is touched."""
+    """Input quantity that sets the tension of a rope, to be changed until the rope touches a tower."""
 
     given: float
     text: str  # of what is allowed, with places for `bound` ("at most", "at least") and `value`
@@ -179,7 +181,7 @@ class Cure(NamedTuple):
     at: Callable[[float], System]  # the same rope with another value, as its own ends and length then are
 
     def value(self, tower: int) -> str:
-        """Text with the nearest value for contact with a tower; empty if no value helps."""
+        """Text with the nearest value at which the rope touches a tower; empty if no value helps."""
 
         def load(change: float) -> float:
             try:
@@ -219,15 +221,15 @@ def cure_of(system: System) -> Cure:
 
 
 def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure | None = None) -> None:
-    """Refuse towers without contact, and counterweights at a limit of travel, in equilibrium of the bare cable.
+    """Refuse a bare cable at rest that misses a tower, or has a counterweight at a limit of its travel.
 
-    What hangs on a rope can only lift its counterweight: one that lies at its upper limit may rest below it then.
+    Vehicles on a rope can only lift its counterweight: one at the upper limit of its travel may rest below it then.
 
     Args:
         system: parameters.
         names: of the towers.
         loaded: whether anything hangs on the cable when it is not bare.
-        cure: what sets its tension, where that is not its own end or length.
+        cure: quantity that sets its tension, where that is not its own end or length.
 
     Raises:
         EquilibriumError: naming the first one, how it misses and what is allowed.
@@ -263,7 +265,7 @@ def check_rest(system: System, names: Sequence[str], *, loaded: bool, cure: Cure
 
 
 def beyond_travel(system: System, end: int, travel: float) -> str:
-    """Message for a counterweight at an end of the cable with an equilibrium beyond its limits, at `travel` (m)."""
+    """Error message for a counterweight at an end of the cable whose equilibrium `travel` (m) is beyond its limits."""
     low, high = system.counterweights.travel[end]
     short = travel <= low
     cause, way = (
@@ -278,7 +280,7 @@ def beyond_travel(system: System, end: int, travel: float) -> str:
 
 
 def _opening(system: System, tower: int) -> FloatArray:
-    """Mean of the normals (dim,) of the contacts of a tower."""
+    """Mean of the contact normals (dim,) of a tower: the side on which the rope is."""
     first, end = system.towers.contact_offset[tower : tower + 2]
     mean: FloatArray = system.towers.normal[first:end].mean(axis=0)
     return mean
@@ -287,7 +289,7 @@ def _opening(system: System, tower: int) -> FloatArray:
 def _first_guess(
     spans: FloatArray, weight: float, stiffness: float, length: float, given: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Initial pulls (spans, 2) in N and lengths (spans,) in m of the solver; `given` is a counterweight force (N).
+    """Initial pulls (spans, 2) in N and lengths (spans,) in m for the solver; `given` is a counterweight force (N).
 
     One span that is slack: a parabola of the same sag (Jayaraman, Knudson 1981). Else a common tension T at which flat
     parabolas, stretched by T / EA, take up the whole length.
@@ -315,7 +317,8 @@ def _first_guess(
             raise EquilibriumError(
                 f"no tension up to {with_unit(most, 'N')}, ten times its axial stiffness, holds the rope of "
                 f"{length:.6g} m on "
-                f"its supports; its weight is {with_unit(weight * length, 'N')}"
+                f"its supports; its weight is {with_unit(weight * length, 'N')}; "
+                "allowed: a longer, lighter or stiffer rope"
             )
         tension = scipy.optimize.brentq(lambda log: taken(np.exp(log)).sum() - length, np.log(least), np.log(most))
         tension = float(np.exp(tension))

@@ -35,16 +35,16 @@ SECOND = 2  # steps, of which one is looked at for the error of the trapezoidal 
 
 @kernel
 def numerical_loss(system, before, after, c, h):
-    """Energy lost by the integrator in a step, and change of kinetic energy (J).
+    """Energy lost by the integrator in a step of one rope, and change of its kinetic energy (J).
 
     Counted are cable, counterweights and bodies that were on the cable all the time.
 
     Args:
         system: parameters.
-        before: state at its start.
-        after: state at its end.
+        before: state at the start of the step.
+        after: state at the end of the step.
         c: coefficients of the method.
-        h: its length, s.
+        h: length of the step, s.
     """
     factors = loss_factors(c, h)
     lost, moved = cable_loss(system.cable, before, after, factors)
@@ -61,14 +61,14 @@ def numerical_loss(system, before, after, c, h):
 
 @kernel
 def loss_factors(c, h):
-    """Factors p, q, r, s of the loss (p Δa + q Δq_ddot)·M (r Δa + s Δq_ddot); h² is in r and s."""
+    """Factors p, q, r, s of the integrator's energy loss (p Δa + q Δq_ddot)·M (r Δa + s Δq_ddot); h² is in r and s."""
     eta = 0.5 - c.alpha_f
     return 0.5 - c.alpha_m, -eta, h * h * (eta * (c.gamma - 0.5) - 0.5 * c.gamma + c.beta), h * h * eta * eta
 
 
 @kernel
 def trapezoidal_error(system, before, after):
-    """Spurious loss (J) of the trapezoidal rule in a step, on tension and on joint forces."""
+    """Spurious energy loss (J) of the trapezoidal rule in a step, on rope tension and on joint forces."""
     cable = system.cable
     lost = stretching_error(cable, before, after)
     for carriage in range(system.carriages.fixed.size):
@@ -80,7 +80,7 @@ def trapezoidal_error(system, before, after):
 
 @inlined_kernel
 def changed(start, end, like):
-    """Difference between the end and the start of a step of a row (dim,)."""
+    """Change of a vector (dim,) over a step, from its rows at start and end of the step."""
     return subtract(load(end, like), load(start, like))
 
 
@@ -113,7 +113,7 @@ def spun(carriages, bodies, body, like):
 
 @kernel
 def joint_work(system, at, before, after, carriage):
-    """Work (J) of the joint forces of a carriage `at` one end of a step over the displacement of the whole step."""
+    """Work (J) of the joint forces of a vehicle, `at` one end of a step, over the displacement of the whole step."""
     cable, like = system.cable, system.cable.gravity
     place, element = at.joints.position[carriage], at.joint_element[carriage]
     point = point_on(at, element, place)
@@ -130,7 +130,7 @@ def joint_work(system, at, before, after, carriage):
 
 @inlined_kernel
 def chain_work(system, at, before, after, carriage, above):
-    """Work (J) of the joint forces of a carriage over a displacement `above` (dim,) in m of the rope at its joint."""
+    """Work (J) of the joint forces of a vehicle over a displacement `above` (dim,) in m of the rope at its joint."""
     carriages, like, work = system.carriages, system.cable.gravity, 0.0
     first = carriages.body_offset[carriage]
     for body in range(first, carriages.body_offset[carriage + 1]):
@@ -150,7 +150,7 @@ def chain_work(system, at, before, after, carriage, above):
 
 @formula
 def combined(weight, start, end, length):
-    """Four nodal vectors (dim,) at the end plus `weight` times the ones at the start, slopes times l."""
+    """Four nodal vectors (dim,) at the end of a step plus `weight` times those at its start, slopes times length."""
     return (
         add_scaled(weight, start[0], end[0]),
         scale(length, add_scaled(weight, start[1], end[1])),
@@ -161,7 +161,7 @@ def combined(weight, start, end, length):
 
 @formula
 def mixed(p, a, q, b):
-    """Sum p a + q b of four vectors each."""
+    """Sum p a + q b of two sets of four nodal vectors."""
     return (
         add_scaled(p, a[0], scale(q, b[0])),
         add_scaled(p, a[1], scale(q, b[1])),
@@ -172,7 +172,7 @@ def mixed(p, a, q, b):
 
 @formula
 def product(one, other):
-    """Four coordinates times the mass matrix of eq. 5 times four others."""
+    """Product of two sets of four nodal vectors with the mass matrix of eq. 5 between them, for unit mass."""
     total = 0.0
     for i in range(4):
         row = scale(MASS[i][0], other[0])
@@ -223,7 +223,7 @@ def cable_loss(cable, start, end, factors):
 
 @inlined_kernel
 def elements_loss(mass_per_length, length, factors, auxiliary, true, rates):
-    """Energy lost and change of kinetic energy (J) of one or `WIDTH` elements, from nodal vectors at start and end."""
+    """Energy lost by the integrator and change of kinetic energy (J) of one or `WIDTH` elements, from nodal vectors."""
     p, q, r, s = factors
     a, b = combined(-1.0, auxiliary[0], auxiliary[1], length), combined(-1.0, true[0], true[1], length)
     gain, speed = combined(-1.0, rates[0], rates[1], length), combined(1.0, rates[0], rates[1], length)
@@ -233,7 +233,7 @@ def elements_loss(mass_per_length, length, factors, auxiliary, true, rates):
 
 @inlined_kernel
 def stretching_error(cable, before, after):
-    """Error of the trapezoidal rule on the tension of all elements (J), computed `WIDTH` at a time."""
+    """Energy error (J) of the trapezoidal rule on the tension of all elements of a rope, `WIDTH` at a time."""
     like, first, last = cable.gravity, before.nodes.position, after.nodes.position
     grouped = cable.element_count - cable.element_count % WIDTH
     lanes = 0.0 * gather(last, 0, like)[0][0]
@@ -253,10 +253,10 @@ def stretching_error(cable, before, after):
 
 @inlined_kernel
 def tension_error(length, start, end):
-    """Trapezoidal error ½ ∫(1 - t·t')(ε' - ε)dx (m) of rotating and stretching rope, from nodal vectors.
+    """Trapezoidal error ½ ∫(1 - t·t')(ε' - ε)dx (m) of a rotating and stretching element, from nodal vectors.
 
-    With the strain ε = |r_x| - 1 of `continuum`, unit tangent t, it is what the trapezoidal rule makes of the strain
-    energy too much, to the last bit; here without its strain beside 1: with ρ = l r_x and δ = |ρ'| - |ρ|, 1 - t·t' is
+    With the strain ε = |r_x| - 1 of `continuum`, unit tangent t, it is the excess of the trapezoidal rule over the
+    strain energy, to the last bit; here with ε neglected beside 1: with ρ = l r_x and δ = |ρ'| - |ρ|, 1 - t·t' is
     (|Δρ|² - δ²) / 2 l².
     """
     e = subtract(end[0], start[0]), subtract(end[1], start[1]), subtract(end[2], start[2]), subtract(end[3], start[3])

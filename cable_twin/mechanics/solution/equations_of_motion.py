@@ -8,7 +8,7 @@ With q = (r, e, n) and λ, eq. 16 and every Newton step on it have the same shap
     | Φ_r   Φ_e   Φ_n   0    |   | multipliers          |
 
 where M stands for  mass_factor M + rate_factor ∂Q/∂q_dot + ∂Q/∂q. Rows 1, 3 and 4 of a carriage touch one
-element, so they are eliminated first (`carriage`, then `sliding_joint`); row 2 is block-tridiagonal.
+element, so they are eliminated first (`chain`, then `sliding_joint`); row 2 is block-tridiagonal.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ from cable_twin.mechanics.solution.patch_elimination import condense_patches, re
 
 @inlined_kernel
 def measure_gaps(system, state, work, place):
-    """Measure the residual of all constraints at position level, in m: carriage joints and driven joints.
+    """Measure the residual of a rope's constraints at position level, in m: vehicle joints and driven joints.
 
     With `place` true, joints are first put on the element that holds them.
     """
@@ -79,7 +79,7 @@ def measure_gaps(system, state, work, place):
 
 @inlined_kernel
 def largest_gap(system, state, work, place):
-    """Largest constraint gap (m) of a joint; measures all gaps like `measure_gaps`."""
+    """Largest constraint gap (m) of a rope's vehicle joints; measures all gaps like `measure_gaps`."""
     measure_gaps(system, state, work, place)
     worst = 0.0
     for carriage in range(system.carriages.fixed.size):
@@ -92,7 +92,7 @@ def largest_gap(system, state, work, place):
 
 @kernel
 def leave_out(carriages, carriage, work):
-    """Clear gaps and increments of a carriage off the cable."""
+    """Clear gaps and increments of a vehicle off the cable in the workspace."""
     bodies = carriages.body_offset[carriage], carriages.body_offset[carriage + 1]
     work.joint_gap[bodies[0] : bodies[1]] = 0.0
     work.body_increment[bodies[0] : bodies[1]] = 0.0
@@ -101,7 +101,7 @@ def leave_out(carriages, carriage, work):
 
 @kernel
 def measure_gap_accelerations(system, state, feedback, work):
-    """Right side γ of eq. 12 for all constraints, in m/s²: remainder of Φ_ddot at zero accelerations.
+    """Measure right side γ of eq. 12 for all constraints, in m/s²: remainder of Φ_ddot at zero accelerations.
 
     The gaps Φ and their rates are added with Baumgarte's factors, `feedback` (1/s) squared and doubled.
     """
@@ -115,7 +115,7 @@ def measure_gap_accelerations(system, state, feedback, work):
 
 @inlined_kernel
 def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of rows 1-4, carriages eliminated; needs the gaps measured.
+    """Assemble residual and tangent of one rope (eq. 16), with vehicles eliminated; needs the gaps measured.
 
     Args:
         system: parameters.
@@ -131,7 +131,7 @@ def assemble(system, state, mass_factor, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of rows 1-4 before supports and couplings of ropes, with carriages and loads eliminated."""
+    """Assemble a rope's residual and tangent before supports and couplings, with vehicles and loads eliminated."""
     assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
     if system.cable.load_nodes:
         condense_patches(state, work, work.no_columns, system.cable.gravity)
@@ -139,7 +139,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
 
 @inlined_kernel
 def assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Residual and tangent of rows 1-4 before supports, carriages eliminated, with the patches of loads as they are."""
+    """Assemble a rope's residual and tangent before supports, vehicles eliminated, patches of loads uncondensed."""
     cable, carriages = system.cable, system.carriages
     if cable.load_nodes:
         begin_patches(state, work)
@@ -167,7 +167,7 @@ def assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, wor
 
 @inlined_kernel
 def add_loads(cable, state, stiffness_factor, work):
-    """Add point forces along the cable, and moments on the slopes of its ends: M ∂pitch/∂r_x.
+    """Add given point forces along the cable, and moments on the slopes of its ends: M ∂pitch/∂r_x.
 
     Beside `continuum`, the tangent of a moment is left out. It balances what the tangent of bending leaves out there: M
     times the second derivative of the turn. One without the other is wrong by more the shorter the elements are.
@@ -195,10 +195,10 @@ def add_loads(cable, state, stiffness_factor, work):
 
 @kernel
 def hold_ends(cable, work):
-    """Project the equations of both end nodes onto the free directions of their supports.
+    """Project the equations of both end nodes of a rope onto the free directions of their supports.
 
-    With P the projector onto what is free, row and column of the node become P K P + k (1 - P). k is as large as what
-    it stands beside, or rounding of the one would let the other drift.
+    With P the projector onto the free directions, row and column of the node become P K P + k (1 - P). k is as large as
+    the entries beside it, since rounding of larger numbers would let smaller ones drift.
     """
     like = cable.gravity
     square = outer(0.0, like, like)
@@ -226,7 +226,7 @@ def hold_ends(cable, work):
 
 @inlined_kernel
 def solve(system, state, work):
-    """Solve for all increments: nodal ones in `right_side`, the others in `*_increment`; multipliers are updated.
+    """Solve the equations of one rope: nodal increments in `right_side`, others in `*_increment`; multipliers updated.
 
     Returns:
         False when the system has no solution.
@@ -241,7 +241,7 @@ def solve(system, state, work):
 
 @inlined_kernel
 def recover(system, state, work):
-    """Increments of all eliminated unknowns, from the nodal increments."""
+    """Recover the increments of all eliminated unknowns of a rope, from the nodal increments."""
     for carriage in range(system.carriages.fixed.size):
         if rides(system, state, carriage):
             moved = recover_joint(system, state, carriage, work)
@@ -252,7 +252,7 @@ def recover(system, state, work):
 
 @kernel
 def solve_accelerations(system, state, feedback, work):
-    """Eq. 16 as printed: all accelerations and multipliers of `state` from its coordinates and velocities.
+    """Solve eq. 16 as printed: all accelerations and multipliers of `state` from its coordinates and velocities.
 
     The multipliers that friction depends on are those of the call before. `feedback` (1/s) is that of
     `measure_gap_accelerations`.

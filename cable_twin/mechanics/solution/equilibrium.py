@@ -1,4 +1,4 @@
-"""Static start: the elastic catenary of the bare cable, relaxed with every joint held until all forces balance."""
+"""Static equilibrium for the start: elastic catenary of the bare cable, relaxed with every joint held."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def settled(
         state: is left at rest.
         work: scratch space.
         tolerance: last increment (m) that is allowed.
-        near: whether it is near its rest already.
+        near: whether the rope is near its equilibrium already.
 
     Returns:
         Number of iterations (MAX_RELAXATIONS when it failed) and the last increment (m).
@@ -74,15 +74,15 @@ def settled(
 
 
 def settle_near(system: System, state: State, work: Workspace) -> None:
-    """Bring one rope by itself from the rest of a like one to its own, with all its joints held.
+    """Relax one rope alone from a similar rope's equilibrium to its own, with all its joints held.
 
     Args:
         system: parameters.
-        state: with the shape of the other one.
+        state: of the rope, with the shape of the similar one.
         work: scratch space.
 
     Raises:
-        EquilibriumError: it finds none from there.
+        EquilibriumError: no equilibrium is found from there.
     """
     state.friction_origin[:] = state.joints.position
     held = hold_all(system, state)
@@ -90,7 +90,10 @@ def settle_near(system: System, state: State, work: Workspace) -> None:
     used, increment = settled(without_friction(system), state, work, tolerance, near=True)
     if used >= MAX_RELAXATIONS:
         moved = with_unit(increment, "m", 3)
-        raise EquilibriumError(f"no static equilibrium nearby: the last iteration moved a point by {moved}")
+        raise EquilibriumError(
+            f"no static equilibrium of the rope near the given one after {used} iterations: the last one moved a point "
+            f"by {moved}; allowed: {with_unit(tolerance, 'm', 3)}"
+        )
     release_joints(system, state, *held)
 
 
@@ -98,13 +101,13 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: b
     """Relax coupled ropes together, starting from the equilibrium of each rope alone.
 
     Args:
-        ropes: what they are.
+        ropes: with their couplings.
         tolerance: last increment (m) that is allowed.
         elements: of all ropes.
-        near: whether they are near their common rest already.
+        near: whether the ropes are near their common equilibrium already.
 
     Raises:
-        EquilibriumError: it finds no rest.
+        EquilibriumError: no equilibrium is found.
     """
     how = tolerance, 1.0 / (FIRST_STEP * FIRST_STEP), LONGEST_WAY_TOGETHER
     begin = LAST * how[1] if near else 0.0
@@ -112,12 +115,12 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: b
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
-            f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}"
+            f"{with_unit(increment, 'm', 3)}; allowed: {with_unit(tolerance, 'm', 3)}"
         )
 
 
 def hanging(system: System) -> tuple[FloatArray, FloatArray]:
-    """Straight start of a cable with one free end: along its clamp, or down from its pin.
+    """Straight initial shape of a cable with one free end: along its clamp, or down from its pin.
 
     Returns:
         Positions (nodes, dim) in m and slopes (nodes, dim).
@@ -134,7 +137,8 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
         strength = float(np.linalg.norm(down))
         if strength == 0.0:
             raise EquilibriumError(
-                "without gravity, a cable on one pin is at rest in any direction; allowed: gravity, or a clamped end"
+                "gravity: given 0 m/s², where a cable on one pin is at rest in any direction; "
+                "allowed: more than 0 m/s², or a clamped end"
             )
         direction = down / strength * (1.0 if held == 0 else -1.0)
     from_held = arc_lengths - (cable.unstrained_length if held == 1 else 0.0)
@@ -142,7 +146,7 @@ def hanging(system: System) -> tuple[FloatArray, FloatArray]:
 
 
 def lay_straight(system: System, state: State, start: FloatArray, end: FloatArray) -> None:
-    """Initialise the cable straight and unstrained from `start` towards `end` (dim,) in m, carriages hanging below."""
+    """Initialise the cable straight and unstrained from `start` towards `end` (dim,) in m, vehicles hanging below."""
     lay_mesh(system, state)
     direction = (end - start) / np.linalg.norm(end - start)
     arc_lengths = state.mesh.arc_length
@@ -152,14 +156,14 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
 
 
 def hang_at_rest(system: System, state: State) -> None:
-    """Start friction and drives of a rope's vehicles at their places, hanging below it."""
+    """Hang a rope's vehicles at rest at their arc lengths, where friction and drive references start."""
     own = vehicles_of(system, state)
     state.friction_origin[own] = state.reference.position[own] = state.joints.position[own]
     hang_carriages(system, state)
 
 
 def lay_taut(system: System, state: State) -> None:
-    """Initialise the cable straight and evenly stretched between its ends, carriages hanging below."""
+    """Initialise the cable straight and evenly stretched between its ends, vehicles hanging below."""
     lay_mesh(system, state)
     cable = system.cable
     start, end = cable.end_position
@@ -169,9 +173,9 @@ def lay_taut(system: System, state: State) -> None:
 
 
 def lay_mesh(system: System, state: State) -> None:
-    """Initialise the mesh, with nodes at all loads on the rope if nodes follow them.
+    """Initialise the mesh of a rope, with nodes at all loads if nodes of this mesh follow loads.
 
-    In the first and last element of a rope that moves they stand where `update_load_nodes` has them.
+    Nodes of loads in the first and last element of a moving rope stand where `update_load_nodes` puts them.
     """
     homes, own = system.cable.node_arc_length, vehicles_of(system, state)
     state.mesh.arc_length[:], state.mesh.length[:], state.mesh.plain[:] = homes, system.cable.element_length, 1.0
@@ -193,9 +197,9 @@ def lay_mesh(system: System, state: State) -> None:
 
 
 def nodes_for(homes: FloatArray, places: FloatArray) -> list[int]:
-    """Numbers of the nodes, each another one and near, that are to follow loads at rising arc lengths (m).
+    """Indices of different nodes, each near, to follow loads at rising arc lengths (m).
 
-    Loads that want the same nodes have a train of nodes whose middle is that of the loads.
+    Loads that compete for the same nodes get a train of adjacent nodes, centred on the middle of the loads.
     """
     last = homes.size - 2
     trains: list[list[float]] = []  # first node, and places of the loads in elements
@@ -214,7 +218,7 @@ def nodes_for(homes: FloatArray, places: FloatArray) -> list[int]:
 def with_room(
     homes: FloatArray, riders: IntArray, places: FloatArray, nodes: list[int], room: float
 ) -> list[tuple[int, int, float]]:
-    """Loads (number, node, arc length in m) whose node has at least `room` (m) to its neighbours on either side."""
+    """Loads (number, node, arc length in m) whose node keeps at least `room` (m) to both neighbouring nodes."""
     kept = [load for load in zip(riders.tolist(), nodes, places.tolist(), strict=True) if 0 < load[1] < homes.size - 1]
     while True:
         mesh = homes.copy()
@@ -230,7 +234,7 @@ def lay_cable(system: System, state: State) -> None:
     """Initialise nodes and tower contacts with the equilibrium of the bare cable over its supports.
 
     Raises:
-        EquilibriumError: when there is no such place.
+        EquilibriumError: when there is no such equilibrium.
     """
     cable, towers = system.cable, system.towers
     arc_lengths = state.mesh.arc_length
@@ -262,7 +266,7 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> 
 
     Args:
         system: parameters.
-        state: is laid anew, and left at rest.
+        state: is initialised anew, and left at rest.
         work: scratch space.
         tolerance: last increment (m) that is allowed.
 
@@ -279,7 +283,7 @@ def stiffen(system: System, state: State, work: Workspace, tolerance: float) -> 
 
 
 def _advice(system: System, state: State) -> str:
-    """Advice for a failed relaxation, as text."""
+    """Text that advises how to change a rope whose relaxation has failed."""
     cable = system.cable
     mass = cable.mass_per_length * cable.unstrained_length + float(
         system.carriages.mass[bodies_of(system, state)].sum()
@@ -294,7 +298,7 @@ def _advice(system: System, state: State) -> str:
 
 
 def without_friction(system: System) -> System:
-    """Copy of the parameters without friction of towers and joints."""
+    """Copy of the system parameters without friction of towers and joints."""
     smooth = np.zeros_like(system.carriages.rolling_friction)
     return system._replace(
         towers=system.towers._replace(friction=np.zeros_like(system.towers.friction)),
@@ -303,7 +307,7 @@ def without_friction(system: System) -> System:
 
 
 def without_stops(system: System) -> System:
-    """Copy of the parameters without travel limits of counterweights."""
+    """Copy of the system parameters without travel limits of counterweights."""
     weights = system.counterweights
     return system._replace(counterweights=weights._replace(travel=np.tile([-np.inf, np.inf], (2, 1))))
 
@@ -313,7 +317,7 @@ def settle(system: System, state: State, work: Workspace) -> None:
 
     `drive_force` is left with what holds each joint that is driven or hauled.
 
-    The cable lies on its towers as if they had no friction; what they then mobilise starts from none.
+    The cable lies on its towers without friction; mobilised friction of the motion starts from zero.
 
     Accelerations stay zero, also where a drive lets its joint go: the integrator takes that up in its first step. The
     exact accelerations of that moment (`solve_accelerations`) are those of a wave in the light cable, gone after a
@@ -351,6 +355,6 @@ def settle(system: System, state: State, work: Workspace) -> None:
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium after {used} iterations, also from softer cables: the last one moved a point by "
-            f"{with_unit(increment, 'm', 3)}, allowed are {with_unit(tolerance, 'm', 3)}; {_advice(system, state)}"
+            f"{with_unit(increment, 'm', 3)}; allowed: {with_unit(tolerance, 'm', 3)}; {_advice(system, state)}"
         )
     release_joints(system, state, *held)

@@ -47,7 +47,7 @@ def begin_rope(c, h, system, state, work):
 
 @kernel
 def integrate(bundle, moving, scratch, system, state, work, c, h):
-    """Take all coordinates over `h` (s), in place. Returns (converged, iterations, last increment in m).
+    """Advance all coordinates by `h` (s) by Newton's method; return (converged, iterations, last increment in m).
 
     An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
     measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
@@ -93,7 +93,7 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
 
 @kernel
 def least_curvature(bundle, state):
-    """Least curvature (1/m) that the ropes remember; 0 if a rope does not know the accelerations of its start."""
+    """Least stored curvature (1/m) of Newton's method of all ropes; 0 if one has no known initial accelerations."""
     least = inf
     for rope in range(bundle.records.shape[0]):
         least = min(least, record_at(bundle.records[rope, STATE], state).newton_curvature[0])
@@ -102,14 +102,14 @@ def least_curvature(bundle, state):
 
 @kernel
 def remember_curvature(bundle, state, curvature):
-    """Store the curvature (1/m) of Newton's method with all ropes."""
+    """Store the curvature (1/m) of Newton's method, error per increment squared, with all ropes."""
     for rope in range(bundle.records.shape[0]):
         record_at(bundle.records[rope, STATE], state).newton_curvature[0] = curvature
 
 
 @kernel
 def contact_error_of_all(bundle, system, state, work, increment, previous):
-    """Residual error (m) of vehicles in buffer contact on any rope."""
+    """Largest estimated error (m) of vehicles in buffer contact on any rope, see `contact_error`."""
     worst = 0.0
     for rope in range(bundle.records.shape[0]):
         own, here, room = rope_of(bundle, rope, system, state, work)
@@ -121,8 +121,9 @@ def contact_error_of_all(bundle, system, state, work, increment, previous):
 def step(bundle, moving, moving_before, scratch, system, state, work, column, c, h):
     """Integrate one step of length `h` (s) with the force limits of drives and their brakes.
 
-    One that would is repeated at its limit and goes on from the speed that it reached. The states at the start of the
-    step, whose speeds count for the power limit, are in `column` of the records and in `moving_before`.
+    A step in which a drive exceeds its limit is repeated with the drive at the limit; its reference then starts from
+    the speed reached. The states at the start of the step, whose speeds count for the power limit, are in `column` of
+    the records and in `moving_before`.
 
     Returns:
         Converged, iterations, last increment (m), largest gap of a joint (m).
@@ -159,9 +160,9 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, c,
 
 @kernel
 def lost_in_step(bundle, system, state, work, column, c, h):
-    """Energy lost by the integrator in a step, and change of kinetic energy (J), of all ropes; sampled.
+    """Integrator's energy loss and change of kinetic energy (J) of all ropes in a step, estimated from sampled steps.
 
-    A step that is not looked at gives 0; one that is stands for those that are not.
+    A step that is not sampled gives 0; a sampled one counts for those that are not.
     """
     clock, lost, moved = record_at(bundle.records[0, STATE], state).clock[0], 0.0, 0.0
     for rope in range(bundle.records.shape[0]):
@@ -190,14 +191,14 @@ def has_changed_places(bundle, state):
 
 @kernel
 def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
-    """Integrate `steps` whole steps in one call, without interpreter lock; fewer after a rollback or in a station.
+    """Integrate `steps` whole steps in one call, without interpreter lock; end early after a rollback or in a station.
 
     A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, all goes back to the last
     good step and the outcome says so.
 
     Args:
-        bundle: ropes and what couples them.
-        moving: motion of that.
+        bundle: ropes and their couplings.
+        moving: motion of the couplings.
         moving_good: scratch for a copy of `moving`.
         moving_before: the same.
         scratch: of the solver for couplings.

@@ -1,4 +1,4 @@
-"""Natural frequencies and mode shapes about the present equilibrium, every joint held at its arc length.
+"""Natural frequencies and mode shapes of a rope about its equilibrium, every joint held at its arc length.
 
 Over towers the cable slides without friction; counterweights move.
 
@@ -38,7 +38,7 @@ DIFFERENCE = 1e-6  # of an element's length, for the derivative of the elastic f
 
 
 def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray, FloatArray]:
-    """Lowest natural frequencies and their shapes.
+    """Lowest natural frequencies and mode shapes of one rope with its vehicles.
 
     Args:
         system: parameters.
@@ -55,7 +55,7 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
     nodal, angles = free.shape[0], sum(carriage.angles for carriage in carriages)
     unknowns = free.shape[1] + angles
     if not 1 <= count <= unknowns:
-        raise ValueError(f"{count} natural frequencies asked for; this cable has 1 to {unknowns}")
+        raise ValueError(f"number of natural frequencies: given {count}; allowed: 1 to {unknowns} of this cable")
     basis = _block_diagonal(free, _diagonal(np.ones(angles)))
 
     support_stiffness, counterweight_mass = _tower_matrices(system, state)
@@ -86,7 +86,7 @@ def natural_modes(system: System, state: State, count: int) -> tuple[FloatArray,
 
 
 def _places(carriages: list[Hanging], nodal: int) -> list[IntArray]:
-    """Numbers of the unknowns of each carriage among all: nodal coordinates, then angles."""
+    """Indices of each vehicle's unknowns among all unknowns: nodal coordinates, then hinge angles."""
     last = nodal + np.cumsum([carriage.angles for carriage in carriages], dtype=np.int64)
     return [
         np.concatenate([carriage.places, np.arange(end - carriage.angles, end)])
@@ -95,12 +95,12 @@ def _places(carriages: list[Hanging], nodal: int) -> list[IntArray]:
 
 
 def _diagonal(values: FloatArray) -> csc_array:
-    """Diagonal matrix, possibly without rows."""
+    """Sparse diagonal matrix, possibly without rows."""
     return coo_array((values, (np.arange(values.size),) * 2), shape=(values.size,) * 2).tocsc()
 
 
 def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
-    """Block-diagonal matrix of two matrices, each possibly without rows."""
+    """Sparse block-diagonal matrix of two matrices, each possibly without rows."""
     a, b = coo_array(a), coo_array(b)
     rows = np.concatenate([a.row, b.row + a.shape[0]])
     columns = np.concatenate([a.col, b.col + a.shape[1]])
@@ -109,7 +109,7 @@ def _block_diagonal(a: csc_array, b: csc_array) -> csc_array:
 
 
 def _free_directions(system: System, state: State) -> csc_array:
-    """Directions of the nodal coordinates left free by the supports, (nodes 3 dim, free).
+    """Sparse basis (nodes 3 dim, free) of the nodal coordinates that the supports leave free.
 
     Both slopes of a node are one, but where it follows a load.
     """
@@ -134,7 +134,7 @@ def _free_directions(system: System, state: State) -> csc_array:
 
 
 def _cable_mass(system: System, state: State) -> csc_array:
-    """Mass matrix (nodes 3 dim, nodes 3 dim) of the cable (eq. 5, 6)."""
+    """Sparse mass matrix (nodes 3 dim, nodes 3 dim) of the cable (eq. 5, 6)."""
     cable = system.cable
     length, dim = state.mesh.length, len(cable.gravity)
     scale = np.stack([np.ones_like(length), length, np.ones_like(length), length], axis=1)
@@ -144,7 +144,7 @@ def _cable_mass(system: System, state: State) -> csc_array:
 
 
 def _cable_stiffness(system: System, state: State) -> csc_array:
-    """Derivative of the elastic force by central differences: exact for either elastic model but for rounding."""
+    """Stiffness matrix of the cable by differences of its elastic force: exact for either model but for rounding."""
     cable, dim = system.cable, len(system.cable.gravity)
     zero = (0.0,) * dim
     matrices = np.empty((cable.element_count, 4 * dim, 4 * dim))
@@ -166,7 +166,7 @@ def _cable_stiffness(system: System, state: State) -> csc_array:
 
 
 def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]:
-    """Stiffness of towers and buffers, the towers without friction, and mass of counterweights (nodes 3 dim square)."""
+    """Stiffness of frictionless towers and buffers, and mass of counterweights (nodes 3 dim square)."""
     state, work = clone(state), allocate_workspace(system)
     state.nodes.velocity[:] = 0.0
     smooth = system.towers._replace(friction=np.zeros_like(system.towers.friction))
@@ -182,7 +182,7 @@ def _tower_matrices(system: System, state: State) -> tuple[csc_array, csc_array]
 
 
 def _nodal_matrix(work: Workspace) -> csc_array:
-    """Block-tridiagonal matrix of a workspace, as a sparse matrix."""
+    """Sparse matrix from the node blocks (block-tridiagonal) in a workspace."""
     nodes, dim = work.diagonal.shape[0], round(work.diagonal.shape[3] ** 0.5)
     size, step = 2 * dim, 3 * dim  # of the equations of a node, and from one to the next one
     entries, rows, columns = [], [], []
@@ -197,7 +197,7 @@ def _nodal_matrix(work: Workspace) -> csc_array:
 
 
 def _patch_matrix(state: State, work: Workspace) -> csc_array:
-    """Matrix of the elements beside loads at held arc lengths (nodes 3 dim square)."""
+    """Sparse matrix of the elements beside loads at held arc lengths (nodes 3 dim square)."""
     size, dim = state.nodes.position.size, state.nodes.position.shape[2]
     matrix = csc_array((size, size))
     for node in np.flatnonzero(state.node_load >= 0).tolist():
@@ -212,7 +212,7 @@ def _patch_matrix(state: State, work: Workspace) -> csc_array:
 
 
 def _assemble(system: System, matrices: FloatArray) -> csc_array:
-    """Sum of element matrices (elements, 4 dim, 4 dim) over the nodes."""
+    """Assemble element matrices (elements, 4 dim, 4 dim) to a sparse matrix of all nodes."""
     dim, count = len(system.cable.gravity), matrices.shape[0]
     places = 3 * dim * np.arange(count)[:, None] + _of_element(dim)
     rows = np.repeat(places, 4 * dim, axis=1)
@@ -222,7 +222,7 @@ def _assemble(system: System, matrices: FloatArray) -> csc_array:
 
 
 def _of_element(dim: int) -> IntArray:
-    """Numbers (4 dim,) of the coordinates of the first element: r and the slope after its node A, before B."""
+    """Indices (4 dim,) of the first element's coordinates: r and slope after node A, r and slope before node B."""
     return np.concatenate([row * dim + np.arange(dim) for row in (0, 2, 3, 4)])
 
 
@@ -230,7 +230,7 @@ LATERAL = np.array([0.0, 1.0, 0.0])
 
 
 class Hanging(NamedTuple):
-    """Mass and stiffness of one carriage in n unknowns: nodal coordinates of its element, then its hinge angles."""
+    """Mass and stiffness of one vehicle in n unknowns: nodal coordinates of its element, then its hinge angles."""
 
     places: IntArray  # number of each of these nodal coordinates
     bodies: IntArray  # numbers of its bodies
@@ -240,18 +240,18 @@ class Hanging(NamedTuple):
 
     @property
     def angles(self) -> int:
-        """Number of hinge angles of the carriage."""
+        """Number of hinge angles of the vehicle."""
         return self.mass.shape[0] - self.places.size
 
 
 def hanging_carriages(system: System, state: State) -> list[Hanging]:
-    """Mass and stiffness of all carriages on the cable, at an equilibrium."""
+    """Mass and stiffness of all vehicles on the cable, at an equilibrium."""
     riding = state.attached & vehicles_of(system, state)
     return [_hanging(system, state, int(number)) for number in np.flatnonzero(riding)]
 
 
 def _hanging(system: System, state: State, carriage: int) -> Hanging:
-    """Unknowns, inertia and stiffness of one carriage."""
+    """Unknowns, mass and stiffness of one vehicle on the cable, at an equilibrium."""
     cable, carriages = system.cable, system.carriages
     dim, s = len(cable.gravity), float(state.joints.position[carriage])
     lift = np.eye(3)[:, [0, 2]] if dim == 2 else np.eye(3)
@@ -301,7 +301,7 @@ def _hanging(system: System, state: State, carriage: int) -> Hanging:
 
 
 def _rotation(state: State, body: int, lift: FloatArray) -> FloatArray:
-    """Rotation matrix (3, 3) of a body."""
+    """Rotation matrix (3, 3) of a body, also of one in a plane."""
     dim = lift.shape[1]
     axes = np.reshape(orientation(state.bodies.position[body], (0.0,) * dim), (dim, dim))
     return axes if dim == 3 else lift @ axes @ lift.T + np.diag(LATERAL)
@@ -310,7 +310,7 @@ def _rotation(state: State, body: int, lift: FloatArray) -> FloatArray:
 def _hinges(
     system: System, bodies: IntArray, rotations: list[FloatArray], tangent: FloatArray
 ) -> list[tuple[list[FloatArray], list[float]]]:
-    """Rotation axes (3,) of the joint above each body, from above downwards, and their springs (N m/rad)."""
+    """Rotation axes (3,) and springs (N m/rad) of the joint above each body of a vehicle, from above downwards."""
     found: list[tuple[list[FloatArray], list[float]]] = []
     for number, body in enumerate(bodies):
         spring = float(system.carriages.hinge_stiffness[body])
@@ -326,7 +326,7 @@ def _hinges(
 
 
 def _by_turns(turns: list[FloatArray], matrix: FloatArray) -> FloatArray:
-    """Second derivative (n, n) of a·(matrix b) in [a][b], by rotations (3, n) one after another."""
+    """Second derivative (n, n) of F·(D arm) of a body turned by rotations (3, n) one after another."""
     before = np.zeros_like(turns[0])
     total = np.zeros((before.shape[1],) * 2)
     for turn in turns:
@@ -336,10 +336,10 @@ def _by_turns(turns: list[FloatArray], matrix: FloatArray) -> FloatArray:
 
 
 def _by_two_turns(arm: FloatArray, force: FloatArray) -> FloatArray:
-    """Matrix (3, 3) between a and b in F·(a x (b x arm))."""
+    """Matrix (3, 3) of the bilinear form F·(a x (b x arm)) in two rotations a and b."""
     return np.reshape(moment_by_turn(tuple(arm), tuple(force)), (3, 3))
 
 
 def _crossed(vector: FloatArray) -> FloatArray:
-    """Matrix (3, 3) of v x ."""
+    """Matrix (3, 3) of the cross product v x with a vector v."""
     return -np.reshape(by_turn(tuple(vector)), (3, 3))

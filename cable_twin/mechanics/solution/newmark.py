@@ -1,4 +1,4 @@
-"""Newmark's updates with the coefficients of generalized-alpha, for each kind of coordinates of a rope.
+"""Newmark's prediction and correction with the coefficients of generalized-alpha, for all coordinates of a rope.
 
 The auxiliary acceleration a goes with position and velocity: (1 - α_m) a' + α_m a = (1 - α_f) q_ddot' + α_f q_ddot.
 """
@@ -36,10 +36,10 @@ def coefficients(spectral_radius):
 
 @kernel
 def coefficients_of_step(spectral_radius, begun):
-    """Coefficients of generalized-alpha, or of a step that uses no acceleration of its start, of which none is known.
+    """Coefficients of generalized-alpha, or of Newmark in a step whose initial accelerations are not known.
 
     At the start of a motion, and where a force sets in at once, accelerations are not those of the step before. With
-    them, the error of such a step is of first order, and may be a gain of energy. Without them it is of second order
+    these, the error of such a step is of first order, and may be a gain of energy. Without them it is of second order
     (Newmark's formulas with β = 1/2 and γ = 1), as is that of a motion with one step of this kind.
     """
     return coefficients(spectral_radius) if begun else Coefficients(0.0, 0.0, 0.5, 1.0)
@@ -53,7 +53,7 @@ def factors(c, h):
 
 @kernel
 def predict(c, h, kind):
-    """Predict one kind of coordinates with the acceleration of the previous step."""
+    """Predict positions and rates of one kind of coordinates, with the acceleration of the previous step."""
     x, v = flat(kind.position), flat(kind.velocity)
     q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
     for i in range(x.size):
@@ -74,14 +74,14 @@ def predict_massless(c, h, kind, row):
 
 @inlined_kernel
 def gains(c, h):
-    """Growth of velocity (1/s), algorithmic and true acceleration (1/s²) with an increment of a coordinate."""
+    """Growth of velocity (1/s), algorithmic and true acceleration (1/s²) per increment of a coordinate."""
     by_algorithmic = 1.0 / (c.beta * h * h)
     return c.gamma / (c.beta * h), by_algorithmic, by_algorithmic * (1.0 - c.alpha_m) / (1.0 - c.alpha_f)
 
 
 @kernel
 def correct(c, h, increments, kind):
-    """Apply Newton increments (m, rad) to one kind of coordinates."""
+    """Apply Newton increments (m, rad) to positions and rates of one kind of coordinates."""
     x, v = flat(kind.position), flat(kind.velocity)
     q_ddot, a = flat(kind.acceleration), flat(kind.algorithmic)
     delta = flat(increments)
@@ -95,7 +95,7 @@ def correct(c, h, increments, kind):
 
 @inlined_kernel
 def predict_one(c, h, kind, row):
-    """Predict one coordinate with the acceleration of the previous step, like `predict`."""
+    """Predict position and rates of one coordinate, with the acceleration of the previous step, like `predict`."""
     a = kind.algorithmic[row]
     after = (kind.acceleration[row] - c.alpha_m * a) / (1.0 - c.alpha_m)
     kind.position[row] += h * (kind.velocity[row] + h * ((0.5 - c.beta) * a + c.beta * after))
@@ -152,7 +152,7 @@ def correct_vehicles(c, h, system, state, work):
 
 @inlined_kernel
 def correct_one(c, h, kind, row, delta):
-    """Apply the Newton increment (m) of one coordinate."""
+    """Apply the Newton increment (m) of one coordinate to its position and rates."""
     by_velocity, by_algorithmic, by_acceleration = gains(c, h)
     kind.position[row] += delta
     kind.velocity[row] += by_velocity * delta
@@ -182,7 +182,7 @@ def correct_body(c, h, kind, body, increments, turned, like):
 
 @inlined_kernel
 def predict_rope(c, h, system, state, work):
-    """Predict all coordinates of one rope and its vehicles, and prepare constraints for the iteration."""
+    """Predict all coordinates of one rope and its vehicles, and set driven joints and haul directions."""
     leave_place(system, state, work)
     predict(c, h, state.nodes)
     predict_vehicles(c, h, system, state, work)

@@ -1,4 +1,7 @@
-"""Newton iteration of all ropes and their couplings: one linear solution, size and place of its increment."""
+"""One Newton iteration of all ropes and their couplings: linear solution, size and place of its increment.
+
+The loop over iterations, with the convergence test, is `integrate` in `generalized_alpha`.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +24,14 @@ BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move t
 
 @kernel
 def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Residual and tangent of one rope and its vehicles, before supports, and with the patches of loads as they are."""
+    """Assemble residual and tangent of one rope with its vehicles, before supports, patches of loads not condensed."""
     measure_gaps(system, state, work, True)
     assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
 
 
 @kernel
 def recover_rope(system, state, work, of_slopes):
-    """Recover the eliminated unknowns of one rope; returns its largest increment (m), as `largest_increment`."""
+    """Recover the eliminated unknowns of one rope; return its largest increment (m), see `largest_increment`."""
     recover(system, state, work)
     return largest_increment(system, state, work, of_slopes)
 
@@ -108,13 +111,13 @@ def solve_nodes(bundle, scratch, system, work):
 
 @kernel
 def solve_beside(work, wheel_columns, count, like):
-    """Solve one rope together with the columns of bullwheels, as `solve_columns`."""
+    """Solve the equations of one rope together with the columns of bullwheels, see `solve_columns`."""
     return solve_columns(work.diagonal, work.upper, work.lower, work.right_side, wheel_columns, count, like)
 
 
 @kernel
 def largest_increment(system, state, work, of_slopes):
-    """Size (m) of the last Newton increment: places of rope and bodies, arc lengths; nan if any is no number.
+    """Largest Newton increment (m) of one rope: positions of rope and bodies, arc lengths; nan if any is no number.
 
     A slope counts as the element's length times `of_slopes`. It moves the rope by at most `BULGE` of that; on the way
     to an equilibrium, where it limits how far slopes go at once, it counts whole.
@@ -148,7 +151,7 @@ def largest_increment(system, state, work, of_slopes):
 
 @kernel
 def worst_element(work):
-    """Element at whose first node the last Newton increment was largest, or not a number."""
+    """Index of the element at whose first node the last Newton increment was largest, or not a number."""
     worst, place = -1.0, 0
     for node in range(work.right_side.shape[0]):
         for i in range(work.right_side.shape[2]):

@@ -1,8 +1,8 @@
-"""Elimination of runs of nodes of one rope, between nodes that something holds to another rope.
+"""Elimination of runs of uncoupled nodes of one rope, between nodes that are coupled to another rope.
 
-A run leaves a coupling of the nodes before and after it, and what it adds to their equations. Four runs go beside each
-other in one register. Where there are fewer, the last one is there again: of all four, a number is read before it is
-written, so that to write it twice is to write it once.
+A run leaves a coupling of the nodes before and after it, and contributions to their equations. Four runs are side by
+side in one SIMD register. Where there are fewer, the last run is repeated: each number is read for all four runs before
+it is written, so that writing it twice does no harm.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
 
 @inlined_kernel
 def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, done, like):
-    """Eliminate the nodes of a run between two nodes that are kept, `before` and `after`, but the first `done` ones.
+    """Eliminate the nodes of a run between two kept nodes, `before` and `after`, all but the first `done` ones.
 
     The couplings of both come to `upper[before]` and `lower[after - 1]`. Takes the other arguments of `solve_columns`.
 
@@ -61,7 +61,7 @@ def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, af
 
 @inlined_kernel
 def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs, number, like):
-    """Eliminate four runs of nodes beside each other, up to the length of the shortest; then what is left of each.
+    """Eliminate four runs of nodes side by side in SIMD lanes, up to the shortest length; then the rest of each.
 
     `runs` (4, 2) are the nodes before and after each; those from `number` on repeat others. Other arguments and result
     as of `eliminate_run`.
@@ -112,13 +112,13 @@ def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs
 
 @inlined_kernel
 def subtract_columns(coupling, column, others, square):
-    """Subtract the product of four node blocks and their columns from those of four other nodes."""
+    """Subtract four node blocks times their nodes' columns from the columns of four other nodes, in SIMD lanes."""
     store_pairs(less_pair(load_pairs(others, square), coupling, column), others)
 
 
 @inlined_kernel
 def shortest_of(runs, number):
-    """Nodes before each of four runs, and the length of the shortest; 0 of a `number` of 1, which is best by itself."""
+    """Nodes before each of four runs, and the number of nodes in the shortest; 0 for a single run, best by itself."""
     shortest = runs[0, 1] - runs[0, 0] if number > 1 else 1
     for run in range(1, number):
         shortest = min(shortest, runs[run, 1] - runs[run, 0])
@@ -127,7 +127,7 @@ def shortest_of(runs, number):
 
 @inlined_kernel
 def four(array, at, k):
-    """Sub-arrays at `k` after each of four places."""
+    """Entries of an array at `k` after each of four places."""
     return array[at[0] + k], array[at[1] + k], array[at[2] + k], array[at[3] + k]
 
 
@@ -139,13 +139,13 @@ def four_columns(columns, at, k, b):
 
 @formula
 def four_times(one):
-    """Numbers of a tuple in each of four lanes."""
+    """Repeat each number of a tuple in four SIMD lanes."""
     return together([one, one, one, one])
 
 
 @formula
 def load_nodes(arrays, square):
-    """Blocks of some nodes beside each other, as `load_node`."""
+    """Load the blocks of several nodes, a SIMD lane each, see `load_node`."""
     count = len(square.entries)
     numbers = read_beside(arrays, (2, 2, count))
     return tuple(load(numbers[k * count : (k + 1) * count], square) for k in range(4))
@@ -153,7 +153,7 @@ def load_nodes(arrays, square):
 
 @formula
 def load_pairs(arrays, like):
-    """Vectors or matrices of some nodes beside each other, as `load_pair`."""
+    """Load the vectors or matrices of several nodes, a SIMD lane each, see `load_pair`."""
     count = len(like.entries)
     numbers = read_beside(arrays, (2, count))
     return load(numbers[:count], like), load(numbers[count:], like)
@@ -161,19 +161,19 @@ def load_pairs(arrays, like):
 
 @formula
 def store_nodes(blocks, arrays):
-    """Write the blocks of some nodes beside each other to their arrays."""
+    """Write the blocks of several nodes, a SIMD lane each, to their arrays."""
     write_beside([one for matrix in blocks for one in matrix.entries], arrays, (2, 2, len(blocks[0].entries)))
 
 
 @formula
 def store_pairs(pairs, arrays):
-    """Write what `load_pairs` gives to the arrays of the nodes."""
+    """Write SIMD lanes as loaded by `load_pairs` to the arrays of the nodes."""
     write_beside([one for part in pairs for one in part.entries], arrays, (2, len(pairs[0].entries)))
 
 
 @inlined_kernel
 def substitute_four_runs(upper, lower, right_side, columns, count, runs, number, like):
-    """Back substitution of four runs of nodes beside each other, of what `eliminate_four_runs` eliminated."""
+    """Back-substitute four runs of nodes side by side, as eliminated by `eliminate_four_runs`."""
     square = outer(0.0, like, like)
     at, shorter = shortest_of(runs, number)
     for run in range(number):
@@ -195,7 +195,7 @@ def substitute_four_runs(upper, lower, right_side, columns, count, runs, number,
 
 @inlined_kernel
 def substitute_run(upper, lower, right_side, columns, count, before, after, done, like):
-    """Back substitution of a run of nodes between two that are known, `before` and `after`, but the first `done`."""
+    """Back-substitute a run of nodes between two solved ones, `before` and `after`, all but the first `done`."""
     for node in range(after - 1, before + done, -1):
         substitute_one(right_side, columns, count, node, node + 1, upper[node], like)
         substitute_one(right_side, columns, count, node, before, lower[node - 1], like)

@@ -1,4 +1,4 @@
-"""Condensation of loads onto the nodes of the mesh beside them, so that the rope stays block-tridiagonal.
+"""Condensation of moving loads onto the mesh nodes beside them, so that the rope stays block-tridiagonal.
 
 A patch has, in rows and columns, the node before the load (r, r_x), the load's own (r, r_x before, r_x after, s) with
 its vehicle condensed in it, and the node after the load. Gaussian elimination of the load's own leaves couplings of the
@@ -21,7 +21,7 @@ from cable_twin.mechanics.rope.point import clamp_row
 
 @kernel
 def condense_patches(state, work, patch_columns, like):
-    """Eliminate the unknowns of all loads, and add their Schur complements to the nodes beside the loads.
+    """Eliminate the unknowns of all moving loads on a rope; add their Schur complements to the nodes beside the loads.
 
     Args:
         state: of the rope.
@@ -53,7 +53,7 @@ def condense_patches(state, work, patch_columns, like):
 
 @kernel
 def hold_row(patch, row, increment):
-    """Replace one row of a patch by a given increment of its unknown."""
+    """Replace one row of a moving load's patch by a prescribed increment of its unknown."""
     for column in range(patch.shape[1]):
         patch[row, column] = 0.0
     patch[row, row], patch[row, patch.shape[0]] = 1.0, increment
@@ -61,7 +61,7 @@ def hold_row(patch, row, increment):
 
 @inlined_kernel
 def own_row(turn, dim):
-    """Row of the unknown of a load that is eliminated at a `turn`: slopes, each coupled to one side alone; r; s."""
+    """Row in a load's patch of its own unknown eliminated as number `turn`: slopes, each coupled to one side; r; s."""
     if turn < 2 * dim:
         return 3 * dim + turn
     return turn if turn < 3 * dim else 5 * dim
@@ -69,7 +69,7 @@ def own_row(turn, dim):
 
 @inlined_kernel
 def turn_of(row, dim):
-    """Turn at which an own row of a load is eliminated, the inverse of `own_row`."""
+    """Number in the elimination order of an own row of a moving load's patch, the inverse of `own_row`."""
     if row < 3 * dim:
         return row
     return row - 3 * dim if row < 5 * dim else 3 * dim
@@ -77,7 +77,7 @@ def turn_of(row, dim):
 
 @kernel
 def eliminate(patch, columns, count, size, like):
-    """Eliminate the load's own unknowns of a patch of `size` ones from the equations of all that are left."""
+    """Eliminate a moving load's own unknowns from the other equations of its patch, which has `size` unknowns."""
     dim = len(like)
     first, end = 2 * dim, 5 * dim + 1
     for turn in range(3 * dim + 1):
@@ -94,7 +94,7 @@ def eliminate(patch, columns, count, size, like):
 
 @formula
 def subtract_row(patch, row, factor, pivot, like):
-    """Subtract `factor` times one row of a patch from another; with what is eliminated already, in whole lanes."""
+    """Subtract `factor` times one row of a load's patch from another, in whole lanes, eliminated columns included."""
     for column in range(0, 8 * len(like) + WIDTH, WIDTH):
         rest = read_lanes(patch, (row, column), WIDTH) - factor * read_lanes(patch, (pivot, column), WIDTH)
         write_lanes(rest, patch, (row, column))
@@ -102,7 +102,7 @@ def subtract_row(patch, row, factor, pivot, like):
 
 @kernel
 def hand_on(patch, following, columns, following_columns, count, dim):
-    """Add the Schur complement of a patch to the patch of the next load, at the adjacent node."""
+    """Add the Schur complement of a moving load's patch to the patch of the next load, at the adjacent node."""
     before, own, last = 2 * dim, 5 * dim + 1, patch.shape[0]
     size = before + 3 * dim + 1
     for i in range(size):
@@ -117,7 +117,7 @@ def hand_on(patch, following, columns, following_columns, count, dim):
 
 @kernel
 def carry_over(work, number, first, node, like):
-    """Add the Schur complement of a patch to the nodes beside a train of loads at nodes `first` to `node`."""
+    """Add the Schur complement of a load's patch to the nodes beside its train of loads, at nodes `first` to `node`."""
     patch, before, after, dim = work.patch[number], first - 1, node + 1, len(like)
     own, last, count = 5 * dim + 1, patch.shape[0], node - first + 1
     size = abs(work.diagonal[before, 0, 0, 0]) + abs(patch[0, 0])
@@ -150,7 +150,7 @@ def carry_over(work, number, first, node, like):
 
 @kernel
 def recover_patches(state, work, like):
-    """Write the increments of all nodes that follow loads, and of their arc lengths; needs those of all others."""
+    """Write the increments of all nodes that follow loads, and of their arc lengths, from those of all other nodes."""
     for node in range(state.node_load.size):
         if state.node_load[node] < 0:
             store(load(work.right_side[node, 1], like), work.right_side[node, 2])
@@ -161,7 +161,7 @@ def recover_patches(state, work, like):
 
 @kernel
 def substitute(state, work, node, like):
-    """Increments of one load, from those of the node before its train of loads and of the node after it."""
+    """Recover the increments of one moving load, from those of the nodes before and after its train of loads."""
     dim, number, start = len(like), state.node_load[node], node - 1
     while state.node_load[start] >= 0:
         start -= 1

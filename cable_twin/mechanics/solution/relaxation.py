@@ -41,7 +41,7 @@ PART = 50_000  # iterations times elements of a part, which takes some tenths of
 
 @kernel
 def hang_carriages(system, state):
-    """Place all bodies upright below their joints."""
+    """Place all bodies of a rope's vehicles upright below their joints."""
     carriages = system.carriages
     for carriage in range(carriages.fixed.size):
         if not belongs(system, state, carriage):
@@ -57,7 +57,7 @@ def hang_carriages(system, state):
 
 @kernel
 def store_equilibrium(system, state):
-    """Store the equilibrium: holding force of each joint, origins of friction, and extremes of tower loads."""
+    """Store a rope's equilibrium: holding force of each joint, origins of friction, extremes of tower loads."""
     for carriage in range(state.axis.size):
         if belongs(system, state, carriage):
             state.drives.force[carriage] = driven_force(system, state, carriage)
@@ -69,14 +69,14 @@ def store_equilibrium(system, state):
 
 @kernel
 def begin_relaxation(system, state):
-    """Prepare one rope for an iteration: present wind."""
+    """Prepare one rope for an iteration of relaxation: update its wind."""
     if system.air.varies:
         update_wind(system, state, 0.0)
 
 
 @kernel
 def move_relaxed(system, state, work):
-    """Apply the increments of one rope, without velocities; returns the largest rotation of a body (rad)."""
+    """Apply the increments of one rope to positions alone; return the largest rotation of a body (rad)."""
     turn = sharpest_turn(work, system.cable.gravity)
     combine_arrays(state.nodes.position, 1.0, work.right_side, state.nodes.position)
     combine_arrays(state.joints.position, 1.0, work.sliding_increment, state.joints.position)
@@ -89,7 +89,7 @@ def move_relaxed(system, state, work):
 
 @kernel
 def sharpest_turn(work, like):
-    """Largest rotation (rad) among the increments of bodies."""
+    """Largest rotation (rad) among the Newton increments of bodies."""
     turn = 0.0
     for body in range(work.body_increment.shape[0]):
         for axis in range(len(like), work.body_increment.shape[1]):
@@ -105,8 +105,8 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
     in `drive_force`. Several ropes go on from where each of them lies.
 
     Args:
-        bundle: ropes and what couples them.
-        moving: motion of that.
+        bundle: ropes and their couplings.
+        moving: motion of the couplings.
         good: scratch for a copy of `moving`.
         scratch: of the solver for couplings.
         system: parameters of any of the ropes, for their type.
@@ -114,7 +114,7 @@ def relax(bundle, moving, good, scratch, system, state, work, tolerance, first, 
         work: scratch of any, likewise.
         tolerance: last increment (m) that is allowed.
         first: mass factor (1/s²) to begin with.
-        longest: way (m) that a point may go in an iteration.
+        longest: displacement (m) that a point may make in an iteration.
         mass_factor: 1/s², with which to go on; 0 to begin.
         iterations: most of them.
 
@@ -184,7 +184,7 @@ class Moment(NamedTuple):
 
     @property
     def remaining(self) -> float:
-        """Upper bound of the remaining time (s) at the present rate; most lines rest after a tenth of it or less."""
+        """Upper bound of the remaining time (s) at the present rate; most relaxations take a tenth of it or less."""
         return self.elapsed / self.iterations * (MAX_RELAXATIONS - self.iterations)
 
 
@@ -193,7 +193,7 @@ _watchers: list[Callable[[Moment], object]] = []
 
 @contextmanager
 def watching_relaxation(shown: Callable[[Moment], object]) -> Iterator[None]:
-    """Context in which the progress of relaxations is reported to `shown` after each part."""
+    """Context manager that reports the progress of relaxations to `shown` after each part."""
     _watchers.append(shown)
     try:
         yield
@@ -204,11 +204,11 @@ def watching_relaxation(shown: Callable[[Moment], object]) -> Iterator[None]:
 def relax_in_parts(
     relax: Callable[[float, int], tuple[int, float, float]], elements: int, begin: float = 0.0
 ) -> tuple[int, float]:
-    """Relax in parts until all forces balance, or up to the largest number of iterations.
+    """Run a relaxation in parts until all forces balance, or up to the largest number of iterations.
 
     Args:
-        relax: takes a mass factor, 0 for the first one, and iterations; gives how many it took, the last increment (m)
-            and the mass factor to go on with, 0 at rest.
+        relax: takes a mass factor, 0 for the first one, and a number of iterations; returns the number that it used,
+            the last increment (m) and the mass factor to go on with, 0 at rest.
         elements: of the mesh.
         begin: mass factor of the first part.
 

@@ -67,7 +67,7 @@ def stable_step(system: System) -> float:
 
 
 def _at_phase(element: FloatArray, phase: float) -> NDArray[np.complex128]:
-    """Matrix (2, 2) of one node of an endless mesh with `phase` (rad) between nodes, from an element's (4, 4)."""
+    """Matrix (2, 2) of a wave with `phase` (rad) from node to node of an endless mesh, from an element's (4, 4)."""
     coupling = element[:2, 2:] * np.exp(1j * phase)
     return element[:2, :2] + element[2:, 2:] + coupling + coupling.conj().T
 
@@ -133,14 +133,14 @@ def classical_step(system, state, start, total, h, work):
 
 @kernel
 def copy_place(source, target):
-    """Copy coordinates and velocities, without accelerations."""
+    """Copy coordinates and velocities of one kind of coordinates, without accelerations."""
     copy_array(source.position, target.position)
     copy_array(source.velocity, target.velocity)
 
 
 @inlined_kernel
 def place_in_element(cable, state, carriage):
-    """Relative position of a joint on its element, from 0 to 1."""
+    """Relative position of a vehicle's joint on its element, from 0 to 1."""
     element = state.joint_element[carriage]
     return (state.joints.position[carriage] - state.mesh.arc_length[element]) / state.mesh.length[element]
 
@@ -163,7 +163,7 @@ def overshoot(cable, state):
 
 @kernel
 def step_to_node(system, state, start, total, h, work):
-    """Step of at most `h` (s), ending when the first joint reaches a node.
+    """Take a step of at most `h` (s) that ends when the first joint reaches a node.
 
     Returns:
         The time taken (s), or -1 when a stage could not be solved; the joint now on a node, or -1.
@@ -200,7 +200,7 @@ def step_to_node(system, state, start, total, h, work):
 
 @kernel
 def change_element(cable, state, carriage):
-    """Move a joint on a node to the next element on its way."""
+    """Move a vehicle's joint that is on a node to the next element in its direction."""
     place = place_in_element(cable, state, carriage)
     element = state.joint_element[carriage] + (1 if place > 0.5 else -1)
     state.joint_element[carriage] = min(max(element, 0), cable.element_count - 1)
@@ -211,7 +211,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
     """Integrate `steps` whole steps of one rope; counterpart of `generalized_alpha.advance` with equal results.
 
     `iterations` counts solutions of eq. 16 beyond the four a step needs, `halvings` the nodes that were passed, `gap`
-    is the drift of the constraints (m); what is lost is not looked at. A step after which the energy is not finite is
+    is the drift of the constraints (m); energy loss is not measured. A step after which the energy is not finite is
     taken back and ends the call.
     """
     own, here, room = rope_of(bundle, 0, system, state, work)

@@ -25,7 +25,7 @@ from cable_twin.mechanics.solution.equations_of_motion import largest_gap
 class Outcome(NamedTuple):
     """Result of an integrator call, to be checked for `converged` first.
 
-    An integrator gives the fields alone: numba makes a named tuple by Python code of its own, which a Ctrl-C crashes.
+    An integrator returns the fields as a plain tuple: numba makes a named tuple by Python code, which Ctrl-C crashes.
     """
 
     converged: bool
@@ -49,7 +49,7 @@ def begin_step(system, state, h):
 
 @kernel
 def end_step(system, state, work):
-    """End a step: store friction and contacts, detach and attach carriers; returns the largest gap (m)."""
+    """End a step: store friction and contacts, detach and attach carriers; return the largest constraint gap (m)."""
     gap = largest_gap(system, state, work, True)
     settle(system, state)
     take_up(system, state)
@@ -61,7 +61,7 @@ def end_step(system, state, work):
 
 @kernel
 def settle(system, state):
-    """Store the mobilised friction, buffer contacts and tower loads as the start of the next step."""
+    """Store a rope's mobilised friction, buffer contacts and tower loads as the start of the next step."""
     for carriage in range(system.carriages.fixed.size):
         if belongs(system, state, carriage):
             settle_friction(system.carriages, state, carriage)
@@ -72,11 +72,11 @@ def settle(system, state):
 
 
 def integrator_named(name: str) -> Callable[..., Any]:
-    """Kernel `advance` of an integrator, with the arguments and results of `generalized_alpha.advance`.
+    """Kernel `advance` of the integrator `name`, with arguments and results of `generalized_alpha.advance`.
 
     Raises:
-        KeyError: there is none of that name.
+        KeyError: there is no integrator of that name.
     """
     if name not in INTEGRATORS:
-        raise KeyError(name)
+        raise KeyError(f"integrator: given {name}; allowed: {', '.join(INTEGRATORS)}")
     return import_module(f"cable_twin.mechanics.solution.{name}").advance  # type: ignore[no-any-return]

@@ -1,1 +1,1 @@
-"""Parts of the command `calibrate`: parameters, measured data, the check of what they can tell, the solve, results."""
+"""Parts of the command `calibrate`: parameters, measured data, identifiability check, solve, results."""

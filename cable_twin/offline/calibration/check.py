@@ -1,4 +1,4 @@
-"""Check before the solve: what measured data can tell about each parameter, and which run would tell the rest."""
+"""Identifiability of the parameters of a calibration from its data before the solve, with advice on better runs."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ class Finding(NamedTuple):
 
     @property
     def told(self) -> bool:
-        """Whether the data tell this parameter."""
+        """Whether the data identify the parameter: its standard deviation is at most half of its prior's."""
         return self.together <= TOLD
 
     def reason(self, moved: bool) -> str:
-        """Line about a parameter that is not told: why, and which run would tell it."""
+        """Line about a parameter that the data do not identify: why, and which run would identify it."""
         key, run = self.parameter.key, advice(self.parameter)
         if self.alone > TOLD:
             seen = "no sensor feels it here" if self.alone > 0.999 else f"the data narrow its prior to {self.alone:.0%}"
@@ -59,19 +59,19 @@ class Finding(NamedTuple):
 
 
 class Check(NamedTuple):
-    """Result of the check."""
+    """Result of the identifiability check of a calibration: findings by parameter, and singular values."""
 
     findings: tuple[Finding, ...]
     singular_values: FloatArray  # of the Jacobian in deviations of sensors and priors, largest first
 
     @property
     def told(self) -> list[int]:
-        """Numbers of the parameters that the data tell."""
+        """Numbers of the parameters that the data identify."""
         return [number for number, one in enumerate(self.findings) if one.told]
 
     @property
     def rank(self) -> int:
-        """Number of directions in which the data say more than the priors."""
+        """Number of directions in parameter space in which the data narrow the priors most."""
         return int((self.singular_values > 1.0).sum())
 
 
@@ -81,7 +81,7 @@ def advice(parameter: Parameter) -> str:
 
 
 def check(parameters: Sequence[Parameter], evaluation: Evaluation, rows: Rows) -> Check:
-    """Identifiability of all parameters from a scaled Jacobian: its singular values, and correlations by them."""
+    """Check identifiability of all parameters: singular values of the scaled Jacobian, deviations, correlations."""
     jacobian = evaluation.jacobian[~rows.held]
     singular: FloatArray = np.linalg.svd(jacobian, compute_uv=False).astype(np.float64)
     covariance = covariance_of(jacobian)
@@ -101,6 +101,6 @@ def check(parameters: Sequence[Parameter], evaluation: Evaluation, rows: Rows) -
 
 
 def covariance_of(jacobian: FloatArray) -> FloatArray:
-    """Covariance (n, n) of parameters in deviations of their priors, from data and priors."""
+    """Covariance (n, n) of parameters after data and priors, in deviations of their priors, from a scaled Jacobian."""
     inverse = np.linalg.inv(jacobian.T @ jacobian + np.eye(jacobian.shape[1]))
     return np.asarray(inverse, dtype=np.float64)

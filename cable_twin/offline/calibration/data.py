@@ -1,4 +1,4 @@
-"""Measured data of a calibration: commands and measurements of logs, with stretches that are held out."""
+"""Measured data of a calibration: commands and measurements of logs, with stretches held out for validation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARTS = ("cables", "vehicles", "towers", "drives", "sheaves")
 
 
 class Series(NamedTuple):
-    """Measurements of one sensor in one log."""
+    """Time series of the measurements of one sensor in one log, with samples held out for validation."""
 
     sensor: str
     times: FloatArray  # s, (n,)
@@ -35,7 +35,7 @@ class Series(NamedTuple):
 
 
 class Package(NamedTuple):
-    """One log, ready for calibration."""
+    """Data of one log for a calibration: commands and measurements of all sensors."""
 
     path: Path
     commands: tuple[AppliedCommand, ...]
@@ -44,11 +44,11 @@ class Package(NamedTuple):
 
     @property
     def moved(self) -> bool:
-        """Whether anything was commanded."""
+        """Whether the log has any command."""
         return bool(self.commands)
 
     def first(self, seconds: float) -> Package:
-        """Data of the first seconds alone."""
+        """Cut the data of the log after its first seconds (s)."""
         series = []
         for one in self.series:
             there = one.times <= seconds
@@ -57,11 +57,11 @@ class Package(NamedTuple):
 
 
 def logs_of(paths: Sequence[Path]) -> list[Log]:
-    """Open logs of one scenario.
+    """Open the logs of a calibration and check that all are of one scenario.
 
     Raises:
-        LogError: one cannot be read.
-        CalibrationError: one begins in the middle of a run, or two are of different scenarios.
+        LogError: a log cannot be read.
+        CalibrationError: a log begins in the middle of a run, or two logs are of different scenarios.
     """
     logs = [read_log(path) for path in paths]
     for log in logs:
@@ -71,7 +71,7 @@ def logs_of(paths: Sequence[Path]) -> list[Log]:
     for log in logs[1:]:
         for key, one, other in _differences(first, _without_sensors(log.scenario), ""):
             raise CalibrationError(
-                f"{log.path}: {key} is {other!r}, in {logs[0].path} {one!r}; allowed: logs of one scenario"
+                f"{log.path}: {key}: given {other!r}, in {logs[0].path} {one!r}; allowed: logs of one scenario"
             )
     return logs
 
@@ -81,7 +81,7 @@ def _without_sensors(scenario: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _differences(one: Any, other: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
-    """Keys with different values in two scenarios."""
+    """Dotted keys with different values in two resolved scenarios, with both values."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for name in [*one, *(name for name in other if name not in one)]:
             yield from _differences(one.get(name), other.get(name), f"{key}.{name}".lstrip("."))
@@ -91,16 +91,16 @@ def _differences(one: Any, other: Any, key: str) -> Iterator[tuple[str, Any, Any
 
 
 def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulation:
-    """Simulation of the twin at rest, with the sensors of its scenario, else those of the log, else the usual ones.
+    """Simulation of the twin at rest, with the sensors of its scenario, else of the log, else the standard ones.
 
     Args:
         log: of the plant.
         source: scenario, or None for that of the log.
-        values: by dotted key.
+        values: changes of the scenario by dotted key.
 
     Raises:
-        ScenarioError, EquilibriumError: it cannot be simulated.
-        CalibrationError: the log is of another one.
+        ScenarioError, EquilibriumError: the scenario cannot be simulated.
+        CalibrationError: the log is of another scenario.
     """
     scenario = load_scenario(log.scenario if source is None else source, dict(values))
     if source is not None:
@@ -109,7 +109,7 @@ def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulati
 
 
 def check_same(scenario: Scenario, log: Log) -> None:
-    """Refuse a log of another scenario: other ropes, vehicles, towers or drives.
+    """Refuse a log of another scenario than the twin's: other ropes, vehicles, towers, drives or bullwheels.
 
     Raises:
         CalibrationError: one line with the first difference.
@@ -119,7 +119,7 @@ def check_same(scenario: Scenario, log: Log) -> None:
         own, other = ([*getattr(one, part)] for one in (scenario, of_log))
         if own != other:
             raise CalibrationError(
-                f"{log.path}: a log of '{of_log.name}' with {part} {', '.join(other) or 'none'}; allowed: those of "
+                f"{log.path}: {part}: given {', '.join(other) or 'none'}, of '{of_log.name}'; allowed: those of "
                 f"'{scenario.name}': {', '.join(own) or 'none'}"
             )
 
@@ -127,18 +127,18 @@ def check_same(scenario: Scenario, log: Log) -> None:
 def package(
     log: Log, scenario: Scenario, readings: Mapping[str, Reading], say: Callable[[str], object], *, held: bool = False
 ) -> Package:
-    """Measurements and commands of a log; what is left out of it is said.
+    """Gather measurements and commands of a log for a calibration; lines about data left out go to `say`.
 
     Args:
         log: of the plant.
         scenario: of the twin, with the sensors.
         readings: of its sensors by name.
-        say: gets a line for each finding.
-        held: hold out all of the log, else one stretch of five.
+        say: called with a line about each part of the log that is left out or missing.
+        held: hold out all of the log for validation, else one stretch of five.
 
     Raises:
         LogError: a message is not of this plant.
-        CalibrationError: there are no measurements, or too few.
+        CalibrationError: the log has no measurements, or too few.
     """
     plant, commands = PlantLog(log, scenario.sensors), []
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in readings}
@@ -163,7 +163,7 @@ def package(
             "twin with sensors"
         )
     if times[-1] < SHORTEST:
-        raise CalibrationError(f"{log.path}: {times[-1]:.3g} s long; allowed: {SHORTEST:g} s or more")
+        raise CalibrationError(f"{log.path}: length: given {times[-1]:.3g} s; allowed: {SHORTEST:g} s or more")
     for before, after in pairwise([0.0, *times]):
         if after - before > SILENCE:
             say(f"{log.path}: nothing from {before:.1f} to {after:.1f} s: the twin goes on by its model there")
@@ -180,7 +180,7 @@ def package(
 
 
 def fingerprint(packages: Sequence[Package], *more: object) -> str:
-    """Fingerprint of all data and of what else a state depends on."""
+    """Fingerprint of all inputs of a calibration: data of its logs and further objects."""
     found = hashlib.sha256()
     for one in packages:
         for applied in one.commands:

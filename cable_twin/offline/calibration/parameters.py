@@ -38,11 +38,11 @@ ABSOLUTE = ((r"^air\.wind\.", 5.0), (r"temperature$", 15.0), (r"\.ice", 1.0))
 
 
 class CalibrationError(ValueError):
-    """Something that `calibrate` cannot use: one line."""
+    """Input that the command `calibrate` cannot use: one line."""
 
 
 class Parameter(NamedTuple):
-    """Free parameter with its prior."""
+    """Free parameter of a calibration: key, unit, prior and bounds."""
 
     key: str
     unit: str
@@ -56,19 +56,19 @@ class Parameter(NamedTuple):
 
     @property
     def prior(self) -> str:
-        """Prior in words."""
+        """Prior of the parameter as text: mean +- half of its 95 % interval, with unit."""
         return f"{with_unit(self.mean, self.unit)} +- {with_unit(1.96 * self.deviation, self.unit, 3)}"
 
 
 class Prior(NamedTuple):
-    """Prior that the user gives: mean and standard deviation."""
+    """Prior of a parameter, given by the user: mean and standard deviation."""
 
     mean: float
     deviation: float
 
 
 def prior_of(text: str) -> tuple[str, Prior]:
-    """Parse KEY=VALUE:DEVIATION.
+    """Parse a prior given as KEY=VALUE:DEVIATION into the parameter's full key and the prior.
 
     Raises:
         ValueError: one line with the given text and the allowed form.
@@ -80,14 +80,14 @@ def prior_of(text: str) -> tuple[str, Prior]:
         mean = deviation = math.nan
     if not key.strip() or not math.isfinite(mean) or not 0.0 < deviation < math.inf:
         raise ValueError(
-            f"{printable(text)!r} given; allowed: KEY=VALUE:DEVIATION, finite and the deviation above 0, "
+            f"given {printable(text)!r}; allowed: KEY=VALUE:DEVIATION, finite and the deviation above 0, "
             "as in air.wind.x=0:5"
         )
     return full_key(key.strip()), Prior(mean, deviation)
 
 
 def value_at(scenario: Mapping[str, Any], key: str) -> Any:
-    """Value of a resolved scenario by its dotted key; None where there is none."""
+    """Value of a resolved scenario by its dotted key; None for a key without value."""
     node: Any = scenario
     for part in key.split("."):
         if isinstance(node, Mapping):
@@ -104,13 +104,13 @@ def value_at(scenario: Mapping[str, Any], key: str) -> Any:
 def parameters_of(
     simulation: Simulation, keys: Sequence[str], priors: Mapping[str, Prior], scale: Mapping[str, float]
 ) -> tuple[Parameter, ...]:
-    """Free parameters by their keys; a key of a sensor may have * for any text.
+    """Free parameters of a calibration from their keys; a key of a sensor may have * for any text.
 
     Args:
         simulation: of the twin at rest.
-        keys: dotted; `sensors.NAME.bias`, `.gain` and `.delay` are errors of sensors.
-        priors: that are given, by key.
-        scale: typical size of what each sensor measures, by its name.
+        keys: dotted keys; `sensors.NAME.bias`, `.gain` and `.delay` are errors of sensors.
+        priors: priors given by the user, by key.
+        scale: typical size of each sensor's readings, by its name.
 
     Raises:
         CalibrationError: a key does not exist or cannot be free; one line.
@@ -124,23 +124,23 @@ def parameters_of(
             own = [_of_scenario(simulation, key, priors.get(key))]
         for one in own:
             if one.key in found:
-                raise CalibrationError(f"--free: {one.key} given twice; allowed: once")
+                raise CalibrationError(f"--free: given {one.key} twice; allowed: once")
             found[one.key] = one
     for key in priors:
         if key not in found:
-            raise CalibrationError(f"--prior: {printable(key)} given; allowed: of a key in --free")
+            raise CalibrationError(f"--prior: given {printable(key)}; allowed: of a key in --free")
     return tuple(found.values())
 
 
 def _errors_of(
     scenario: Scenario, key: str, priors: Mapping[str, Prior], scale: Mapping[str, float]
 ) -> list[Parameter]:
-    """Parameters for an error of one sensor, or of all whose names fit."""
+    """Free parameters for an error of each sensor whose name fits the pattern in a key."""
     _, _, rest = key.partition(".")
     pattern, _, error = rest.rpartition(".")
     names = [name for name in scenario.sensors if fnmatchcase(name, pattern) and name in scale]
     if not names:
-        raise CalibrationError(f"--free: no sensor '{printable(pattern)}'; allowed: {', '.join(scale)}")
+        raise CalibrationError(f"--free: given sensor '{printable(pattern)}'; allowed: {', '.join(scale)}")
     found = []
     for name in names:
         own, kind = f"{OF_SENSORS}.{name}.{error}", scenario.sensors[name].kind
@@ -154,7 +154,7 @@ def _errors_of(
 
 
 def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Parameter:
-    """Parameter for a key of the scenario."""
+    """Free parameter for a key of the scenario."""
     scenario = simulation.scenario
     above, _, last = key.rpartition(".")
     try:
@@ -165,12 +165,13 @@ def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Param
     value = value_at(resolved, key)
     if value is None or isinstance(value, bool | str) or not isinstance(value, int | float):
         given = "a section" if isinstance(value, Mapping | list | tuple) else "no number in this scenario"
-        raise CalibrationError(f"--free: {printable(key)} is {given}; allowed: keys of numbers")
+        raise CalibrationError(f"--free: {printable(key)}: given {given}; allowed: keys of numbers")
     if isinstance(value, int) and not isinstance(value, bool) and "whole" in entries[0].allowed:
-        raise CalibrationError(f"--free: {key} is a whole number; allowed: keys of numbers that vary by any amount")
+        raise CalibrationError(f"--free: {key}: given a whole number; allowed: keys of numbers that vary by any amount")
     if prior is None and value == 0.0 and not _absolute(key):
         raise CalibrationError(
-            f"--free: {key} is 0 in the scenario, from which no prior follows; allowed: with --prior {key}=0:DEVIATION"
+            f"--free: {key}: given 0 in the scenario, from which no prior follows; allowed: with --prior "
+            f"{key}=0:DEVIATION"
         )
     mean, deviation = (float(value), _usual(key, float(value), resolved)) if prior is None else prior
     low, high = _bounds(key, mean, deviation, resolved)
@@ -182,7 +183,7 @@ def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Param
 
 
 def _usual(key: str, value: float, resolved: Mapping[str, Any]) -> float:
-    """Prior standard deviation where none is given."""
+    """Default standard deviation of the prior of a scenario key with a value."""
     if (absolute := _absolute(key)) is not None:
         return absolute
     share = next((share for pattern, share in SHARES if re.search(pattern, key)), SHARE)
@@ -196,7 +197,7 @@ def _absolute(key: str) -> float | None:
 
 
 def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
-    """Lowest and highest value of a key: of the sign of its prior, and a payload within its capacity."""
+    """Bounds of a free scenario key: of the sign of its prior's mean, and for a payload within its capacity."""
     low, high = mean - WIDEST * deviation, mean + WIDEST * deviation
     if _absolute(key) is None:
         low, high = (max(low, NARROWEST * mean), high) if mean >= 0.0 else (low, min(high, NARROWEST * mean))
@@ -207,7 +208,7 @@ def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]
 
 
 def _try_value(scenario: Scenario, key: str, value: float) -> None:
-    """Refuse bounds that the scenario does not allow."""
+    """Refuse a bound of a free key at which the scenario is not valid."""
     try:
         load_scenario(scenario.resolved(), {key: value})
     except ScenarioError as error:
@@ -217,7 +218,7 @@ def _try_value(scenario: Scenario, key: str, value: float) -> None:
 
 
 def _try_free(simulation: Simulation, key: str, value: float) -> None:
-    """Refuse a key that needs another mesh, other parts or another solver."""
+    """Refuse a free key whose change needs another mesh, other parts or another solver."""
     resolved = simulation.scenario.resolved()
     try:
         other = load_scenario(resolved, {key: value})

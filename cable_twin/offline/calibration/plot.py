@@ -24,10 +24,10 @@ MOST_SHOWN = 6.0  # deviations, of the axis of residuals
 
 
 def write_picture(title: str, solution: Solution, rows: Rows, path: Path) -> None:
-    """Draw a calibration into a PNG file.
+    """Draw estimates, correlations and residuals of a calibration into a PNG file.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     series = sorted({(int(log), int(sensor)) for log, sensor in zip(rows.log, rows.sensor, strict=True)})
     count = len(solution.estimates)
@@ -53,7 +53,7 @@ def write_picture(title: str, solution: Solution, rows: Rows, path: Path) -> Non
 
 
 def _draw_estimates(panel: Axes, solution: Solution) -> None:
-    """Draw intervals of 95 % in deviations of the priors, with the values."""
+    """Draw the 95 % intervals of the estimates in deviations of their priors, with the values as text."""
     number = np.arange(len(solution.estimates))
     labels = []
     for row, one in enumerate(solution.estimates):
@@ -83,7 +83,7 @@ def _draw_estimates(panel: Axes, solution: Solution) -> None:
 
 
 def _draw_correlation(figure: Figure, panel: Axes, solution: Solution) -> None:
-    """Draw the correlation matrix with its numbers."""
+    """Draw the correlation matrix of the estimates with its numbers."""
     count = len(solution.estimates)
     image = panel.imshow(solution.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for row in range(count):
@@ -102,7 +102,7 @@ def _draw_correlation(figure: Figure, panel: Axes, solution: Solution) -> None:
 def _draw_residuals(
     panel: Axes, name: str, times: FloatArray, before: FloatArray, after: FloatArray, held: FloatArray
 ) -> None:
-    """Draw the residuals of a sensor before and after, with the stretches that are held out."""
+    """Draw the residuals of a sensor over time before and after calibration, with the stretches held out."""
     panel.plot(times, before, ".", color=QUIET, markersize=1.5, alpha=0.6, label="prior")
     training = held == 0
     panel.plot(times[training], after[training], ".", color=COLORS[0], markersize=1.5, label="calibrated")

@@ -1,4 +1,4 @@
-"""Predictions of measurements by an ensemble: residuals of a point of parameters, and their Jacobian."""
+"""Prediction of measurements by an ensemble of twins: residuals at a point of parameters, and their Jacobian."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Evaluation(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Log, sensor and time of each residual of a calibration, and whether it is held out."""
+    """Log, sensor and time of each residual of a calibration, and whether the residual is held out."""
 
     log: NDArray[np.int64]
     sensor: NDArray[np.int64]  # number among `sensors`
@@ -50,7 +50,7 @@ class Rows(NamedTuple):
 
 
 def scales_of(scenario: Scenario, rest: Snapshot) -> dict[str, float]:
-    """Typical size of what each sensor measures (N): load at rest, or limit of a drive; m and rad of others, 1."""
+    """Typical size of each sensor's readings: load at rest (N), force limit of a drive (N), or 1 (m, rad)."""
     rows, limits, found = rest.layout.support_rows, command_limits(scenario), {}
     for name, sensor in scenario.sensors.items():
         if sensor.kind == "load_cell":
@@ -64,7 +64,7 @@ def scales_of(scenario: Scenario, rest: Snapshot) -> dict[str, float]:
 
 
 def deviations_of(scenario: Scenario, scales: Mapping[str, float]) -> dict[str, float]:
-    """Standard deviation of a sample of each sensor: its noise and rounding, and not less than `FINEST`."""
+    """Standard deviation of a sample of each sensor: noise, quantisation and a least value, added as squares."""
     found = {}
     for name, scale in scales.items():
         sensor = scenario.sensors[name]
@@ -77,14 +77,14 @@ MUCH_MORE = 1.5  # times as long
 
 
 class Predictor:
-    """Twins that repeat the runs of logs with other parameters.
+    """Predictor of the measurements of logs: twins repeat their runs with varied parameters.
 
     Args:
         scenario: of the twin, with sensors.
         packages: data of each log.
         readings: of sensors by name.
-        deviations: of a sample of each.
-        parameters: free ones.
+        deviations: standard deviation of a sample of each sensor, by its name.
+        parameters: free parameters.
         threads: of the ensemble.
     """
 
@@ -118,7 +118,7 @@ class Predictor:
         )
 
     def first(self, seconds: float) -> Predictor | None:
-        """Predictor of the first seconds of each log alone; None where there is not much more."""
+        """Predictor for only the first seconds (s) of each log; None where no log is much longer."""
         if max(one.end for one in self._packages) < MUCH_MORE * seconds:
             return None
         packages = [one.first(seconds) for one in self._packages]
@@ -130,33 +130,33 @@ class Predictor:
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of points, in prior deviations from the mean."""
+        """Bounds of the parameters, in deviations of their priors from the mean."""
         return (self._low - self._mean) / self._spread, (self._high - self._mean) / self._spread
 
     def values(self, point: FloatArray) -> FloatArray:
-        """Values of the parameters at a point."""
+        """Values of the parameters, in their units, at a point given in deviations of their priors."""
         found: FloatArray = np.clip(self._mean + self._spread * point, self._low, self._high)
         return found
 
     def remember(self, evaluation: Evaluation) -> None:
-        """Keep an evaluation of an earlier run, which is not done again."""
+        """Keep an evaluation of an earlier calibration, so that its point is not evaluated again."""
         self._known[_name(evaluation.point)] = evaluation
 
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:
-        """All evaluations so far."""
+        """All evaluations of residuals and Jacobians so far."""
         return tuple(self._known.values())
 
     def evaluate(self, point: FloatArray, near: Evaluation | None = None) -> Evaluation:
-        """Residuals and Jacobian at a point, by a member for it and one beside it along each key of the scenario.
+        """Evaluate residuals and Jacobian at a point by an ensemble: one member there, one beside it per scenario key.
 
         Args:
             point: of the parameters, in deviations of their priors from the mean.
-            near: evaluation of a point so near that its Jacobian serves here, too; one member is enough then.
+            near: evaluation of a point so near that its Jacobian is used; one member is enough then.
 
         Raises:
             CalibrationError: a member failed.
-            EquilibriumError: a member has no rest.
+            EquilibriumError: a member has no equilibrium.
         """
         name = _name(point)
         if (kept := self._known.get(name)) is not None and (kept.fresh or near is not None):
@@ -176,7 +176,7 @@ class Predictor:
         return found
 
     def ratios(self, evaluation: Evaluation) -> dict[str, float]:
-        """Typical size of what each sensor measures, over that of what the twin has."""
+        """Ratio, per sensor, of the median size of its readings to that of the twin's predictions."""
         found, first = {}, 0
         for series in (series for one in self._packages for series in one.series):
             own = slice(first, first + series.times.size)
@@ -188,7 +188,7 @@ class Predictor:
         return found
 
     def _beside(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (n, parameters) beside one, along each key of the scenario, and the steps (n,) to them."""
+        """Points (n, parameters) for finite differences, one step off along each key of the scenario; steps (n,)."""
         low, high = self.bounds
         beside = np.tile(point, (len(self._of_model), 1))
         steps = np.empty(len(self._of_model))
@@ -200,7 +200,7 @@ class Predictor:
         return beside, steps
 
     def _run(self, package: Package, values: FloatArray, share: Callable[[float], object]) -> list[FloatArray]:
-        """Predictions (samples, members) of each series of a log."""
+        """Run an ensemble over a log; returns predictions (samples, members) of each of its series."""
         keys = {self.parameters[number].key: number for number in self._of_model}
         middle = load_scenario(self._scenario.resolved(), {key: float(values[0, row]) for key, row in keys.items()})
         parameters: dict[str, Any] = {key: values[:, row].tolist() for key, row in keys.items()}
@@ -250,7 +250,7 @@ class Predictor:
     def _linear(
         self, point: FloatArray, predicted: Sequence[FloatArray], steps: FloatArray, near: Evaluation | None
     ) -> Evaluation:
-        """Residuals and Jacobian from the predictions of all series."""
+        """Residuals and Jacobian in deviations of sensors and priors, from the ensemble's predictions of all series."""
         values, residuals, slopes = self.values(point), [], []
         every = [series for one in self._packages for series in one.series]
         for series, of_members in zip(every, predicted, strict=True):
@@ -270,7 +270,7 @@ class Predictor:
     def _seen(
         self, series: Series, of_members: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, dict[int, FloatArray]]:
-        """Readings (samples, members) of a sensor with its errors, and the slopes (samples,) along these."""
+        """Predicted readings (samples, members) with the sensor's errors, and slopes (samples,) along each error."""
         errors = {one.error: row for row, one in enumerate(self.parameters) if one.sensor == series.sensor}
         along: dict[int, FloatArray] = {}
         if "delay" in errors:
@@ -289,7 +289,7 @@ class Predictor:
 
 
 def _at(times: FloatArray, step: float, rows: FloatArray) -> FloatArray:
-    """Predictions at times between steps, from those at the nearest ones."""
+    """Interpolate predictions at the nearest solver steps to sample times between steps."""
     steps = np.round(times / step) * step
     if np.abs(times - steps).max() < SAME_TIME or times.size < 4:
         return rows
@@ -303,7 +303,7 @@ def _share_after(share: Callable[[float], object], before: float, duration: floa
 
 
 def _nothing(_share: float) -> None:
-    """Take the share of a call without showing it."""
+    """Ignore the share done of an evaluation, where no progress is shown."""
 
 
 def _name(point: FloatArray) -> str:
@@ -311,7 +311,7 @@ def _name(point: FloatArray) -> str:
 
 
 def load_state(path: Path, fingerprint: str) -> list[Evaluation]:
-    """Evaluations of an earlier run with the same inputs; none where there is no such state."""
+    """Load the evaluations of an earlier calibration with equal inputs; an empty list without such a file."""
     try:
         with np.load(path, allow_pickle=False) as kept:
             if str(kept["fingerprint"]) != fingerprint:
@@ -323,7 +323,7 @@ def load_state(path: Path, fingerprint: str) -> list[Evaluation]:
 
 
 def save_state(path: Path, fingerprint: str, evaluations: Sequence[Evaluation]) -> None:
-    """Write all evaluations so far, in one move.
+    """Save all evaluations of a calibration so far, replacing the file atomically.
 
     Raises:
         OSError: the disk refuses.

@@ -1,4 +1,4 @@
-"""Bounded least squares over the told parameters, and the intervals of what comes out."""
+"""Bounded least squares over the identifiable parameters of a calibration, and intervals of the estimates."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FEWEST_CLUSTERS = 5
 
 
 class Estimate(NamedTuple):
-    """Parameter with its interval of 95 %; one that is not told has its prior."""
+    """Estimate of a parameter with its 95 % interval; one that the data do not identify keeps its prior."""
 
     parameter: Parameter
     value: float
@@ -42,12 +42,12 @@ class Estimate(NamedTuple):
 
     @property
     def half(self) -> float:
-        """Half of the interval of 95 %."""
+        """Half of the width of the 95 % interval of the estimate."""
         return NORMAL_95 * self.deviation
 
 
 class Fit(NamedTuple):
-    """Residuals of one sensor, as root mean square in its standard deviations."""
+    """Fit of one sensor: root mean square of its residuals, in its standard deviations."""
 
     sensor: str
     before: float  # training, at the priors
@@ -57,7 +57,7 @@ class Fit(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Result of a calibration."""
+    """Result of a calibration: estimates, correlations, fits of all sensors, first and last evaluation."""
 
     estimates: tuple[Estimate, ...]
     correlation: FloatArray  # (n, n); of untold ones 0
@@ -69,11 +69,11 @@ class Solution(NamedTuple):
 
 
 def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
-    """Least squares of training data and priors.
+    """Solve a calibration: bounded least squares of training data and priors.
 
     Args:
         predictor: of the measurements.
-        check: what the data tell; the rest keeps its prior.
+        check: identifiability check; parameters that are not identifiable keep their priors.
         prior: evaluation at the means of the priors.
 
     Raises:
@@ -92,16 +92,16 @@ def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
 
 
 def _from_here(predictor: Predictor, told: Sequence[int], at: Evaluation) -> tuple[Evaluation, bool]:
-    """Rough search, then fine search; returns the best evaluation, and whether it is the end of the search."""
+    """Search the minimum of a calibration, roughly then finely; returns the best evaluation and whether converged."""
     rows = predictor.rows
     at, _ = _search(predictor, told, at, Means(rows, SLOW), roughly=True)
     return _search(predictor, told, at, Means(rows, 0.0))
 
 
 class Means:
-    """Residuals of training data, as they are or as means over stretches of time with the weight of all their samples.
+    """Training data of a calibration, as single samples or as means over stretches of time, weighted by samples.
 
-    Means know nothing of the phase of oscillations, which is far from linear where parameters are far off.
+    Means do not depend on the phase of oscillations, which is far from linear where parameters are far off.
 
     Args:
         rows: of the residuals.
@@ -118,7 +118,7 @@ class Means:
             self._roots = np.sqrt(np.bincount(self._groups))
 
     def of(self, values: FloatArray) -> FloatArray:
-        """Means (n,) of a column (rows,), or of each of several (rows, m)."""
+        """Means (n,) of a column (rows,) of residuals over all stretches, or (n, m) of several columns (rows, m)."""
         chosen: FloatArray = values[self._training]
         if self._groups is None:
             return chosen
@@ -130,7 +130,7 @@ class Means:
 def _search(
     predictor: Predictor, told: Sequence[int], at: Evaluation, means: Means, *, roughly: bool = False
 ) -> tuple[Evaluation, bool]:
-    """Least squares from an evaluation on; returns the best one, and whether it is the end of the search."""
+    """Minimise the cost of a calibration from an evaluation on; returns the best evaluation and whether converged."""
     low, high = (side[told] for side in predictor.bounds)
     point, damping, first, failed = at.point.copy(), 0.0, len(predictor.evaluations), 0
     most = MOST_ROUGH if roughly else MOST_EVALUATIONS
@@ -164,7 +164,7 @@ def _search(
 
 
 def cost(evaluation: Evaluation, means: Means) -> float:
-    """Half of the sum of squares of training data and priors."""
+    """Cost of a calibration: half of the sum of squares of training residuals and deviations from the priors."""
     return 0.5 * float(np.sum(means.of(evaluation.residuals) ** 2) + np.sum(evaluation.point**2))
 
 
@@ -175,7 +175,7 @@ def _step(
     damping: float,
     bounds: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, float]:
-    """Step of Levenberg and Marquardt within bounds, and its size in standard deviations of what is found."""
+    """Levenberg-Marquardt step within bounds, and its size in standard deviations of the estimates."""
     jacobian, residuals = means.of(at.jacobian)[:, told], means.of(at.residuals)
     normal = jacobian.T @ jacobian + np.eye(len(told))
     slope = jacobian.T @ residuals + at.point[told]
@@ -223,9 +223,9 @@ def _solution(
 
 
 def intervals(last: Evaluation, rows: Rows, told: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Covariance (told, told) in prior deviations, and the factor (told,) on deviations for the error of the model.
+    """Covariance (told, told) of the estimates in prior deviations, and factor (told,) for errors of the model.
 
-    Noise and priors give the first part, and so do parameters that keep their priors (considered ones, Schmidt 1966).
+    The covariance is due to noise, priors and parameters that keep their priors (considered ones, Schmidt 1966).
     Errors of the model make residuals of neighbouring samples alike: sums of whole stretches of time then vary by
     more than noise does, from which the factor follows (Liang and Zeger 1986), or from the mean square of residuals.
     """

@@ -1,4 +1,4 @@
-"""Files of a calibration: the scenario with the source of each number, and all results as JSON."""
+"""Output files of a calibration: the scenario with a comment beside each value, and all results as JSON."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ DIGITS = 7  # of values in files
 def scenario_text(
     source: str | None, values: Mapping[str, Any], scenario: Scenario, solution: Solution, logs: Sequence[Path]
 ) -> str:
-    """Text of the scenario with the calibrated values, each with a comment that says where it comes from.
+    """YAML text of the scenario with the calibrated values, each with a comment on its origin.
 
     Args:
         source: file or name of the scenario, whose comments are kept; None for one from a log.
-        values: its changes by dotted key.
+        values: changes of the scenario by dotted key.
         scenario: of the twin.
         solution: of the calibration.
-        logs: from which it is.
+        logs: logs of the calibration.
     """
     changes = {full_key(key): Change(value, "given by --set") for key, value in values.items()}
     for one in solution.estimates:
@@ -52,7 +52,7 @@ def scenario_text(
 
 
 def _has(scenario: Scenario, solution: Solution) -> bool:
-    """Whether a scenario has the calibrated values."""
+    """Whether a scenario has all calibrated values of a solution."""
     resolved = scenario.resolved()
     return all(
         value_at(resolved, one.parameter.key) == float(f"{one.value:.{DIGITS}g}")
@@ -62,7 +62,7 @@ def _has(scenario: Scenario, solution: Solution) -> bool:
 
 
 def _commented(tree: Any) -> Any:
-    """Plain data with sections in lines of their own and lists in one."""
+    """Convert plain data for YAML: each key of a mapping on a line of its own, each list in one line."""
     if isinstance(tree, Mapping):
         content = CommentedMap()
         for key, value in tree.items():
@@ -76,7 +76,7 @@ def _commented(tree: Any) -> Any:
 
 
 def _source(one: Estimate) -> str:
-    """Comment beside a value."""
+    """Comment beside an estimate in the scenario: unit, calibrated or prior kept, 95 % interval."""
     unit, _ = shown_unit(one.parameter.unit, one.value)
     unit = "" if unit == "-" else one.parameter.unit + ", "
     if not one.told:
@@ -85,7 +85,7 @@ def _source(one: Estimate) -> str:
 
 
 def results(solution: Solution, found: Check, logs: Sequence[Path]) -> dict[str, Any]:
-    """All results as plain data; correlations in the order of the parameters, residuals in standard deviations."""
+    """All results of a calibration as plain data; residuals in standard deviations."""
     parameters = []
     for one, finding in zip(solution.estimates, found.findings, strict=True):
         parameters.append(

@@ -1,1 +1,1 @@
-"""Parts of the command `envelope`: load cases of a file, their rests and runs, and the picture of their extremes."""
+"""Parts of the command `envelope`: load cases of a file, their equilibria and runs, and the plot of their extremes."""

@@ -1,4 +1,4 @@
-"""Load cases of a file: changes of a scenario by dotted key, loading plans, and all combinations of a product."""
+"""Reader of load case files: changes of a scenario by dotted key, loading plans, combinations of a product."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOST = 20_000  # cases of a file
 
 
 class LoadCase(NamedTuple):
-    """Load case: a scenario with an id, a name that says what it stands for, and its changes by dotted key.
+    """Load case: id, name for people, scenario, and its changes from the base scenario by dotted key.
 
     `dynamic` is its run, `worst_place` the search for the worst place of its vehicle, None without.
     """
@@ -45,12 +45,12 @@ class LoadCase(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether it is a run."""
+        """Whether the load case is a run, not a line at rest."""
         return self.dynamic is not None
 
 
 def case_columns(case: LoadCase) -> dict[str, Any]:
-    """Load case as JSON has it beside its results, of which `case_again` makes it again.
+    """Convert a load case into plain data for the JSON of its results; `case_again` is the inverse.
 
     Args:
         case: a load case.
@@ -61,14 +61,14 @@ def case_columns(case: LoadCase) -> dict[str, Any]:
 
 
 def case_again(columns: Mapping[str, Any], base: Scenario) -> LoadCase:
-    """Load case at rest from its columns in JSON; without what is sought of a worst place, but that it is one.
+    """Load case at rest from its plain data in JSON, without points and figures of a search for the worst place.
 
     Args:
         columns: as `case_columns` makes them; of earlier versions without `worst_place` and `stops`.
         base: scenario that the case changes.
 
     Raises:
-        ScenarioError: its changes do not fit the scenario.
+        ScenarioError: the changes do not fit the scenario.
     """
     place, changes = columns.get("worst_place"), dict(columns["changes"])
     searched = WorstPlace(0, (), bool(place.get("one"))) if isinstance(place, Mapping) else None
@@ -77,15 +77,15 @@ def case_again(columns: Mapping[str, Any], base: Scenario) -> LoadCase:
 
 
 class CaseError(ValueError):
-    """Error of a file of load cases; its text has one line per fault."""
+    """Faults of a file of load cases, one line each."""
 
 
 def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[LoadCase]:
-    """Load cases of a YAML file for a scenario.
+    """Read the load cases of a YAML file for a scenario, and check the scenario of each.
 
     Args:
         file: with `cases`, a list, and `product`, mappings of which all combinations are cases.
-        source: as `load_scenario` takes it.
+        source: name, path or data of a scenario, as for `load_scenario`.
         changes: values by dotted key that hold for all cases.
 
     Raises:
@@ -133,7 +133,7 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
 
 
 def _listed(cases: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Cases of the list, by id."""
+    """Load cases of the list `cases` in a file, with their ids; faults are added to a list."""
     if cases is None:
         return
     if not isinstance(cases, list):
@@ -149,7 +149,7 @@ def _listed(cases: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, A
 
 
 def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """All combinations of the levels of each factor, with ids joined by +."""
+    """Load cases of the mapping `product` in a file: all combinations of its factors' levels, ids joined by +."""
     if factors is None:
         return
     if (
@@ -182,24 +182,24 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
 
 
 def _given_twice(factors: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
-    """Fault of a key that two factors set, of which one would be lost; empty without one."""
+    """Error line about a key that two factors of a product set, as one value would be lost; empty without one."""
     owner: dict[str, str] = {}
     for factor, levels in factors.items():
         keys = {key for one in levels.values() for key in ALONE if key in one}
         keys |= {f"set.{key}" for one in levels.values() for key in one.get("set", {})}
         for key in sorted(keys):
             if owner.setdefault(key, factor) != factor:
-                return f"product.{factor}: its levels give {key}, as those of {owner[key]} do; allowed: in one factor"
+                return f"product.{factor}: given {key}, as in the levels of {owner[key]}; allowed: in one factor"
     return ""
 
 
 def _is_name(given: Any) -> TypeGuard[str]:
-    """Whether something is a text of one line that can be printed."""
+    """Whether a value of a load case file is a printable text of one line, fit for an id or name."""
     return isinstance(given, str) and bool(given) and given.isprintable()
 
 
 def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> bool:
-    """Whether something is a mapping of a case; else a fault is added."""
+    """Whether a value of a load case file is a valid mapping of a case; else a fault is added to the list."""
     if not isinstance(one, Mapping):
         faults.append(f"{path}: given {show(one)}; allowed: a mapping with {', '.join(keys)}")
     elif unknown := [key for key in one if key not in keys]:
@@ -216,9 +216,9 @@ def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> b
 
 
 def _each_vehicle(base: Scenario, id_: str, one: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """The case, or of the loading plan `one` a case for each vehicle, with its name added to id and name.
+    """Expand a load case with the loading plan `one` into a case for each vehicle; other cases stay as they are.
 
-    Of carriers, the worst place of one of them is that of any.
+    The name of the vehicle is added to id and name. Of carriers with a search for the worst place, one stands for all.
     """
     if one.get("loading") != "one":
         yield id_, one
@@ -232,7 +232,7 @@ def _each_vehicle(base: Scenario, id_: str, one: Mapping[str, Any]) -> Iterator[
 
 
 def _worst_place(one: Mapping[str, Any], scenario: Scenario) -> WorstPlace | None:
-    """Search for the worst place of a case; None without one."""
+    """Search for the worst place that a load case asks for; None without one."""
     if "worst_place" not in one:
         return None
     if "dynamic" in one:
@@ -241,12 +241,12 @@ def _worst_place(one: Mapping[str, Any], scenario: Scenario) -> WorstPlace | Non
 
 
 def _vehicles(scenario: Scenario) -> list[str]:
-    """Names of the vehicles that can have a payload."""
+    """Names of the vehicles of a scenario that can have a payload."""
     return [name for name, one in scenario.vehicles.items() if one.payload is not None]
 
 
 def _changes(base: Scenario, one: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes of a scenario for a case, by dotted key."""
+    """Changes of a scenario for a load case, by dotted key: loading, tensioning, `set`, load cases of rules."""
     plan = one.get("loading")
     values = {} if plan is None else loading(base, plan, one.get("vehicle"))
     values |= tensioning(base, one["tensioning"]) if "tensioning" in one else {}
@@ -255,15 +255,15 @@ def _changes(base: Scenario, one: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def loading(scenario: Scenario, plan: Any, vehicle: str | None = None) -> dict[str, Any]:
-    """Changes of payloads for a loading plan, by dotted key.
+    """Changes of a scenario's payloads for a loading plan, by dotted key.
 
     Args:
         scenario: scenario with payloads.
         plan: one of `PLANS`.
-        vehicle: name of the full one of the plan `one`.
+        vehicle: name of the full vehicle of the plan `one`.
 
     Raises:
-        CaseError: there is no such plan, or nothing has a payload; one line.
+        CaseError: there is no such plan, or no vehicle has a payload; one line.
     """
     if not isinstance(plan, str) or plan not in PLANS:
         raise CaseError(f"loading: given {show(plan)}; allowed: {', '.join(PLANS)}")

@@ -1,4 +1,4 @@
-"""Runs of load cases: a script from rest, and the emergency stop at the worst moment of it, found by search."""
+"""Load cases in motion: a scripted run from rest, with a search for the worst moment of an emergency stop in it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Stop(NamedTuple):
 
     Attributes:
         first: s, earliest moment.
-        last: s, latest one.
+        last: s, latest moment.
         points: moments of the coarse grid.
         settle: s of simulated time after each stop.
         figures: ids of the key figures whose worst moment is sought.
@@ -44,10 +44,10 @@ class Stop(NamedTuple):
 
 
 class Dynamic(NamedTuple):
-    """Run of a load case.
+    """Load case in motion: a scripted run from rest, or emergency stops within it.
 
     Attributes:
-        script: its commands.
+        script: commands of the run.
         duration: s.
         stop: search for the worst emergency stop; None for the run as it is.
     """
@@ -58,25 +58,25 @@ class Dynamic(NamedTuple):
 
     @property
     def inputs(self) -> list[Any]:
-        """Commands, duration and stop of a load case in motion, for the hash of its result beside the scenario."""
+        """Commands, duration and stop of a load case in motion, which the hash of its kept result includes."""
         commands = [[one.time, repr(one.command), one.at] for one in self.script]
         return [commands, self.duration, self.stop]
 
 
 class DynamicError(ValueError):
-    """Unusable run of a load case; the text is a line a fault."""
+    """Faults of the run or search of a load case in its file, one line each."""
 
 
 def read_dynamic(given: Any, directory: Path, scenario: Scenario) -> Dynamic:
-    """Run of a load case from its mapping in a file.
+    """Read the run of a load case from the mapping `dynamic` in its file.
 
     Args:
         given: the mapping.
-        directory: of the file, where paths begin.
+        directory: of the file, to which paths are relative.
         scenario: of the case.
 
     Raises:
-        DynamicError: it cannot be used.
+        DynamicError: the mapping is not valid.
     """
     if not isinstance(given, Mapping) or not isinstance(given.get("script"), str):
         raise DynamicError(f"dynamic: given {show(given)}; allowed: a mapping with script, and {', '.join(KEYS[1:])}")
@@ -99,15 +99,18 @@ def read_dynamic(given: Any, directory: Path, scenario: Scenario) -> Dynamic:
     points = _number("dynamic.stop.points", stop.get("points", POINTS), 3)
     settle = _number("dynamic.stop.settle", stop.get("settle", SETTLE), 0.0)
     if last <= first or settle <= 0.0 or points != int(points):
-        raise DynamicError("dynamic.stop: allowed: from below to, settle above 0 s, whole points")
+        raise DynamicError(
+            f"dynamic.stop: given from {first:g}, to {last:g} s, settle {settle:g} s, points {points:g}; allowed: from "
+            "below to, settle above 0 s, whole points"
+        )
     return Dynamic(script, duration, Stop(first, last, int(points), settle, figures))
 
 
 def read_figures(path: str, given: Sequence[Any]) -> tuple[str, ...]:
-    """Ids of key figures whose worst value is sought.
+    """Read ids of key figures for a search for their worst values.
 
     Raises:
-        DynamicError: one is no id, or has no worst value; one line.
+        DynamicError: a text is no id, or its figure has no worst value; one line.
     """
     try:
         statistics = {str(one): FigureId.of_text(str(one)).statistic for one in given}
@@ -130,27 +133,27 @@ def _number(path: str, given: Any, least: float) -> float:
 
 
 class Course(NamedTuple):
-    """Times (s) and places (m) of the vehicle of a run."""
+    """Course of a run: times (s) of its frames, and places (m) of its drive or first vehicle then."""
 
     times: list[float]
     places: list[float]
 
     def place(self, time: float) -> float:
-        """Place (m) at a time (s)."""
+        """Place (m) of the drive or first vehicle of a run at a time (s), interpolated."""
         return float(np.interp(time, self.times, self.places))
 
 
 def run_dynamic(scenario: Scenario, dynamic: Dynamic) -> tuple[list[KeyFigure], str]:
-    """Key figures of the run of a case, or of the worst stops within it, and the reason of an early end.
+    """Key figures of a load case in motion, or of the worst stops within it, and the reason of an early end.
 
-    The time of a figure is the place of the vehicle, as in a line at rest; its place has the time.
+    The `time` of a figure has the place (m) of the vehicle, as in a line at rest; its `place` has the time.
 
     Args:
         scenario: of the case.
         dynamic: its run.
 
     Raises:
-        EquilibriumError: it has no rest to begin at.
+        EquilibriumError: the case has no equilibrium to begin at.
     """
     if dynamic.stop is not None:
         search = StopSearch(scenario, dynamic, dynamic.stop)
@@ -168,7 +171,7 @@ def _go(
     course: Course,
     on_frame: Callable[[float], object],
 ) -> str:
-    """Run a simulation with a script for a duration (s); returns the reason of an early end."""
+    """Run the simulation of a load case with a script for a duration (s); returns the reason of an early end."""
 
     def look(time: float) -> None:
         course.times.append(time)
@@ -191,21 +194,21 @@ def _place(snapshot: Snapshot) -> float:
 
 
 def _at(figure: KeyFigure, course: Course, what: str) -> KeyFigure:
-    """Figure with the place of the vehicle for its time, and its time among its places."""
+    """Key figure of a run with the place (m) of the vehicle as its `time`, and its time in the text of its place."""
     words = ", ".join(filter(None, (figure.place, f"at {figure.time:.2f} s", what)))
     return replace(figure, time=course.place(figure.time), place=words)
 
 
 class StopSearch(Search):
-    """Search for the worst moments of an emergency stop: a coarse grid, then a bounded search about its worst points.
+    """Search for the worst moments of an emergency stop in a run: a coarse grid, then bounded searches at its peaks.
 
     The run goes once up to the last moment, and its state is kept at each moment of the grid; a stop begins from the
-    state before it.
+    last state kept before.
 
     Args:
         scenario: of the case.
         dynamic: its run.
-        stop: what is sought.
+        stop: range and key figures of the search.
 
     Attributes:
         fault: reason of an early end of a run; empty for none.
@@ -232,7 +235,7 @@ class StopSearch(Search):
             self.refine(figure, grid)
 
     def _stopped_at(self, time: float) -> Mapping[str, KeyFigure]:
-        """Key figures after a stop at a moment (s), by id."""
+        """Key figures by id after an emergency stop at a moment (s) of the run."""
         simulation = self._simulation
         before = max(one for one in self._states if one <= time + 1e-9)
         simulation.restore(self._states[before])

@@ -1,4 +1,4 @@
-"""Search for the worst place of a vehicle at rest: a coarse grid over all its places, then bounded searches."""
+"""Search for the worst place of a vehicle at rest: a coarse grid over all of its places, then bounded searches."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FINEST = 0.01  # m, between two places
 
 
 class WorstPlace(NamedTuple):
-    """Search for the worst place of the vehicle of a case at rest.
+    """Search for the worst place of the vehicle of a load case at rest.
 
     Attributes:
         points: places of the coarse grid.
@@ -34,20 +34,20 @@ class WorstPlace(NamedTuple):
 
     @property
     def inputs(self) -> list[Any]:
-        """Data of the search, for the hash of its result beside the scenario."""
+        """Data of the search for the worst place, which the hash of its kept result includes."""
         return ["worst_place", *self]
 
 
 def read_worst_place(given: Any, scenario: Scenario, *, one: bool) -> WorstPlace:
-    """Search of a load case from its mapping in a file.
+    """Read the search for the worst place of a load case from the mapping `worst_place` in its file.
 
     Args:
         given: the mapping.
         scenario: of the case.
-        one: whether its loading is that of a single vehicle.
+        one: whether the loading of the case is that of a single vehicle.
 
     Raises:
-        DynamicError: it cannot be used; one line.
+        DynamicError: the mapping is not valid; one line.
     """
     key = "worst_place"
     if not isinstance(given, Mapping) or not isinstance(given.get("figures"), list) or not given["figures"]:
@@ -58,23 +58,23 @@ def read_worst_place(given: Any, scenario: Scenario, *, one: bool) -> WorstPlace
     if not isinstance(points, int) or isinstance(points, bool) or not LEAST <= points <= MOST:
         raise DynamicError(f"{key}.points: given {show(points)}; allowed: a whole number from {LEAST} to {MOST}")
     if not plan_line(scenario, 2, None).moved:
-        raise DynamicError(f"{key}: allowed: no such key, as no vehicle of this scenario moves")
+        raise DynamicError(f"{key}: given {show(given)}; allowed: no such key, as no vehicle of this scenario moves")
     return WorstPlace(points, read_figures(f"{key}.figures", given["figures"]), one and scenario.carriers is not None)
 
 
 def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
-    """Key figures of a line at rest over all places of its vehicle, with the worst of the wanted figures found.
+    """Search the worst of wanted key figures of a line at rest over all places of its vehicle.
 
-    A carrier of many goes along its whole loop where it alone is loaded, else all go over one spacing.
+    A carrier that alone is loaded goes along its whole loop; else all carriers together go over one spacing.
 
     Args:
         scenario: of the case.
-        wanted: what is sought.
+        wanted: grid and key figures of the search.
         find: simulation at the rest of a scenario, with the vehicle at a place (m).
 
     Raises:
         EquilibriumError: no equilibrium at a place.
-        ValueError: a figure that no place has; one line.
+        ValueError: a wanted figure exists at no place; one line.
     """
     moved, carriers = plan_line(scenario, 2, None), scenario.carriers
     first, last = moved.places.tolist()
@@ -96,7 +96,7 @@ def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
 
 
 def line_at(scenario: Scenario, place: float, *, one: bool) -> Line:
-    """Line at rest at one place of such a search.
+    """Line at rest for one place of the vehicle in a search for the worst place.
 
     Args:
         scenario: of the case.

@@ -1,4 +1,4 @@
-"""Plot of an envelope of load cases: range of tower loads and largest sags, with the cases that govern."""
+"""Plot of an envelope of load cases: range of tower loads and largest sags, with the governing cases."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HEIGHT, WIDTH = 0.3, 11.0  # inches, of a row and of the picture
 
 
 def write_envelope_plot(title: str, extremes: Extremes, path: Path) -> bool:
-    """Draw tower loads and sags of an envelope; returns whether there are any.
+    """Draw tower loads and sags of an envelope of load cases into a file; returns whether there are any.
 
     Args:
         title: of the picture.
@@ -29,7 +29,7 @@ def write_envelope_plot(title: str, extremes: Extremes, path: Path) -> bool:
         path: file of the picture, with a format by its suffix.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     low = {one.id.subject: (case, one) for case, one in extremes if one.id[::2] == ("support_load", "lowest")}
     high = {one.id.subject: (case, one) for case, one in extremes if one.id[::2] == ("support_load", "highest")}
@@ -51,7 +51,7 @@ def write_envelope_plot(title: str, extremes: Extremes, path: Path) -> bool:
 
 
 def _loads(axes: Axes, rows: Sequence[tuple[tuple[str, KeyFigure], tuple[str, KeyFigure]]]) -> None:
-    """Panel of the range of each tower load."""
+    """Draw the range of the load of each tower over load cases as bars, with values and governing cases."""
     most = max((one.value for _, (_, one) in rows), default=1.0) / 1e3
     for row, ((lowest, least), (highest, greatest)) in enumerate(rows):
         start, end = least.value / 1e3, greatest.value / 1e3
@@ -64,7 +64,7 @@ def _loads(axes: Axes, rows: Sequence[tuple[tuple[str, KeyFigure], tuple[str, Ke
 
 
 def _sags(axes: Axes, sags: Extremes) -> None:
-    """Panel of the largest sag of each span."""
+    """Draw the largest sag of each span over load cases as bars, with values and governing cases."""
     most = max((one.value for _, one in sags), default=1.0)
     for row, (case, one) in enumerate(sags):
         axes.barh(row, one.value, 0.6, color=COLORS[2])

@@ -1,4 +1,4 @@
-"""Load cases at rest, each found from the rest of the first one on the same mesh."""
+"""Calculation of load cases, each at rest found from the equilibrium of the first case on the same mesh."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OFF_MESH = re.compile(r"payload|^carriers\.loaded$|^air\.wind|\.counterweight\.|
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Load case to be calculated."""
+    """Load case to be calculated at a number of places of its vehicle."""
 
     case: LoadCase
     places: int
@@ -35,7 +35,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """Key figures of a load case at rest; the time of a figure is the place of the vehicle (m)."""
+    """Key figures of a load case; the `time` of a figure is the place of the vehicle (m)."""
 
     id: str
     figures: tuple[KeyFigure, ...]
@@ -43,11 +43,11 @@ class CaseResult:
 
 
 class Neighbours(NamedTuple):
-    """Load cases of which each is at rest near the first one of them, on the same mesh.
+    """Part of the load cases for one process: all on one mesh, searched from the equilibrium of its first case.
 
     Attributes:
-        first: the first one of the file, from whose rests those of the others are searched for.
-        jobs: some of them.
+        first: first case of the file with the mesh, from whose equilibria those of the others are searched for.
+        jobs: load cases of the part.
     """
 
     first: LoadCase
@@ -55,12 +55,12 @@ class Neighbours(NamedTuple):
 
 
 def neighbours(jobs: Sequence[Job], all_jobs: Sequence[Job], cores: int) -> list[Neighbours]:
-    """Parts of load cases for processes, in the order of the file, by what the mesh depends on.
+    """Divide load cases into parts for processes, each of cases on one mesh, in the order of the file.
 
     Args:
-        jobs: those to be calculated.
-        all_jobs: all of the file, which tell the first one of each part on any rerun.
-        cores: processes that there will be.
+        jobs: load cases to be calculated.
+        all_jobs: all load cases of the file, so that the first case of each mesh is the same in any rerun.
+        cores: number of processes.
     """
     firsts = first_of_each_mesh([job.case.changes for job in all_jobs])
     groups: dict[str, list[Job]] = {}
@@ -74,7 +74,7 @@ def neighbours(jobs: Sequence[Job], all_jobs: Sequence[Job], cores: int) -> list
 
 
 def mesh_key(changes: Mapping[str, Any]) -> str:
-    """Changes of a case except those of payloads, wind and tensioning, on which the mesh does not depend.
+    """Key of the mesh of a load case: its changes without payloads, wind and others that leave the mesh as it is.
 
     Args:
         changes: values by dotted key.
@@ -83,7 +83,7 @@ def mesh_key(changes: Mapping[str, Any]) -> str:
 
 
 def first_of_each_mesh(changes: Sequence[Mapping[str, Any]]) -> dict[str, int]:
-    """Number of the first of all cases of a file with each mesh, by `mesh_key`: from its rest the others are found.
+    """Number of the first load case of a file on each mesh, by `mesh_key`.
 
     Args:
         changes: of each case, values by dotted key.
@@ -100,14 +100,14 @@ _bases: Bases = {}  # of the present part
 
 
 def run_part(part: Neighbours) -> list[CaseResult]:
-    """Calculate load cases at rest, each from the rest of the first one of their part."""
+    """Calculate the load cases of a part, each at rest from the equilibrium of the first case on its mesh."""
     with uncollected():
         return [run_case(job, part.first) for job in part.jobs]
 
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Context without the search for cycles of objects, which takes a fifth of the time among many key figures."""
+    """Context without garbage collection of cycles, which takes a fifth of the time among many key figures."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -118,11 +118,11 @@ def uncollected() -> Iterator[None]:
 
 
 def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
-    """Calculate one load case, at rest or its run.
+    """Calculate one load case, at rest or in motion.
 
     Args:
-        job: what is calculated.
-        first: another one, from whose rest the search begins where the mesh is the same; None for from scratch.
+        job: load case and number of places.
+        first: load case on the same mesh, from whose equilibrium the search begins; None for a search from scratch.
     """
     try:
         if job.case.dynamic is not None:
@@ -140,17 +140,17 @@ def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
 
 
 def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases: Bases) -> Simulation:
-    """Line at rest in a load case with its vehicle at a place, found as `run_case` does: with the same bits.
+    """Simulation at rest in a load case with the vehicle at a place, bit for bit as in `run_case`.
 
     Args:
-        case: at rest.
-        first: from whose rest the search begins.
-        places: of the vehicle in the calculation.
-        place: of the vehicle, in m: one of these, or one of the search for the worst.
-        bases: takes the first rests; the result is valid until the next one that begins there.
+        case: load case at rest.
+        first: load case from whose equilibrium the search begins.
+        places: number of places of the vehicle in the calculation.
+        place: of the vehicle, in m: one of these places, or of the search for the worst.
+        bases: keeps equilibria of `first`; the result is valid until the next call that begins at the same one.
 
     Raises:
-        EquilibriumError: it has no rest.
+        EquilibriumError: the case has no equilibrium.
     """
     line = _line(case.scenario, places)
     if case.worst_place is not None:
@@ -159,7 +159,7 @@ def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases
 
 
 def _find(case: LoadCase, first: LoadCase | None, places: int, bases: Bases) -> Find:
-    """Search for the rests of a case, which begins at those of another one; at none for a worst place."""
+    """Equilibrium search of a load case, from the equilibria of `first` on its mesh, or from scratch."""
 
     def find(scenario: Scenario, place: float) -> Simulation:
         if first is None or first.id == case.id or case.worst_place is not None:

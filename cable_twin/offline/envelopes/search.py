@@ -1,4 +1,4 @@
-"""Search for the worst key figures over one variable: a coarse grid, then bounded searches about its worst points."""
+"""Search for the worst key figures over one variable: a coarse grid, then bounded searches at its worst points."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ MOST_TRIES = 12  # of each bounded search
 
 
 class Search:
-    """Key figures by the values of one variable that were tried, and the search for the worst.
+    """Search for the worst key figures over one variable, such as the place of a vehicle or the moment of a stop.
 
     Args:
-        at: key figures by id at a value of the variable.
-        finest: difference of two values that are told apart.
-        key: of the search in a file, for messages.
+        at: calculates key figures by id at a value of the variable.
+        finest: least difference of two values of the variable.
+        key: of the search in its file, for messages.
 
     Attributes:
         tried: key figures by id, by value of the variable.
@@ -30,14 +30,14 @@ class Search:
         self.tried: dict[float, Mapping[str, KeyFigure]] = {}
 
     def at(self, value: float) -> Mapping[str, KeyFigure]:
-        """Key figures by id at a value, to the finest difference."""
+        """Key figures by id at a value of the variable, rounded to the finest difference; each calculated once."""
         value = round(round(value / self._finest) * self._finest, 9)
         if value not in self.tried:
             self.tried[value] = self._at(value)
         return self.tried[value]
 
     def figures(self) -> list[KeyFigure]:
-        """Extreme of each key figure over all that was tried; the first of equal ones."""
+        """Extreme of each key figure over all tried values of the variable; the first of equals."""
         found: dict[str, KeyFigure] = {}
         for _, figures in sorted(self.tried.items()):
             for key, one in figures.items():
@@ -46,19 +46,19 @@ class Search:
         return list(found.values())
 
     def worst(self, figure: str) -> tuple[float, float]:
-        """Value of the variable that is the worst for a key figure by id, and the figure there.
+        """Tried value of the variable that is worst for a key figure by id, and the value of the figure there.
 
         Raises:
-            ValueError: nothing that was tried has it; one line.
+            ValueError: the figure exists at no tried value; one line.
         """
         tried = [(value, found[figure].value) for value, found in self.tried.items() if figure in found]
         if not tried:
-            text = "nothing that was calculated has it; allowed: ids of its key figures"
-            raise ValueError(f"{self._key}.figures: {figure}: {text}")
+            text = "of no calculated figure; allowed: ids of calculated key figures"
+            raise ValueError(f"{self._key}.figures: given {figure}, {text}")
         return max(tried, key=lambda item: _sense(figure) * item[1])
 
     def refine(self, figure: str, grid: Sequence[float]) -> None:
-        """Search between the neighbours of the worst points of a grid, at values in rising order."""
+        """Search the worst of a key figure by id between the neighbours of the worst points of a rising grid."""
         from scipy.optimize import minimize_scalar  # noqa: PLC0415 - a while
 
         values = [self._badness(figure, value) for value in grid]

@@ -1,4 +1,4 @@
-"""Tensioning devices of a load case: stuck, held at a travel, or at a limit of it where the rope takes them there."""
+"""Tensioning devices of a load case: free, stuck, or held at a travel or at a limit of their travel."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ FAR = 1e4  # m, of a travel without limits
 
 
 class TensioningError(ValueError):
-    """Tensioning of a load case that cannot be used; the text is one line."""
+    """Fault of the tensioning of a load case: one line."""
 
 
 def tensioning(scenario: Scenario, given: Any) -> dict[str, Any]:
-    """Changes that hold all tensioning devices as a load case has it, by dotted key; none for `stops`.
+    """Changes of a scenario, by dotted key, that hold all tensioning devices as a load case gives; none for `stops`.
 
     Args:
         scenario: scenario with counterweights or cylinders.
         given: one of `STATES`, or a travel in m.
 
     Raises:
-        TensioningError: it is none of these, there is no device, or one has no limit of travel, or not that travel.
+        TensioningError: none of these is given, there is no device, or a device lacks the limit or range of travel.
     """
     known = given in STATES if isinstance(given, str) else isinstance(given, int | float) and given is not True
     if not known or given is False:
@@ -52,9 +52,9 @@ def tensioning(scenario: Scenario, given: Any) -> dict[str, Any]:
 
 
 def held(scenario: Scenario, travels: Mapping[str, float]) -> dict[str, Any]:
-    """Changes that hold tensioning devices at travels (m), given by the dotted key of each, by dotted key.
+    """Changes of a scenario, by dotted key, that hold tensioning devices at travels (m), given by their dotted keys.
 
-    A device that is held leaves the tension to the rope: its length, temperature and load. The ends of rope on its
+    With a device held, the tension follows from length, temperature and load of the rope. The rope ends on its
     carriage are moved along the pull, and the device is taken away.
     """
     values: dict[str, Any] = {}
@@ -80,7 +80,7 @@ def held(scenario: Scenario, travels: Mapping[str, float]) -> dict[str, Any]:
 
 
 def with_stops(find: Find) -> Find:
-    """Search for rests that holds tensioning devices at their limits where ropes would take them beyond these.
+    """Equilibrium search that holds tensioning devices at the limits of their travel where ropes take them beyond.
 
     Args:
         find: simulation at the rest of a scenario, with the vehicle at a place (m).
@@ -102,7 +102,7 @@ def with_stops(find: Find) -> Find:
 
 
 def _devices(scenario: Scenario) -> dict[str, tuple[float, float] | None]:
-    """Limits of travel (m) of all tensioning devices that are not locked, by dotted key; None for one without."""
+    """Limits of travel (m) of all tensioning devices that are not locked, by dotted key; None for no limits."""
     found: dict[str, tuple[float, float] | None] = {}
     for name, sheave in scenario.sheaves.items():
         if sheave.counterweight is not None:
@@ -121,13 +121,13 @@ def _devices(scenario: Scenario) -> dict[str, tuple[float, float] | None]:
 
 
 def _end(scenario: Scenario, path: str) -> Any:
-    """End of a rope by its dotted key."""
+    """End of a rope of a scenario by its dotted key."""
     *_, name, end = path.split(".")
     return (scenario.ropes[name] if scenario.ropes else scenario.cable).ends[end]
 
 
 def _travels(scenario: Scenario, columns: Columns) -> dict[str, float]:
-    """Travels (m) at which tensioning devices rest, by dotted key."""
+    """Travels (m) of all tensioning devices in the columns of a frame at rest, by dotted key."""
     wheels, supports, found = list(scenario.sheaves), [one.key for one in supports_of(scenario)], {}
     for path in _devices(scenario):
         *_, name, last = path.split(".")
@@ -138,7 +138,7 @@ def _travels(scenario: Scenario, columns: Columns) -> dict[str, float]:
 
 
 def _travel(path: str, limits: tuple[float, float] | None, given: float | str) -> float:
-    """Travel (m) at which a device is held."""
+    """Travel (m) at which a tensioning device is held for a given state or travel."""
     if given in ("stuck", STOPS):
         return 0.0
     if isinstance(given, str):

@@ -1,1 +1,1 @@
-"""Parts of the command `follow`: the plant's messages in the order of time, and plots."""
+"""Parts of the command `follow`: measurements and commands of a recorded plant in the order of time, and plots."""

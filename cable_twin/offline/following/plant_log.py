@@ -23,10 +23,10 @@ Item = AppliedCommand | Measurement
 
 
 def at_rest_with_sensors(scenario: Scenario, log: Log) -> Simulation:
-    """Simulation of a scenario at rest, with its own sensors, else those of a plant's log, else the usual ones.
+    """Simulation of a scenario at rest, with its own sensors, else those of a plant's log, else the standard ones.
 
     Raises:
-        ScenarioError, EquilibriumError: it cannot be simulated.
+        ScenarioError, EquilibriumError: the scenario cannot be simulated.
     """
     if not scenario.sensors and (sensors := log.scenario.get("sensors")):
         scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
@@ -35,7 +35,7 @@ def at_rest_with_sensors(scenario: Scenario, log: Log) -> Simulation:
 
 
 class PlantLog:
-    """Recorded plant.
+    """Log of a plant, from which commands and measurements are read in the order of their time stamps.
 
     Attributes:
         invalid: number of measurements that are not finite; they are left out.
@@ -43,7 +43,7 @@ class PlantLog:
 
     Args:
         log: bag of the plant, or of a twin with sensors.
-        sensors: known ones by name.
+        sensors: sensors of the plant by name.
     """
 
     def __init__(self, log: Log, sensors: Mapping[str, Sensor]) -> None:
@@ -51,10 +51,10 @@ class PlantLog:
         self.invalid = self.late = 0
 
     def items(self) -> Iterator[Item]:
-        """Commands and measurements in the order of their time; of one time commands come first.
+        """Commands and measurements of the plant in the order of their time stamps; commands first among equals.
 
         Raises:
-            LogError: what is recorded is not of this plant, or its stamps are of another clock; one line.
+            LogError: a message is not of this plant, or its stamp is of another clock; one line.
         """
         waiting: list[tuple[float, int, int, Item]] = []
         number, done = count(), float("-inf")
@@ -77,7 +77,7 @@ class PlantLog:
             yield heapq.heappop(waiting)[-1]
 
     def _measurements(self, topic: str, data: bytes, arrival: float) -> list[Measurement]:
-        """Finite measurements of a message."""
+        """Finite measurements in a sensor message of the plant; counts those that are not finite."""
         try:
             found = measurements_from_message(topic, data, self._sensors, self._log.epoch_ns)
         except UNREADABLE as error:
@@ -85,7 +85,7 @@ class PlantLog:
         for one in found:
             if abs(one.time - arrival) > OTHER_CLOCK:
                 raise LogError(
-                    f"{self._log.path}: {topic} at {arrival:.3f} s has a stamp of {one.time:.3f} s; allowed: "
+                    f"{self._log.path}: {topic} at {arrival:.3f} s: given a stamp of {one.time:.3f} s; allowed: "
                     f"{OTHER_CLOCK:g} s apart, of one clock"
                 )
         finite = [one for one in found if all(abs(value) < float("inf") for value in one.values)]

@@ -1,4 +1,4 @@
-"""Plot of estimates over time with bands of 95 %, beside the values of the plant where they are known."""
+"""Plot of the estimates of a followed plant over time with 95 % bands, beside true values where known."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ Truth = Mapping[str, tuple[FloatArray, FloatArray]]  # times (s) and values by n
 
 
 def write_estimates(title: str, corrections: Sequence[Correction], truth: Truth, path: Path) -> None:
-    """Draw all estimates over time.
+    """Draw all estimates of a followed plant over time with 95 % bands into a file.
 
     Args:
         title: of the picture.
         corrections: in the order of time, at least one.
-        truth: of the plant, by the name of the estimate.
+        truth: times (s) and true values of the plant, by the name of the estimate.
         path: file of the picture.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     times = np.array([one.time for one in corrections])
     names = [*corrections[-1].slow, *corrections[-1].hidden]

@@ -1,1 +1,1 @@
-"""Lines at rest with a vehicle at many places: calculation and picture, for `line` and other commands."""
+"""Lines at rest with a vehicle at many places: calculation and plot, for `line` and other commands."""

@@ -21,7 +21,7 @@ MOVING = ("drive_force", "drive_power", "speed", "acceleration", "dynamic_amplif
 
 @dataclass(slots=True)
 class Line:
-    """Static line calculation, with a row for each place of the vehicle.
+    """Static line calculation: results at each place of the vehicle, and their envelope.
 
     Attributes:
         scenario: scenario of the line.
@@ -30,7 +30,7 @@ class Line:
         columns: columns of a frame at each place.
         lowest: least heights (m) of the vehicles over the terrain, with x (m) of each, at each place.
         rows: (n,) values by name and unit, at each place.
-        figures: the envelope; the time of a figure is the place of the vehicle (m).
+        figures: envelope of key figures; the `time` of a figure is the place of the vehicle (m).
     """
 
     scenario: Scenario
@@ -46,12 +46,12 @@ Find = Callable[[Scenario, float], Simulation]
 
 
 def from_scratch(scenario: Scenario, _place: float) -> Simulation:
-    """Simulation at the rest of a scenario, found without another one."""
+    """Simulation of a scenario at rest, its equilibrium found without a neighbouring one."""
     return Simulation(scenario, on_demand=True)
 
 
 def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
-    """Choose the places of the vehicle.
+    """Choose the vehicle of a static line calculation and its places.
 
     Args:
         scenario: scenario of the line.
@@ -59,7 +59,7 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
         vehicle: name of a vehicle; None for the first one that is not clamped, else all on a haul rope together.
 
     Raises:
-        ValueError: there is no such vehicle; one line.
+        ValueError: the scenario has no such vehicle; one line.
     """
     movable = [name for name, one in scenario.carriages.items() if one.joint != "clamped" and not one.clamped_to]
     hauled = [name for name, one in scenario.carriages.items() if one.clamped_to]
@@ -78,7 +78,7 @@ def plan_line(scenario: Scenario, count: int, vehicle: str | None) -> Line:
             scenario.carriers.name if scenario.carriers is not None else "",
         ]
         allowed = ", ".join(filter(None, [*movable, *others]))
-        raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, it has none'}")
+        raise ValueError(f"--vehicle: given {name!r}; allowed: {allowed or 'none, the scenario has none'}")
     stroke = float(build_system(scenario).carriages.stop_stroke[list(scenario.vehicles).index(name)])
     return Line(scenario, name, np.linspace(stroke, scenario.cable.unstrained_length - stroke, count))
 
@@ -90,7 +90,7 @@ def calculate(
     *,
     rows: bool = True,
 ) -> None:
-    """Find the equilibrium at all places, and collect the results.
+    """Find the equilibrium of a line at all places of its vehicle, and collect the results in the line.
 
     Args:
         line: planned line, which gets the results.
@@ -99,7 +99,7 @@ def calculate(
         rows: whether the values and lowest heights at each place are wanted, beside the figures of all places.
 
     Raises:
-        EquilibriumError: no equilibrium at a place; the line names it.
+        EquilibriumError: no equilibrium at a place, which the message names.
     """
     envelope, found = KeyFigures(line.scenario), []
     for place in line.places.tolist():
@@ -124,7 +124,7 @@ def calculate(
 
 
 def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
-    """Simulation of the line in equilibrium with its vehicle at a place, found by `find`."""
+    """Simulation of a line in equilibrium with its vehicle at a place (m), found by `find`."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
     changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}
@@ -140,7 +140,7 @@ def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
 
 
 def haul_travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
-    """Least and greatest travel (m) of the haul rope: the travel of its drive, else up to the end stops."""
+    """Least and greatest travel (m) of a haul rope: the travel of its drive, else up to the end stops."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel
     ranges = [travel_between_stops(scenario, name) for name in hauled]
@@ -159,7 +159,7 @@ def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
 
 
 def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
-    """Key figures with a meaning at rest; tower margins only of towers without contact."""
+    """Keep key figures with a meaning at rest; of tower margins only those of towers without contact."""
     found = []
     for one in figures:
         quantity = one.id.quantity
@@ -171,7 +171,7 @@ def _static(figures: list[KeyFigure]) -> list[KeyFigure]:
 
 
 def _loads(line: Line) -> list[KeyFigure]:
-    """Add the rows of load components of all supports; returns the figures of their largest and least values."""
+    """Add the load components of all supports to the rows of a line; returns key figures of their extremes."""
     found, forces = [], np.array([-one.support_force for one in line.columns])  # of the cable on its supports
     places, loads = line.places.tolist(), {"load_along_track": forces[:, :, 0], "load_downwards": -forces[:, :, 2]}
     extremes = {

@@ -32,7 +32,7 @@ def write_line_plot(line: Line, path: Path) -> None:
     """Draw a calculated line into a file, with a format by its suffix.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     panels = [_profile, _tension]
     if _sideways(line) > ASIDE:
@@ -56,7 +56,7 @@ def write_line_plot(line: Line, path: Path) -> None:
 
 
 def _profile(axes: Axes, line: Line) -> None:
-    """Panel of the rope at all places, the path of the vehicle's last body, terrain and towers."""
+    """Draw the profile of a line: ropes and bodies with the vehicle at all places, terrain and towers."""
     ropes = np.array([columns.rope_position for columns in line.columns])
     for number, rope in enumerate(ropes):
         for part in _layout(line).ropes.values():
@@ -81,7 +81,7 @@ def _profile(axes: Axes, line: Line) -> None:
 
 
 def _sideways(line: Line) -> float:
-    """Largest extent (m) of rope, bodies and towers across the track."""
+    """Largest distance (m) of ropes, bodies and towers of a line from its vertical plane."""
     if line.scenario.dim == 2:
         return 0.0
     towers = [y for _, y, _ in line.scenario.tower_places.values()]
@@ -90,7 +90,7 @@ def _sideways(line: Line) -> float:
 
 
 def _plan(axes: Axes, line: Line) -> None:
-    """Panel of the plan view: ropes, vehicles and towers from above."""
+    """Draw the plan view of a line: ropes, vehicles and towers from above."""
     for number, columns in enumerate(line.columns):
         rope = columns.rope_position
         for part in _layout(line).ropes.values():
@@ -107,7 +107,7 @@ def _plan(axes: Axes, line: Line) -> None:
 
 
 def _tension(axes: Axes, line: Line) -> None:
-    """Panel of least and highest tension at each arc length, with the limits by safety factors."""
+    """Draw least and highest tension of the ropes of a line over arc length, with the limits by safety factors."""
     dashes = cycle(("-", "-.", ":"))
     arc = _layout(line).arc_lengths
     tensions = 1e-3 * np.array([columns.rope_tension for columns in line.columns])
@@ -125,14 +125,14 @@ def _tension(axes: Axes, line: Line) -> None:
 
 
 def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and highest tension (samples,) of a rope at each arc length, also for vehicles between places.
+    """Least and highest rope tension (samples,) of a line over all places of its vehicle, and between places.
 
-    Tension jumps at a vehicle. At a place, the tensions on both sides of the vehicle are extrapolated from the two
-    samples there; between places, where it passes all samples, they change linearly.
+    Tension jumps at a vehicle. At a place, the tension on each side of the vehicle is extrapolated from the two
+    samples there; between places, where the vehicle passes all samples, the tensions change linearly.
 
     Args:
-        line: calculated.
-        tensions: (places, samples) at its places, in the unit of the result.
+        line: calculated line.
+        tensions: (places, samples) at all places, in the unit of the result.
     """
     layout, low, high = _layout(line), tensions.min(axis=0), tensions.max(axis=0)
     for rope, places, on in _loads(line):
@@ -153,9 +153,9 @@ def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _loads(line: Line) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
-    """Yield each load that makes tension jump: its rope, arc lengths (places,) in m, mask of places on the rope.
+    """Yield each vehicle at which rope tension jumps: its rope, arc lengths (places,) in m, mask of places on it.
 
-    A vehicle is on the rope that carries it, and, where it is clamped to haul ropes, on these too.
+    A vehicle counts on the rope that carries it and on the haul ropes to which it is clamped.
     """
     layout = _layout(line)
     for vehicle, name in enumerate(layout.vehicles):
@@ -169,7 +169,7 @@ def _loads(line: Line) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
 
 
 def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, float]:
-    """Tension on both sides of a place, each extrapolated from the two samples there."""
+    """Rope tension on both sides of an arc length (m), each extrapolated from the two samples there."""
     after = int(np.clip(np.searchsorted(arc, place), 1, arc.size - 1))
     found = []
     for one, other in ((max(after - 2, 0), after - 1), (after, min(after + 1, arc.size - 1))):
@@ -179,7 +179,7 @@ def _sides(arc: FloatArray, tension: FloatArray, place: float) -> tuple[float, f
 
 
 def tension_limits(line: Line) -> dict[float, str]:
-    """Allowed tension (kN) by the safety factor of a rope, with a label of factor and rope names."""
+    """Allowed tensions (kN) by the safety factors of ropes, each with a label of factor and rope names."""
     shared: dict[tuple[float, float], list[str]] = {}
     for name, rope in line.scenario.cables.items():
         factor = FigureId("rope_safety_factor", f"ropes.{name}", "lowest")
@@ -193,7 +193,7 @@ def tension_limits(line: Line) -> dict[float, str]:
 
 
 def _clearance(axes: Axes, line: Line) -> None:
-    """Panel of the least height above the ground at each x: of each rope, and of the vehicles."""
+    """Draw the least height above the ground over x, of each rope and of the vehicles of a line."""
     scenario, layout = line.scenario, _layout(line)
     several = len(layout.ropes) > 1
     for (name, part), dashes in zip(layout.ropes.items(), cycle(("-", "--", ":", "-."))):
@@ -226,7 +226,7 @@ def _clearance(axes: Axes, line: Line) -> None:
 
 
 def _towers(axes: Axes, line: Line) -> None:
-    """Panel of both load components of each tower, over the place of the vehicle."""
+    """Draw both load components of each tower of a line over the place of the vehicle."""
     towers = list(line.scenario.towers)
     for number, name in enumerate(towers):
         color = COLORS[number] if len(towers) <= len(COLORS) else plt.get_cmap("viridis")(number / len(towers))

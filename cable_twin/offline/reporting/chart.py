@@ -1,4 +1,4 @@
-"""Line drawing with axes as inline SVG: numbers as text, lines told apart by dashes, so that it prints in black."""
+"""Line chart as inline SVG: numbers as text, lines told apart by dashes, so that it can be printed in black."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INK, QUIET, GRID, LIMIT = "#1b2730", "#6b7780", "#dfe4e8", "#a3241b"
 
 
 class Look(NamedTuple):
-    """Look of a line: colour, dashes (px, empty for a solid line) and width (px)."""
+    """Look of a line in a chart: colour, dashes (px, empty for a solid line) and width (px)."""
 
     color: str = INK
     dashes: str = ""
@@ -41,7 +41,7 @@ LIMIT_LOOK = Look(LIMIT, "12 3 2 3 2 3", 1.6)
 
 
 class Mark(NamedTuple):
-    """Text beside a point of a drawing, with an anchor: start, middle or end."""
+    """Text beside a point of a chart, with an anchor: start, middle or end."""
 
     x: float
     y: float
@@ -51,14 +51,14 @@ class Mark(NamedTuple):
 
 
 class Chart:
-    """Drawing with two axes, to which lines, areas, arrows and marks are added.
+    """Chart with two axes as SVG, to which lines, areas, arrows and marks are added.
 
     Args:
-        title: of the drawing, for those who hear it.
+        title: of the chart, for screen readers.
         x, y: ranges of the axes; empty ones are widened.
         labels: of both axes, with unit.
         height: px.
-        rows: names of heights in place of numbers on the upright axis.
+        rows: names of values in place of numbers on the vertical axis.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Chart:
         )
 
     def line(self, x: FloatArray, y: FloatArray, look: Look, label: str = "") -> None:
-        """Add a line through points; NaN is a gap. A label makes it part of the legend."""
+        """Add a line through points to the chart, with gaps at NaN; a line with a label is in the legend."""
         for part in _runs(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)):
             points = " ".join(f"{px:.1f},{py:.1f}" for px, py in (self._at(*point) for point in part))
             self._parts.append(f'<polyline points="{points}" fill="none"{_stroke(look)}/>')
@@ -92,7 +92,7 @@ class Chart:
             self._legend.append((label, look))
 
     def level(self, y: float, label: str, look: Look = LIMIT_LOOK) -> None:
-        """Add a horizontal line over the whole width with its label on it, in the middle."""
+        """Add a horizontal line over the whole width of the chart, such as a limit, with a label in its middle."""
         (left, height), (right, _) = self._at(self._x[0], y), self._at(self._x[1], y)
         self._parts.append(
             f'<line x1="{left:.1f}" y1="{height:.1f}" x2="{right:.1f}" y2="{height:.1f}"{_stroke(look)}/>'
@@ -100,7 +100,7 @@ class Chart:
         self._parts.append(_text(0.5 * (left + right), height - 4.0, label, "middle", bold=True, halo=True))
 
     def area(self, x: FloatArray, low: FloatArray, high: FloatArray, color: str = QUIET, opacity: float = 0.18) -> None:
-        """Add an area between two lines."""
+        """Add a filled area between two lines over x to the chart."""
         seen = np.isfinite(low) & np.isfinite(high)
         if not seen.any():
             return
@@ -109,7 +109,7 @@ class Chart:
         self._parts.append(f'<polygon points="{points}" fill="{color}" fill-opacity="{opacity}" stroke="none"/>')
 
     def arrow(self, x: float, y: float, along: float, up: float, look: Look) -> None:
-        """Add an arrow from a point, with components in px; a negative `up` points down."""
+        """Add an arrow from a point of the chart, with components in px; a negative `up` points down."""
         left, top = self._at(x, y)
         right, bottom = left + along, top - up
         size = math.hypot(along, up)
@@ -122,26 +122,26 @@ class Chart:
         self._parts.append(f'<polygon points="{head}" fill="{look.color}" stroke="none"/>')
 
     def dot(self, x: float, y: float, color: str = INK) -> None:
-        """Add a dot at a point."""
+        """Add a dot at a point of the chart."""
         left, top = self._at(x, y)
         self._parts.append(f'<circle cx="{left:.1f}" cy="{top:.1f}" r="2.6" fill="{color}"/>')
 
     def mark(self, mark: Mark) -> None:
-        """Add a text beside a point."""
+        """Add a text beside a point of the chart."""
         left, top = self._at(mark.x, mark.y)
         self._parts.append(_text(left, top - mark.up, mark.text, mark.anchor, halo=True))
 
     def beside(self, text: str, y: float, up: float) -> None:
-        """Add a text left of the upright axis, px above a height."""
+        """Add a text to the left of the vertical axis, `up` px above a value."""
         left, top = self._at(self._x[0], y)
         self._parts.append(_text(left - 5.0, top - up, text, "end"))
 
     def named(self, label: str, look: Look) -> None:
-        """Add a label to the legend alone."""
+        """Add a label to the legend of the chart, without a line."""
         self._legend.append((label, look))
 
     def svg(self) -> str:
-        """Drawing as an `svg` element."""
+        """SVG text of the chart, an `svg` element."""
         title = escape(self._title)
         return "\n".join(
             [
@@ -188,7 +188,7 @@ class Chart:
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Round values within a range, about `TICKS` of them."""
+    """Round values within a range for the ticks of an axis, about `TICKS` of them."""
     raw = (high - low) / TICKS
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(one * power for one in STEPS if one * power >= raw * (1.0 - 1e-9))
@@ -197,7 +197,7 @@ def ticks(low: float, high: float) -> list[float]:
 
 
 def span(values: Sequence[FloatArray | float], *, zero: bool = False, margin: float = 0.06) -> tuple[float, float]:
-    """Range of all finite values, with a margin as a share of it."""
+    """Range of all finite values for an axis, with a margin as a share of the range."""
     flat = np.concatenate([np.atleast_1d(np.asarray(one, dtype=np.float64)).ravel() for one in values])
     flat = flat[np.isfinite(flat)]
     low, high = (float(flat.min()), float(flat.max())) if flat.size else (0.0, 1.0)
@@ -207,7 +207,7 @@ def span(values: Sequence[FloatArray | float], *, zero: bool = False, margin: fl
 
 
 def _widened(low: float, high: float) -> tuple[float, float]:
-    """Range that is not empty: one of rounding errors alone gets a width."""
+    """Widen the range of an axis where it is empty or spans rounding errors alone."""
     least = 1e-6 * max(abs(low), abs(high), 1e-3)
     if high - low > least:
         return low, high
@@ -216,7 +216,7 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 
 def _runs(x: FloatArray, y: FloatArray) -> list[FloatArray]:
-    """Stretches (n, 2) of points without gaps."""
+    """Split a line at its gaps (NaN) into stretches (n, 2) of points."""
     seen = np.isfinite(x) & np.isfinite(y)
     points = np.column_stack([x, y])
     edges = np.flatnonzero(np.diff(seen.astype(np.int8))) + 1
@@ -232,7 +232,7 @@ def _stroke(look: Look) -> str:
 def _text(
     x: float, y: float, text: str, anchor: str, color: str = INK, *, bold: bool = False, halo: bool = False
 ) -> str:
-    """Text at a place (px), with a halo in front of lines."""
+    """SVG text at a place (px), with a white halo to be read in front of lines."""
     weight = ' font-weight="bold"' if bold else ""
     start = f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{weight}'
     behind = (

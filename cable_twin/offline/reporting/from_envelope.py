@@ -1,4 +1,4 @@
-"""Results of an envelope of load cases, with the states that govern tensions, sags and tower loads found again."""
+"""Results of an envelope of load cases for a report, with governing states at rest calculated again for drawings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EXPECTED = "allowed: a file that `envelope --json` has written"
 
 
 class Governing(NamedTuple):
-    """State at rest that governs figures: load case, and place of the vehicle (m)."""
+    """State at rest that governs key figures of an envelope: id of the load case, and place of the vehicle (m)."""
 
     case: str
     place: float
@@ -45,19 +45,19 @@ def read_envelope(
     rules: Sequence[str] | None = None,
     facts: Mapping[str, Any] | None = None,
 ) -> Results:
-    """Results of an envelope.
+    """Read the results of an envelope of load cases for a report.
 
     Args:
-        path: file that `envelope --json` has written.
-        on_state: called with the number of states that will be found; returns what is called after each.
-        file: of the scenario with its remarks; None for the shipped one of its name.
-        rules: rule profiles by which the extremes are judged, in place of what the envelope has judged.
-        facts: keys of `limits.installation` for that, in place of those of the scenario.
+        path: file written by `envelope --json`.
+        on_state: called with the number of states to be calculated; returns a function to call after each.
+        file: scenario file with its remarks; None for the shipped file of the scenario's name.
+        rules: rule profiles by which the extremes are judged, in place of the verdicts of the envelope.
+        facts: keys of `limits.installation` for these verdicts, in place of those of the scenario.
 
     Raises:
-        ResultsError: it is no such file.
-        ScenarioError: its scenario or a rule profile of it is invalid.
-        EquilibriumError: a state is not found again.
+        ResultsError: the file is not of an envelope.
+        ScenarioError: the scenario or a rule profile of it is invalid.
+        EquilibriumError: a state has no equilibrium.
     """
     data = _content(path)
     try:
@@ -132,7 +132,7 @@ def _content(path: Path) -> Mapping[str, Any]:
 
 
 def _states(figures: list[KeyFigure], governing: Mapping[FigureId, str]) -> list[Governing]:
-    """States that govern what is drawn, those of most figures first."""
+    """States at rest that govern the drawn key figures of an envelope, those of most figures first."""
     drawn = [one for one in figures if (one.id.quantity, one.id.statistic) in DRAWN]
     counts = Counter(Governing(governing[one.id], one.time) for one in drawn)
     return [state for state, _ in counts.most_common(MOST)]
@@ -145,14 +145,14 @@ def _found_again(
     places: int,
     done: Callable[[], object],
 ) -> dict[Governing, Snapshot]:
-    """Lines at rest in states, in their order; each found from that of which the envelope has found it.
+    """Calculate governing states at rest again, each from the equilibrium from which the envelope has found it.
 
     Args:
         scenario: scenario that the load cases change.
-        cases: columns of all load cases.
-        states: what is found again.
-        places: of the vehicle in the envelope.
-        done: called after each.
+        cases: plain data of all load cases.
+        states: load cases and places to calculate.
+        places: number of places of the vehicle in the envelope.
+        done: called after each state.
     """
     firsts = first_of_each_mesh([case["changes"] for case in cases])
     columns = {str(case["id"]): case for case in cases}
@@ -169,7 +169,7 @@ def _found_again(
 
 
 def _courses(scenario: Scenario, found: Mapping[Governing, Snapshot]) -> list[RopeCourse]:
-    """Courses of all ropes over the states."""
+    """Courses of all ropes over the states at rest: lowest heights, clearances, range of tensions."""
     courses = []
     snapshots = list(found.values())
     for name, part in snapshots[0].layout.ropes.items() if snapshots else ():
@@ -190,7 +190,7 @@ def _towers(
     governing: Mapping[FigureId, str],
     found: Mapping[Governing, Snapshot],
 ) -> list[TowerLoad] | None:
-    """Forces on towers in the states that govern them; None where one is not the load of its figure."""
+    """Forces on towers in their governing states; None where a force differs from the load of the envelope."""
     loads = {one.id.subject: one for one in figures if (one.id.quantity, one.id.statistic) == DRAWN[3]}
     towers = []
     for row, subject in enumerate(supports_of(scenario)):

@@ -1,4 +1,4 @@
-"""Results of a recorded run: one pass over its log, with the key figures and verdicts of `review`."""
+"""Results of a recorded run for a report: one pass over its log, with the key figures and verdicts of `review`."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ PERIOD = 0.1  # s between shapes that are looked at, as for clearances
 
 
 class Course:
-    """Course of ropes and forces on towers, gathered from snapshot to snapshot as a view of a `Reading`.
+    """Collector of rope courses, rope life and highest tower loads over the snapshots of a run, as view of a `Reading`.
 
     Args:
         scenario: of the run.
-        first: its first snapshot.
+        first: first snapshot of the run.
     """
 
     def __init__(self, scenario: Scenario, first: Snapshot) -> None:
@@ -53,7 +53,7 @@ class Course:
         self._force = np.zeros((len(first.layout.supports), 3))
 
     def log(self, snapshot: Snapshot) -> None:
-        """Add a snapshot."""
+        """Add a snapshot of the run to courses, counts and loads."""
         self._life.log(snapshot)
         c = snapshot.columns
         load = np.linalg.norm(c.support_force, axis=1)
@@ -68,11 +68,11 @@ class Course:
             self._look(c.rope_position)
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Add a command."""
+        """Add an applied command of the run to the list of commands."""
         self.commands.append((applied.time, describe_command(applied)))
 
     def _look(self, position: FloatArray) -> None:
-        """Take in the heights of all ropes, above zero and above the terrain."""
+        """Update lowest heights and clearances of all ropes by their positions (samples, 3) in m."""
         if self._shape is None:
             self._shape = position.copy()
         for name, part in self._layout.ropes.items():
@@ -83,7 +83,7 @@ class Course:
             take_heights(self._scenario, points, *self._grids[name])
 
     def ropes(self) -> list[RopeCourse]:
-        """Courses of all ropes so far; empty where the log holds none."""
+        """Courses of all ropes so far; empty where the log holds no rope shapes."""
         if self._shape is None:
             return []
         return [
@@ -94,23 +94,23 @@ class Course:
         ]
 
     def lives(self) -> list[RopeLife]:
-        """Counts for the life of each rope so far."""
+        """Bends and tension cycles of each rope so far, for its life."""
         return self._life.lives()
 
     def towers(self) -> list[TowerLoad]:
-        """Forces on all towers when they were highest."""
+        """Forces of the ropes on all towers, each at the time of its highest load."""
         return tower_loads(self._scenario, self._layout, self._force)
 
 
 def take_heights(scenario: Scenario, points: FloatArray, x: FloatArray, lowest: FloatArray, above: FloatArray) -> None:
-    """Take in the heights of a rope at places x, in the lowest ones so far.
+    """Update the lowest heights and clearances of a rope over x by one shape of it.
 
     Args:
         scenario: with the terrain, if any.
         points: (n, 3) m, of the rope.
         x: (m,) m.
-        lowest: (m,) m, lowest heights, which are changed.
-        above: (m,) m, least heights over the terrain, which are changed.
+        lowest: (m,) m, lowest heights, changed in place.
+        above: (m,) m, least heights over the terrain, changed in place.
     """
     order = np.argsort(points[:, 0], kind="stable")
     there = points[order, 0]
@@ -121,7 +121,7 @@ def take_heights(scenario: Scenario, points: FloatArray, x: FloatArray, lowest: 
 
 
 def tower_loads(scenario: Scenario, layout: Layout, forces: FloatArray) -> list[TowerLoad]:
-    """Forces on towers with their places.
+    """Forces of the ropes on towers, with places of the towers, from the forces on all supports.
 
     Args:
         scenario: of the towers.
@@ -144,14 +144,14 @@ def read_results(
     facts: Mapping[str, Any] | None = None,
     file: Path | None = None,
 ) -> Results:
-    """Results of a log, read once from its begin to its end.
+    """Read the results of a recorded run for a report, in one pass over its log.
 
     Args:
         log: of the run.
         on_position: called with the bytes read so far.
         profiles: rule profiles in place of those of the scenario.
         facts: keys of `limits.installation` in place of those of the scenario.
-        file: of the scenario with its remarks; None for the shipped one of its name.
+        file: scenario file with its remarks; None for the shipped file of the scenario's name.
 
     Raises:
         LogError: the log holds no frame, or cannot be understood.

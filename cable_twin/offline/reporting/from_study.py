@@ -1,4 +1,4 @@
-"""Results of a study: range of each key figure over all cases, and the indices that say which keys matter."""
+"""Results of a study for a report: range of each key figure over all cases, and Sobol indices of the varied keys."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXPECTED = "allowed: a directory that `study --out` has written"
 
 
 def is_study(path: Path) -> bool:
-    """Whether a path is the directory of a study, or its manifest."""
+    """Whether a path is the directory of a study, or the manifest in it."""
     return path.name == MANIFEST or (path / MANIFEST).is_file()
 
 
@@ -32,17 +32,17 @@ def read_study(
     rules: Sequence[str] | None = None,
     facts: Mapping[str, Any] | None = None,
 ) -> Results:
-    """Results of a study.
+    """Read the results of a study for a report.
 
     Args:
         path: directory of the study, or its manifest.
-        file: of the scenario with its remarks; None for the shipped one of its name.
+        file: scenario file with its remarks; None for the shipped file of the scenario's name.
         rules: rule profiles by which each case is judged, in place of those of the scenario.
-        facts: keys of `limits.installation` for that, in place of those of the scenario.
+        facts: keys of `limits.installation` for these verdicts, in place of those of the scenario.
 
     Raises:
         ResultsError: the study has no results, or they are damaged.
-        ScenarioError: its scenario is invalid.
+        ScenarioError: the scenario is invalid.
     """
     directory = path.parent if path.name == MANIFEST else path
     try:
@@ -88,7 +88,7 @@ def read_study(
 
 
 def _rows(file: Path) -> Iterator[dict[str, str]]:
-    """Rows of a table; none where there is no such file of indices, as of a grid."""
+    """Rows of a CSV table of a study by column name; no rows for a missing file of indices, as of a grid."""
     if file.name == INDICES and not file.exists():
         return
     with file.open(encoding="utf-8", newline="") as stream:
@@ -109,9 +109,9 @@ def _number(text: str) -> object:
 
 
 def _range(id_: FigureId, said: Mapping[str, str], rows: list[dict[str, str]]) -> StudyRange | None:
-    """Range of a key figure over all cases that have it; None where none has it."""
+    """Range of a key figure over the cases of a study that have it; None where no case has it."""
     if id_.quantity not in QUANTITIES:
-        raise ValueError(f"id {str(id_)!r}: no such quantity")
+        raise ValueError(f"id: given {str(id_)!r}, of no known quantity")
     found = [(float(row[str(id_)]), row["case"]) for row in rows if row.get(str(id_))]
     found = [one for one in found if math.isfinite(one[0])]
     if not found:
@@ -123,7 +123,7 @@ def _range(id_: FigureId, said: Mapping[str, str], rows: list[dict[str, str]]) -
 
 
 def _values(row: Mapping[str, str], vary: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a case by key of the scenario, as the study has set them."""
+    """Values of the varied keys of a study's case, by dotted key of the scenario."""
     found: dict[str, Any] = {}
     for key in vary:
         if key == SCRIPT:
@@ -136,7 +136,7 @@ def _values(row: Mapping[str, str], vary: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _figures(row: Mapping[str, str], said: Mapping[str, Mapping[str, str]]) -> list[KeyFigure]:
-    """Key figures of a case, without their times and places, which the table does not have."""
+    """Key figures of a study's case from its row, without times and places, which the table does not have."""
     return [
         KeyFigure(FigureId.of_text(key), one["name"], value, one["unit"], 0.0)
         for key, one in said.items()

@@ -1,4 +1,4 @@
-"""German texts of a report, by their English form, names of quantities, and phrases within places and sources."""
+"""German texts of a report by their English form, names of quantities, and phrases within places and sources."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verdicts of rule profiles on results that are there already: extremes of load cases, and cases of a study."""
+"""Verdicts of rule profiles on calculated results: extremes of load cases, and cases of a study."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ APART = "its two figures are extremes that may be of different load cases; `enve
 def with_rules(
     scenario: Scenario, names: Sequence[str] | None, facts: Mapping[str, Any]
 ) -> tuple[Scenario, list[Profile]]:
-    """Scenario with stated facts, and the rule profiles of given names or of its own.
+    """Set facts of the installation in a scenario, and load rule profiles, named ones or those of the scenario.
 
     Raises:
         ScenarioError: a fact is invalid.
-        RuleError: a profile is, or contradicts another one or the installation.
+        RuleError: a profile is invalid, or contradicts another profile or the installation.
     """
     if facts:
         scenario = load_scenario(
@@ -42,22 +42,22 @@ def judge_extremes(
     cases: Iterable[Case],
     profiles: Sequence[Profile],
 ) -> list[RuleVerdict]:
-    """Verdicts on the extremes of load cases: a limit that the worst figure keeps, all do.
+    """Rule verdicts on the extremes of load cases: a limit kept by the worst figure is kept in all cases.
 
     Args:
-        scenario: that the load cases change.
+        scenario: scenario that the load cases change.
         extremes: key figures, the worst of all load cases.
-        governing: id of the load case that governs each.
+        governing: id of the governing load case of each.
         cases: all load cases.
         profiles: rule profiles.
 
     Raises:
-        ResultsError: a load case is that of a rule, and its figures are not told from the others.
+        ResultsError: a load case is that of a rule, so that its figures cannot be told from the others.
     """
     cases = list(cases)
     if own := [one.id for one in cases if LOAD_CASES in one.changes]:
         raise ResultsError(
-            f"case {own[0]} is a load case of a rule, whose figures are among the extremes; allowed: profiles that "
+            f"case {own[0]}: given a load case of a rule, whose figures are among the extremes; allowed: profiles that "
             "`envelope` has judged, as with --set 'limits.profile=[NAME]'"
         )
     moving = any(one.moves for one in cases)
@@ -66,7 +66,7 @@ def judge_extremes(
 
 
 def _bounded(one: RuleVerdict) -> RuleVerdict:
-    """Verdict that is open where two figures of different load cases make it worse than either case."""
+    """Set a violation undecided where it follows from two extremes that may be of different load cases."""
     if one.state in BROKEN and one.quantity.partition("/")[0] in OF_TWO:
         return replace(one, state=NOT_DECIDED, reason=APART)
     return one
@@ -79,11 +79,11 @@ def judge_cases(
     *,
     at_rest: bool,
 ) -> list[RuleVerdict]:
-    """Worst verdict of each check over the cases of a study, each judged with its own values.
+    """Worst verdict of each rule check over the cases of a study, each case judged with its own values.
 
     Args:
-        scenario: that the cases change.
-        cases: id, values by key and key figures of each; those without figures are left out.
+        scenario: scenario that the cases change.
+        cases: id, values by key and key figures of each; cases without figures are left out.
         profiles: rule profiles.
         at_rest: whether the figures are of lines at rest.
     """

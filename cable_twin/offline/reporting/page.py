@@ -1,4 +1,4 @@
-"""Page of a report: its sections in one self-contained HTML file."""
+"""HTML page of a report: all sections in one self-contained file."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ UNITS = {"m/s^2": "m/s²", "N/mm^2": "N/mm²", "kg/m^3": "kg/m³", "kg m^2": "kg
 def write_page(
     results: Results, texts: Texts, command: str, version: str, sections: Sequence[Section] = SECTIONS
 ) -> str:
-    """HTML text of a report, with all its drawings and styles in it.
+    """HTML text of the page of a report, with all drawings and styles in it.
 
     Args:
-        results: that it shows.
-        texts: in its language.
-        command: by which it was made, with its options.
+        results: results to show.
+        texts: texts in the language of the page.
+        command: command that makes the report, with its options.
         version: of this package.
-        sections: in their order.
+        sections: sections in their order.
     """
     environment = _environment(texts)
     parts = []
@@ -57,7 +57,7 @@ def write_page(
 
 
 def anchor(title: str) -> str:
-    """Anchor of a section from its English title."""
+    """HTML anchor of a section of a report from its English title."""
     return re.sub(r"[^a-z]+", "_", title.lower()).strip("_")
 
 

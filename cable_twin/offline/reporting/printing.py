@@ -1,4 +1,4 @@
-"""PDF of a page: by WeasyPrint where it is installed, else by Chromium without a window."""
+"""PDF of the page of a report: by WeasyPrint where installed, else by headless Chromium."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Printer = Callable[[str, Path], None]
 
 
 class PrintError(RuntimeError):
-    """Error of a PDF that cannot be made; one line."""
+    """Failure to make the PDF of a report: one line."""
 
 
 def find_printer() -> Printer:
-    """Printer that writes a page as a PDF, both given to it; it raises PrintError and OSError.
+    """Find a printer: a function of HTML text and PDF path that writes the PDF; it raises PrintError and OSError.
 
     Raises:
-        PrintError: there is none.
+        PrintError: neither WeasyPrint nor Chromium is installed.
     """
     try:
         from weasyprint import HTML  # noqa: PLC0415 - an extra

@@ -1,4 +1,4 @@
-"""Inputs of a scenario with the remarks of its file, which name sources and assumptions; what has none is assumed."""
+"""Inputs of a scenario with the remarks of its file on sources and assumptions; without a remark they are assumed."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Input(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """All inputs of a run.
+    """All inputs of a run with their remarks, for a report.
 
     Attributes:
-        file: of the scenario, None where it is not at hand.
-        head: remark at the top of that file.
-        rows: what the file gives or the run has set.
+        file: scenario file; None where it is not at hand.
+        head: remark at the top of the file.
+        rows: inputs in the file or set for the run.
         defaults: assumed defaults of keys that are not given.
     """
 
@@ -47,11 +47,11 @@ class Inputs(NamedTuple):
 
 
 def inputs_of(scenario: Scenario, file: Path | None) -> Inputs:
-    """Inputs of a scenario, as its file states them, with the values that the run had.
+    """Gather the inputs of a run: values of its scenario, with the remarks of the scenario file.
 
     Args:
         scenario: of the run.
-        file: of the scenario; None for the shipped one of its name, if there is one.
+        file: scenario file; None for the shipped file of the scenario's name, if any.
 
     Raises:
         ScenarioError: a given file cannot be read; a line each.
@@ -80,7 +80,7 @@ def inputs_of(scenario: Scenario, file: Path | None) -> Inputs:
 
 
 def _shipped(name: str) -> Path | None:
-    """Shipped scenario file of a name; None without one."""
+    """Path of the shipped scenario file of a name; None where there is no such file."""
     try:
         file = config_directory() / f"{name}.yaml"
     except ScenarioError:
@@ -89,7 +89,7 @@ def _shipped(name: str) -> Path | None:
 
 
 def _input(key: str, value: Any, remark: str, *, assumed: bool = False) -> Input:
-    """Input with its remark; one that is a unit alone is none."""
+    """Make an input of a scenario with its unit and remark; a remark that is only the unit counts as none."""
     unit = _unit(key)
     remark = NONE if remark.strip(",:; ") in (unit, "") else remark
     return Input(key, _shown(value), unit, remark, assumed or "assumed" in remark or remark == NONE)
@@ -122,7 +122,7 @@ def _is_default(key: str, value: Any) -> bool:
 
 
 def _assumed_defaults(used: Mapping[str, Any]) -> Iterator[Input]:
-    """Defaults in use that the reference of scenarios calls assumed, one for each kind of section."""
+    """Defaults in use that the scenario reference calls assumed, one for each kind of section."""
     seen = set()
     for key, value in used.items():
         try:
@@ -135,7 +135,7 @@ def _assumed_defaults(used: Mapping[str, Any]) -> Iterator[Input]:
 
 
 def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
-    """Values by dotted key; a list of numbers is one value, and null none."""
+    """Values of a resolved scenario by dotted key; a list of numbers is one value, and null is left out."""
     found: dict[str, Any] = {}
     for key, value in content.items():
         path = f"{above}{key}"
@@ -149,7 +149,7 @@ def _flat(content: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 def _remarks(text: str) -> Iterator[tuple[str, tuple[Any, str, bool]]]:
-    """Key with value and remark of each value in a YAML text, and whether the head of a block calls all assumed."""
+    """Each key of a YAML text with value, remark, and whether the remark of a block around it says "all assumed"."""
     document, lines = read_yaml(text), text.splitlines()
     for path, node in _leaves(document.node, ()):
         value: Any = document.content
@@ -163,7 +163,7 @@ def _remarks(text: str) -> Iterator[tuple[str, tuple[Any, str, bool]]]:
 
 
 def _leaves(node: Node | None, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Node]]:
-    """Values of a YAML text by path; a list of scalars is one value."""
+    """Leaf nodes of a YAML document with their paths; a list of scalars is one leaf."""
     if isinstance(node, MappingNode):
         for key, value in node.value:
             if isinstance(key, ScalarNode) and key.value != "<<":
@@ -176,7 +176,7 @@ def _leaves(node: Node | None, path: tuple[Any, ...]) -> Iterator[tuple[tuple[An
 
 
 def _remark(lines: Sequence[str], node: Node) -> str:
-    """Remark behind a value, above its line, or at the begin of a block that it is in; empty without one."""
+    """Remark on a value in a YAML text: behind it, above its line, or at the head of its block; empty if none."""
     end = node.end_mark
     if found := REMARK.match(lines[end.line][end.column :] if end.line < len(lines) else ""):
         return found[1]
@@ -187,7 +187,7 @@ def _remark(lines: Sequence[str], node: Node) -> str:
 
 
 def _heads(lines: Sequence[str], row: int) -> Iterator[str]:
-    """Remarks at the begins of the blocks that a line is in, from the innermost on."""
+    """Remarks at the heads of the YAML blocks around a line, from the innermost block on."""
     while row > 0:
         indent = _indent(lines[row])
         while row > 0 and (not lines[row - 1].strip() or _indent(lines[row - 1]) >= indent):
@@ -204,13 +204,13 @@ def _heads(lines: Sequence[str], row: int) -> Iterator[str]:
 
 
 def _indent(line: str) -> int:
-    """Indentation of a line; an item of a list is within its key also where both begin in one column."""
+    """Indentation of a YAML line; list items count as within their key also where both begin in one column."""
     plain = line.lstrip()
     return len(line) - len(plain) + (2 if plain.startswith("- ") else 0)
 
 
 def _group(lines: Sequence[str], row: int, step: int) -> str:
-    """Remark in lines of their own: directly above a line, or from it on; empty at the top of a file."""
+    """Remark on comment lines of a YAML text: directly above a line, or from it on; empty at the top of the file."""
     rows = []
     row += min(step, 0)
     while 0 <= row < len(lines) and lines[row].lstrip().startswith("#"):
@@ -220,7 +220,7 @@ def _group(lines: Sequence[str], row: int, step: int) -> str:
 
 
 def _head(lines: Sequence[str]) -> Iterator[str]:
-    """Lines of remarks at the top of a file, without the one for editors."""
+    """Comment lines at the top of a scenario file, without the line for editors."""
     for line in lines:
         if not line.startswith("#"):
             return

@@ -1,4 +1,4 @@
-"""Results that a report shows, from a log or from an envelope of load cases."""
+"""Results that a report shows: of a run, of an envelope of load cases, or of a study."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from cable_twin.scenario import Scenario
 
 
 class ResultsError(ValueError):
-    """Error of a file that is no results; one line."""
+    """Fault of a file without usable results for a report: one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class RopeCourse:
-    """Course of one rope over a run or over load cases.
+    """Course of one rope over a run or over load cases: lowest heights, clearances, range of tension.
 
     Attributes:
         name: of the rope.
@@ -44,10 +44,10 @@ class RopeCourse:
 
 @dataclass(frozen=True, slots=True)
 class TowerLoad:
-    """Force of a rope on a tower when it was highest.
+    """Highest force of a rope on a tower over a run or over load cases.
 
     Attributes:
-        subject: part of the ids of its figures, as towers.tower_1_up.
+        subject: part of the ids of the tower's figures, as towers.tower_1_up.
         tower: name of the support.
         place: (3,) m.
         force: (3,) N, of the rope on the tower; NaN where not known.
@@ -61,14 +61,14 @@ class TowerLoad:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Load case with the changes that make it, or a command of a run.
+    """Load case or case of a study, with its changes of the scenario.
 
     Attributes:
         id: of the case.
-        name: what it stands for.
+        name: name for people.
         changes: values by dotted key.
-        fault: why it has no result; empty with one.
-        moves: whether it is a run, and not a line at rest.
+        fault: reason why the case has no result; empty with a result.
+        moves: whether the case is a run, and not a line at rest.
     """
 
     id: str
@@ -82,8 +82,8 @@ class StudyRange(NamedTuple):
     """Range of a key figure over the cases of a study.
 
     Attributes:
-        extreme: the end that its statistic is about.
-        case: id of the case with that.
+        extreme: end of the range by the statistic of the figure.
+        case: id of the case with this extreme.
         low: lowest value, in the unit of the figure, with the id of its case.
         high: highest value with the id of its case.
         having: number of cases that have the figure.
@@ -97,7 +97,7 @@ class StudyRange(NamedTuple):
 
 
 class SobolIndex(NamedTuple):
-    """First-order and total index of a key for a key figure, each with the ends of its interval of confidence."""
+    """First-order and total Sobol index of a key for a key figure, each with the ends of its confidence interval."""
 
     figure: str  # id
     name: str  # printed, of the figure
@@ -112,16 +112,16 @@ class SobolIndex(NamedTuple):
 
 @dataclass(slots=True)
 class Results:
-    """All that the sections of a report show.
+    """Results of a run, of load cases or of a study: data of all sections of a report.
 
     Attributes:
         title: of the report.
-        scenario: of the run, or the one that the load cases change.
+        scenario: of the run, or the base scenario of the cases.
         figures: key figures, or extremes of load cases.
         inputs: of the scenario, with remarks.
         governing: id of the load case that governs a figure; empty for a run.
-        kind: what the report is of, in English.
-        at: what the time of a figure is, and its unit.
+        kind: subject of the report, in English.
+        at: meaning of the time of a figure, and its unit.
         profiles: rule profiles, with their verdicts on the figures.
         ropes: courses of the ropes.
         towers: forces on towers, of a run.
@@ -130,11 +130,11 @@ class Results:
         lives: counts for the life of each rope, of a run.
         trips: trips in a year; None where not given.
         cases: load cases.
-        factors: key and values of what a study varies.
-        ranges: of key figures over the cases of a study.
-        indices: of a study.
-        sources: name and content of each input and of what made the results.
-        notes: of what the reader has to know, as a log that is damaged.
+        factors: keys that a study varies, with their values.
+        ranges: ranges of key figures over the cases of a study.
+        indices: Sobol indices of a study.
+        sources: name and text of each source of the results: inputs, program, versions.
+        notes: warnings for the reader, as of a missing rule profile.
     """
 
     title: str

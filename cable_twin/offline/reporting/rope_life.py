@@ -1,4 +1,4 @@
-"""Rope life in counts: bends over sheaves and bullwheels with the tension at each, and cycles of tension."""
+"""Counts for the life of ropes: bends over sheaves and bullwheels with the tension there, and tension cycles."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ BULLWHEEL, TOWER = "bullwheel", "tower"
 
 
 class Bend(NamedTuple):
-    """Bends of a rope at one bullwheel or tower.
+    """Bends of a rope at one bullwheel or tower during a trip, with diameter, angle and tension.
 
     Attributes:
         name: of the bullwheel or tower.
         kind: `BULLWHEEL` or `TOWER`.
-        sheaves: that bend the rope there.
-        diameter: m, of a bullwheel; NaN for the rollers of a tower, which a scenario does not have.
-        angle: rad, by which each of them bends the rope, of a tower on average in the run.
-        passes: times that the most bent rope point passes it in a trip.
+        sheaves: number of sheaves that bend the rope there.
+        diameter: m, of a bullwheel; NaN for the rollers of a tower, whose diameter a scenario does not have.
+        angle: rad, by which each sheave bends the rope, of a tower on average in the run.
+        passes: times that the most bent rope point passes in a trip.
         tension: (3,) N, lowest, mean and highest in the run there.
     """
 
@@ -43,20 +43,20 @@ class Bend(NamedTuple):
 
     @property
     def cycles(self) -> int:
-        """Bending cycles of a trip, straight to bent to straight."""
+        """Bending cycles of the most bent rope point there in a trip, straight to bent to straight."""
         return self.sheaves * self.passes
 
 
 @dataclass(frozen=True, slots=True)
 class RopeLife:
-    """Counts of one closed loop of strands, or of one rope without bullwheels.
+    """Counts for the life of one closed loop of strands, or of one rope without bullwheels: bends, tension cycles.
 
     Attributes:
         name: of the strands.
         length: m, unstrained, of the loop; 0 for a rope without bullwheels, which has counts of the run alone.
         trip: m, of rope travel in a trip: all round, or there and back.
         circulates: whether a trip is all round.
-        bends: of the most bent point in a trip.
+        bends: bends of the most bent point in a trip.
         trips: trips in the run by the travel of the rope.
         per_trip: cycles of tension in a trip at the point with the largest range, along the mean tension of the run.
         in_run: cycles of tension in the run at the point with the largest range.
@@ -73,14 +73,14 @@ class RopeLife:
 
 
 class _Followed:
-    """Points of a rope that are followed: their tensions over time, kept as turning points."""
+    """Tension histories of followed points of a rope, kept as turning points for rainflow counting."""
 
     def __init__(self) -> None:
         self._turns: list[FloatArray] = []
         self._block: list[FloatArray] = []
 
     def add(self, tension: FloatArray) -> None:
-        """Add the tensions (points,) in N of a frame."""
+        """Add the tensions (points,) in N at the followed rope points in a frame."""
         self._block.append(tension)
         if len(self._block) >= BLOCK:
             self._reduce()
@@ -92,7 +92,7 @@ class _Followed:
         self._block = []
 
     def cycles(self) -> list[Cycle]:
-        """Cycles at the point with the largest range."""
+        """Tension cycles at the followed rope point with the largest range of tension."""
         if self._block:
             self._reduce()
         counted = [one for one in self._turns if one.size]
@@ -100,11 +100,11 @@ class _Followed:
 
 
 class LifeCounter:
-    """Counter of bends and of cycles of tension of all ropes, from snapshot to snapshot.
+    """Counter of bends and tension cycles of all ropes over the snapshots of a run.
 
     Args:
         scenario: of the run.
-        layout: of its snapshots.
+        layout: of the snapshots.
     """
 
     def __init__(self, scenario: Scenario, layout: Layout) -> None:
@@ -117,7 +117,7 @@ class LifeCounter:
         self._shape: FloatArray | None = None
 
     def log(self, snapshot: Snapshot) -> None:
-        """Add a snapshot."""
+        """Add a snapshot of the run to the counts."""
         c = snapshot.columns
         load = np.linalg.norm(c.support_force, axis=1)
         if np.isfinite(load).all():
@@ -140,7 +140,7 @@ class LifeCounter:
             followed.add(tension[part][:: max((part.stop - part.start) // POINTS, 1)])
 
     def lives(self) -> list[RopeLife]:
-        """Counts of all ropes so far; empty where the log holds no rope."""
+        """Counts for the life of all ropes so far; empty where the log holds no rope."""
         if self._shape is None:
             return []
         mean = self._sum / self._counts[0]
@@ -151,7 +151,7 @@ class LifeCounter:
         return found
 
     def _of_loop(self, loop: _Loop, shape: FloatArray, mean: FloatArray, load: FloatArray) -> RopeLife:
-        """Counts of a closed loop, from the mean tension (samples,) and the mean loads (supports,) in N."""
+        """Life counts of a closed loop, from mean tensions (samples,) and mean support loads (supports,) in N."""
         places = self._devices(loop, shape)
         reach = haul_reach(self._scenario, loop.names)
         trip = loop.length if reach is None else 2.0 * reach
@@ -202,7 +202,7 @@ class LifeCounter:
 
 
 class _Loop:
-    """Closed loop of strands, with points that move along it."""
+    """Closed loop of strands, with followed rope points that move along it."""
 
     def __init__(self, scenario: Scenario, layout: Layout, names: Sequence[str]) -> None:
         self.names = names
@@ -218,7 +218,7 @@ class _Loop:
         self.followed = _Followed()
 
     def move(self, position: float) -> None:
-        """Move all points to the position (m) of the rope on the bullwheel."""
+        """Move the followed rope points of the loop, by the new rope position (m) on its bullwheel."""
         passed = position - self._last
         self._last = position
         if np.isfinite(passed):
@@ -226,13 +226,13 @@ class _Loop:
             self.travel += abs(passed)
 
     def tension_at(self, places: FloatArray, tension: FloatArray) -> FloatArray:
-        """Tension (n,) in N at places (n,) in m along the loop, from that of all samples."""
+        """Tension (n,) in N at places (n,) in m along the loop, interpolated from all rope samples."""
         found: FloatArray = np.interp(places, self._places, tension[self._order], period=self.length)
         return found
 
 
 def loops_of(scenario: Scenario) -> list[list[str]]:
-    """Strands of each closed loop, in their order along it."""
+    """Names of the strands of each closed loop of a scenario, in their order along the loop."""
     by_wheels: dict[str, list[str]] = {}
     strands = scenario.strands
     for name in strands:
@@ -246,7 +246,7 @@ def loops_of(scenario: Scenario) -> list[list[str]]:
 
 
 def haul_reach(scenario: Scenario, names: Sequence[str]) -> float | None:
-    """Travel (m) of a loop from one end to the other with vehicles clamped to it; None where it circulates."""
+    """Travel (m) of a haul rope loop with vehicles clamped to it, end to end; None for a circulating loop."""
     hauled = [key for key, one in scenario.carriages.items() if set(one.clamped_to) & set(names)]
     if scenario.carriers is not None or not hauled or not scenario.drives:
         return None
@@ -255,7 +255,7 @@ def haul_reach(scenario: Scenario, names: Sequence[str]) -> float | None:
 
 
 def _path(point: float, length: float, reach: float | None) -> FloatArray:
-    """Places (m) of a rope point in a trip: all round, or as far as the reach and back."""
+    """Places (m) of a rope point along a loop during a trip: all round, or there and back over the reach (m)."""
     if reach is None:
         return point + np.linspace(0.0, length, STEPS)
     there = point + np.linspace(0.0, reach, STEPS)
@@ -263,7 +263,7 @@ def _path(point: float, length: float, reach: float | None) -> FloatArray:
 
 
 def _passes(place: float, points: FloatArray, length: float, reach: float | None) -> FloatArray:
-    """Times (points,) that each rope point passes a place (m) in a trip."""
+    """Count (points,) of the passes of each rope point over a place (m) of the loop in a trip."""
     if reach is None:
         return np.ones(points.size)
     turns: FloatArray = np.floor((reach - (place - points) % length) / length) + 1.0

@@ -1,4 +1,4 @@
-"""Texts of a report in a language, from a table by their English form."""
+"""Translation of the texts of a report by their English form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LANGUAGES: Mapping[str, Mapping[str, str]] = {"en": {}, "de": german.TEXTS}
 
 
 class Texts:
-    """Texts of a report in a language.
+    """Translator of the texts of a report from English into a language.
 
     Args:
         language: one of `LANGUAGES`.
@@ -25,7 +25,7 @@ class Texts:
         self.missing: set[str] = set()  # texts that are shown in English for want of a translation
 
     def __call__(self, text: str) -> str:
-        """Text in the language; the English one where the table does not have it."""
+        """Translate a text; returns the English text where the table lacks a translation."""
         if self.language == "en" or not text:
             return text
         if text not in self._table:
@@ -33,7 +33,7 @@ class Texts:
         return self._table.get(text, text)
 
     def figure(self, figure: KeyFigure) -> str:
-        """Printed name of a key figure."""
+        """Printed name of a key figure in the language of the report."""
         if self.language == "en":
             return figure.name
         row = QUANTITIES[figure.id.quantity]
@@ -49,26 +49,26 @@ class Texts:
         return f"{before}: {said}" if before else said
 
     def _detail(self, text: str) -> str:
-        """Detail within a name, as the span of a sag."""
+        """Translate the detail within the name of a key figure, such as the span of a sag."""
         for word in ("to", "start", "end", "its", "the"):
             text = re.sub(rf"(?<!\S){word}(?!\S)", self(word), text)
         return text
 
     def quantity(self, quantity: str) -> str:
-        """Name of a quantity without detail."""
+        """Name of a quantity of key figures in the language of the report, without detail."""
         name = (
             QUANTITIES[quantity].name if self.language == "en" else self._names.get(quantity, QUANTITIES[quantity].name)
         )
         return name.format("").strip(" ,")
 
     def phrase(self, text: str) -> str:
-        """Place, source or way of sampling of a figure, of which known phrases are translated."""
+        """Translate known phrases in the place, source or way of sampling of a key figure."""
         for english, own in self._phrases.items():
             text = text.replace(english, own)
         return text
 
     def limit(self, text: str) -> str:
-        """Limit with its comparison, as `at most 2.5 m/s`."""
+        """Translate the comparison in the text of a limit, such as `at most 2.5 m/s`."""
         for comparison in ("at most", "at least", "below", "above", "within"):
             if text.startswith(comparison):
                 return f"{self(comparison)}{text.removeprefix(comparison)}".replace(" to ", f" {self('to')} ")

@@ -1,1 +1,1 @@
-"""Parts of the command `study`: design of the cases, their runs on a cluster, what is kept of them, and indices."""
+"""Parts of the command `study`: design of the cases, runs on a cluster, kept results, Sobol indices, plots."""

@@ -1,4 +1,4 @@
-"""Cases of a study, as any process runs them: from text and values to key figures, the same bits everywhere."""
+"""Run of one case of a study in any process: from scenario text and values to key figures, bit for bit everywhere."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ ALONE = threading.Lock()  # cases of one process run one after the other
 
 
 class Inputs(NamedTuple):
-    """Inputs that all cases of a study have in common.
+    """Common inputs of all cases of a study: scenario, scripts, duration, frame rate.
 
     Attributes:
         scenario: resolved scenario, as JSON.
-        scripts: commands by name of the script; "" for that of cases without one.
-        duration: s; None for `after` the last command of the script.
+        scripts: commands by name of the script; "" for the script of cases that do not vary it.
+        duration: s; None for the time `after` the last command of the script.
         after: s.
         frame_rate: Hz.
     """
@@ -49,15 +49,15 @@ class Case(NamedTuple):
 
 
 class Finished(NamedTuple):
-    """Finished case.
+    """Result of a finished case of a study: key figures, fault, refused commands, host and times.
 
     Attributes:
-        case: its id.
-        inputs: hash of its inputs.
+        case: id of the case.
+        inputs: hash of all inputs of the case.
         host: name of the machine.
         seconds: wall time of the case.
-        processor: s, time of the processor in it.
-        fault: why it has no figures, or why it ended early; empty without a fault.
+        processor: s, processor time of the case.
+        fault: reason of missing figures or of an early end; empty without a fault.
         refused: refused commands, a line each.
         figures: value, time (s) and place of each key figure, by id.
         exceeded: ids of figures whose limit is exceeded.
@@ -79,17 +79,17 @@ Names = Mapping[str, tuple[str, str]]  # name and unit of key figures, by id
 
 @cache
 def program() -> str:
-    """Program and arithmetic of this process, on which the bits of results depend, as JSON."""
+    """Versions, sources and arithmetic of this process, on which the bits of results depend, as JSON."""
     return json.dumps({**program_metadata(), "sources": program_sources()}, sort_keys=True)
 
 
 def digest(content: Any) -> str:
-    """Hash of what JSON can say."""
+    """Hash of plain data, by its JSON text."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def hash_of_case(common: Inputs) -> Callable[[Mapping[str, Value]], str]:
-    """Function from the values of a case to the hash of its inputs, with those of all cases and the program."""
+    """Make a function from the values of a study's case to the hash of all its inputs, with the program."""
     kept = [json.loads(common.scenario), common.duration, common.after, common.frame_rate, program()]
     of_study = digest(kept)
     scripts = {name: digest([[one.time, repr(one.command), one.at] for one in script])
@@ -109,24 +109,24 @@ def _scenario(text: str) -> Mapping[str, Any]:
 
 
 def scenario_of(common: Inputs, values: Mapping[str, Value]) -> Scenario:
-    """Scenario of a case.
+    """Scenario of a study's case: the common scenario with the values of the case.
 
     Raises:
-        ScenarioError: its values are refused.
+        ScenarioError: the scenario refuses the values.
     """
     return load_scenario(_scenario(common.scenario), {key: one for key, one in values.items() if key != SCRIPT})
 
 
 def run_case(common: Inputs, case: Case, wanted: str) -> tuple[Finished, Names]:
-    """Run a case on one thread; returns it with the names of its figures.
+    """Run a case of a study on one thread; returns its result, and names and units of its key figures.
 
     Args:
         common: inputs of all cases of the study.
         case: the case.
-        wanted: program as of `program`, which this process has to have.
+        wanted: result of `program` that this process must have.
 
     Raises:
-        OtherProgramError: it has another one.
+        OtherProgramError: this process has another program.
     """
     if program() != wanted:
         raise OtherProgramError(difference(wanted, program()))
@@ -150,7 +150,7 @@ def run_case(common: Inputs, case: Case, wanted: str) -> tuple[Finished, Names]:
 
 
 def _run(common: Inputs, case: Case) -> tuple[Sequence[KeyFigure], str, Sequence[str]]:
-    """Key figures of a case, the reason of an early end, and refused commands."""
+    """Simulate a case of a study: returns key figures, the reason of an early end, and refused commands."""
     try:
         scenario = scenario_of(common, case.values)
         simulation = Simulation(scenario, on_demand=True)
@@ -169,11 +169,11 @@ def _run(common: Inputs, case: Case) -> tuple[Sequence[KeyFigure], str, Sequence
 
 
 class OtherProgramError(RuntimeError):
-    """Worker with another version of the program, or another arithmetic; the text is one line."""
+    """Fault of a study's worker with another version of the program or another arithmetic: one line."""
 
 
 def difference(wanted: str, found: str) -> str:
-    """First difference between two programs as of `program`, in a line; empty for equal ones."""
+    """Line about the first difference between two results of `program`; empty for equal ones."""
     here, there = json.loads(wanted), json.loads(found)
     for key in here | there:
         if here.get(key) != there.get(key):

@@ -1,4 +1,4 @@
-"""Cases of a study on workers of dask.distributed: a local cluster, or a scheduler that is there already."""
+"""Run of a study's cases on workers of dask.distributed: a local cluster, or those of a running scheduler."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 
 class ClusterError(RuntimeError):
-    """Cluster that is not there, has gone, or has another program; the text is one line."""
+    """Fault of a study's cluster, which is missing, has gone, or has another program: one line."""
 
 
 @contextmanager
 def connected(scheduler: str | None, workers: int) -> Iterator[Any]:
-    """Client of a scheduler, or of a local cluster of processes that ends with the context.
+    """Context with a Dask client of a scheduler, or of a local cluster of processes that ends with the context.
 
     Args:
         scheduler: address as tcp://HOST:PORT; None for a local cluster.
         workers: processes of a local cluster.
 
     Raises:
-        ClusterError: there is no scheduler, it has no worker, or one with another program.
+        ClusterError: there is no scheduler, or it has no worker, or a worker with another program.
     """
     import dask  # noqa: PLC0415 - a second
     from distributed import Client, LocalCluster  # noqa: PLC0415 - the same
@@ -81,7 +81,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Any]:
 
 
 def _check(client: Any, scheduler: str) -> None:
-    """Refuse a scheduler without workers, or with one of another program."""
+    """Refuse a Dask scheduler without workers, or with a worker of another program."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
@@ -100,10 +100,10 @@ def _check(client: Any, scheduler: str) -> None:
 def run_on(
     client: Any, common: Inputs, cases: Sequence[Case], on_done: Callable[[Finished, Names], object]
 ) -> list[str]:
-    """Run cases on the workers of a client, in any order; one that dies with its worker is run again.
+    """Run the cases of a study on the workers of a Dask client, in any order; again where a worker dies.
 
     Args:
-        client: of the cluster.
+        client: Dask client of the cluster.
         common: inputs of all cases.
         cases: the cases.
         on_done: called with each finished case and the names of its figures.

@@ -17,22 +17,22 @@ from cable_twin.scenario import full_key
 
 METHODS = ("grid", "latin", "sobol")
 SCRIPT = "script"  # key whose values are files of commands
-FORM = "KEY=LOW:HIGH or KEY=VALUE,VALUE,... is needed, as in air.wind.x=-15:15 or script=trip.yaml,stop.yaml"
+FORM = "allowed: KEY=LOW:HIGH or KEY=VALUE,VALUE,..., as in air.wind.x=-15:15 or script=trip.yaml,stop.yaml"
 Value = float | int | str | bool
 
 
 class DesignError(ValueError):
-    """Design that cannot be made; the text is one line."""
+    """Fault of the design of a study, which cannot be made: one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """Varied key: a range of numbers, or a list of values.
+    """Varied key of a study, with a range of numbers or a list of values.
 
     Attributes:
         key: dotted key of the scenario, or `SCRIPT`.
         range: least and greatest value; None for a list.
-        values: of a list, in order.
+        values: values of the list, in order.
         whole: whether only integers of the range are taken.
     """
 
@@ -42,7 +42,7 @@ class Factor:
     whole: bool = False
 
     def at(self, share: float) -> Value:
-        """Value at a share (0 to below 1) of the range, or of the list."""
+        """Value of the varied key at a share (0 to below 1) of its range or list."""
         if self.range is None:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         low, high = self.range
@@ -51,7 +51,7 @@ class Factor:
         return low + share * (high - low)
 
     def levels(self, count: int) -> tuple[Value, ...]:
-        """Values from end to end for a grid: `count` of a range, fewer where it has fewer integers; or those listed."""
+        """Levels of the varied key in a grid: `count` values from end to end of a range, or all values of a list."""
         if self.range is None:
             return self.values
         points = np.linspace(*self.range, count).tolist()
@@ -59,12 +59,12 @@ class Factor:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Both ends of the range, or all values of the list."""
+        """Both ends of the range of the varied key, or all values of its list."""
         return self.levels(2)
 
 
 def factor_of(text: str) -> Factor:
-    """Parse KEY=LOW:HIGH or KEY=VALUE,VALUE,...
+    """Parse KEY=LOW:HIGH or KEY=VALUE,VALUE,... of the option `--vary`.
 
     Raises:
         argparse.ArgumentTypeError: one line with the given and the allowed form.
@@ -72,7 +72,7 @@ def factor_of(text: str) -> Factor:
     key, equals, given = text.partition("=")
     key = key.strip()
     if not (equals and key and given.strip()):
-        raise argparse.ArgumentTypeError(f"{text!r} given, {FORM}")
+        raise argparse.ArgumentTypeError(f"given {text!r}; {FORM}")
     name = key if key == SCRIPT else full_key(key)
     if ":" in given and key != SCRIPT:
         try:
@@ -80,26 +80,26 @@ def factor_of(text: str) -> Factor:
         except ValueError:
             low = high = math.nan
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise argparse.ArgumentTypeError(f"{text!r} given, {FORM}, with LOW below HIGH, both finite")
+            raise argparse.ArgumentTypeError(f"given {text!r}; {FORM}, with LOW below HIGH, both finite")
         return Factor(name, (low, high))
     try:
         values = given.split(",") if key == SCRIPT else read_yaml(f"[{given}]").content
     except UnreadableYamlError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} given, which cannot be read: {error}; {FORM}") from None
+        raise argparse.ArgumentTypeError(f"given {text!r}, which cannot be read: {error}; {FORM}") from None
     if not all(isinstance(one, Value) and one != "" for one in values) or len({*values}) < len(values):
-        raise argparse.ArgumentTypeError(f"{text!r} given, {FORM}, with each value once")
+        raise argparse.ArgumentTypeError(f"given {text!r}; {FORM}, with each value once")
     return Factor(name, values=tuple(values))
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """Cases of a study in order.
+    """Design of a study: the values of all varied keys in each case, in order.
 
     Attributes:
-        factors: what is varied.
+        factors: varied keys.
         method: one of `METHODS`.
-        rows: a value of each factor, for each case.
-        base: of Sobol, number of rows of each of the matrices A, B and A with a column of B; else 0.
+        rows: a value of each varied key, for each case.
+        base: for Sobol, number of rows of each of the matrices A, B and A with a column of B; else 0.
     """
 
     factors: tuple[Factor, ...]
@@ -108,26 +108,26 @@ class Design:
     base: int = 0
 
     def cases(self) -> Iterator[tuple[str, Mapping[str, Value]]]:
-        """Ids and values by key of all cases."""
+        """Iterate over the cases of the design: id, and values by key."""
         digits = len(str(len(self.rows)))
         for number, row in enumerate(self.rows, 1):
             yield f"c{number:0{digits}d}", dict(zip((one.key for one in self.factors), row, strict=True))
 
 
 def design(factors: Sequence[Factor], method: str, cases: int, seed: int) -> Design:
-    """Design with at most a number of cases.
+    """Make a design of a study with at most a number of cases.
 
     A grid has all combinations of equally many levels of each range and of all values of each list. Sobol is the
     design of Saltelli: two matrices A and B of a scrambled Sobol sequence, and A with each column of B in turn.
 
     Args:
-        factors: at least one, with different keys.
+        factors: varied keys, at least one, with different names.
         method: one of `METHODS`.
         cases: most cases.
         seed: of the random numbers of a Latin hypercube and of the scrambling.
 
     Raises:
-        DesignError: there are too few cases for it; one line.
+        DesignError: the number of cases is too small for the method; one line.
     """
     from scipy.stats import qmc  # noqa: PLC0415 - half a second
 
@@ -154,7 +154,7 @@ def _rows(factors: Sequence[Factor], shares: FloatArray) -> list[tuple[Value, ..
 
 
 def _levels(factors: Sequence[Factor], cases: int) -> list[tuple[Value, ...]]:
-    """Levels of each factor of a grid, with as many of each range as the number of cases leaves."""
+    """Levels of each varied key in a grid of at most `cases` combinations, as many as possible for each range."""
 
     def of(count: int) -> list[tuple[Value, ...]]:
         return [one.levels(count) for one in factors]
@@ -172,17 +172,17 @@ def _levels(factors: Sequence[Factor], cases: int) -> list[tuple[Value, ...]]:
 
 
 def faults_of(factors: Sequence[Factor]) -> Iterator[str]:
-    """Faults of factors beside each other, a line each."""
+    """Error lines about the varied keys of a study taken together, such as a key given twice."""
     keys = [one.key for one in factors]
     for key in sorted({key for key in keys if keys.count(key) > 1}):
-        yield f"--vary: {key} is given twice; allowed: each key once"
+        yield f"--vary: given {key} twice; allowed: each key once"
 
 
 def with_kinds(factors: Sequence[Factor], is_whole: Any) -> list[Factor]:
-    """Factors with integers only, for keys for which `is_whole(key)` holds.
+    """Restrict varied keys for which `is_whole(key)` holds to integers.
 
     Raises:
-        DesignError: a range of such a key ends at no integer; one line.
+        DesignError: an end of the range of such a key is no integer; one line.
     """
     found = []
     for one in factors:

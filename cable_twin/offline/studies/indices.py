@@ -1,4 +1,4 @@
-"""Sobol indices of key figures: the share of their variance that is due to each varied key."""
+"""Sobol indices of the key figures of a study: shares of their variance due to each varied key."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DEVIATIONS = 1.96  # of a normal distribution on either side, for a confidence o
 
 
 class Index(NamedTuple):
-    """Sobol index with the ends of its confidence interval."""
+    """Sobol index with the ends of its 95 % confidence interval."""
 
     value: float
     low: float
@@ -28,21 +28,21 @@ class Index(NamedTuple):
 
 
 class Indices(NamedTuple):
-    """First-order and total indices of a key figure by key."""
+    """First-order and total Sobol indices of a key figure, by varied key."""
 
     first: Mapping[str, Index]
     total: Mapping[str, Index]
 
 
 def indices_of(design: Design, results: Results) -> tuple[dict[str, Indices], list[str]]:
-    """Indices of all key figures by id, from the cases that were run, and ids of figures that some case lacks.
+    """Sobol indices of all key figures of a study, by id, and ids of key figures that some case lacks.
 
-    Figures that do not vary have none. The estimators are those of `scipy.stats.sobol_indices` (Saltelli 2010), which
-    are ratios of means over the rows of the design; intervals are of their linearisation, as for independent rows.
+    Figures that do not vary have no indices. The estimators are those of `scipy.stats.sobol_indices` (Saltelli 2010),
+    ratios of means over the rows of the design; intervals follow from their linearisation, as for independent rows.
 
     Args:
-        design: of the method sobol.
-        results: of its cases.
+        design: design of the method sobol.
+        results: results of all cases.
     """
     from scipy.stats import sobol_indices  # noqa: PLC0415 - half a second
 
@@ -72,7 +72,7 @@ def _by_key(keys: Sequence[str], values: FloatArray, off: FloatArray) -> dict[st
 
 
 def varies(results: Results, key: str) -> bool:
-    """Whether a key figure varies by more than rounding errors."""
+    """Whether a key figure varies over the cases of a study by more than rounding errors."""
     values = results.figures[key]
     there = values[np.isfinite(values)]
     if not there.size:
@@ -83,10 +83,10 @@ def varies(results: Results, key: str) -> bool:
 
 
 def write_indices(file: Path, found: Mapping[str, Indices]) -> None:
-    """Write the indices as CSV, a row for each key figure and key.
+    """Write Sobol indices as CSV, a row for each key figure and varied key.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     with whole_file(file) as opened:
         writer = csv.writer(opened, lineterminator="\n")
@@ -98,9 +98,9 @@ def write_indices(file: Path, found: Mapping[str, Indices]) -> None:
 
 
 def shown_figures(results: Results, wanted: Sequence[str], most: int) -> list[str]:
-    """Ids of the figures to be shown: those that are wanted, else those that vary most in relation to their size.
+    """Ids of the key figures of a study to show: wanted ones, else those that vary most in relation to their size.
 
-    Of each quantity and statistic the one of the subject that varies most is taken.
+    For each quantity and statistic, the figure of the subject that varies most is taken.
     """
     if wanted:
         return list(wanted)

@@ -21,12 +21,12 @@ BLUE, ORANGE = "#2a6fbb", "#d98324"
 
 
 def write_scatter(title: str, design: Design, results: Results, shown: Sequence[str], file: Path) -> None:
-    """Draw key figures over each varied key, a point a case.
+    """Draw key figures of a study over each varied key as scatter plots, one point per case.
 
     Args:
         title: title of the plot.
         design: design of the cases.
-        results: their results.
+        results: results of the cases.
         shown: ids of the figures.
         file: .png, .pdf or .svg.
     """
@@ -53,11 +53,11 @@ def write_scatter(title: str, design: Design, results: Results, shown: Sequence[
 
 
 def write_indices_plot(title: str, found: Mapping[str, Indices], names: Mapping[str, str], file: Path) -> None:
-    """Draw first-order and total indices of key figures, bars by key with their confidence intervals.
+    """Draw first-order and total Sobol indices of key figures as bars by varied key, with confidence intervals.
 
     Args:
         title: title of the plot.
-        found: indices by figure.
+        found: Sobol indices by id of the key figure.
         names: printed names of figures.
         file: .png, .pdf or .svg.
     """
@@ -80,7 +80,7 @@ def write_indices_plot(title: str, found: Mapping[str, Indices], names: Mapping[
 
 
 def _bars(panel: Axes, one: Indices, keys: Sequence[str]) -> None:
-    """Pairs of bars of one key figure, the first key on top."""
+    """Draw the Sobol indices of one key figure: per varied key a bar each for first-order and total index."""
     places = np.arange(len(keys), dtype=float)
     for offset, by_key, label, colour, hatch in (
         (-0.5 * BAR - GAP, one.first, "first order", BLUE, ""),
@@ -100,7 +100,7 @@ def _bars(panel: Axes, one: Indices, keys: Sequence[str]) -> None:
 
 
 def _folded(name: str) -> str:
-    """Name on two lines where it is long."""
+    """Break the long name of a key figure into two lines, at its colon."""
     head, colon, rest = name.partition(": ")
     return f"{head}:\n{rest}" if colon and len(name) > 24 else name
 

@@ -1,4 +1,4 @@
-"""Files of a study: a line for each finished case with hashes and host, a manifest, and tables of all results."""
+"""Files of a study: finished cases as lines with hashes and host, manifest, and tables of all results."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ RESULT = ("fault", "refused", "exceeded", "figures")  # what is the same on any 
 
 
 class StudyInUseError(ValueError):
-    """Directory of a study that another process writes; the text is one line."""
+    """Fault of a directory of a study that another process is writing: one line."""
 
 
 class Kept:
-    """Finished cases in a directory, a line of JSON each, by the hash of their inputs.
+    """File of the finished cases of a study, a line of JSON each, found by the hash of their inputs.
 
-    A line that was cut off by a kill, or that is damaged, counts as not there.
+    A line that was cut off by a kill, or that is damaged, counts as missing.
 
     Args:
-        directory: of the study, which exists.
+        directory: existing directory of the study.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -44,7 +44,7 @@ class Kept:
         self._file: IO[bytes] = (directory / CASES).open("a+b")
 
     def read(self) -> None:
-        """Find all whole lines, and cut off what is not one."""
+        """Read the file of finished cases: index all whole lines, and cut off an incomplete last one."""
         self._file.seek(0)
         end = 0
         for line in self._file:
@@ -58,11 +58,11 @@ class Kept:
         self._file.truncate(end)
 
     def __contains__(self, inputs: str) -> bool:
-        """Whether a case with this hash of inputs is finished."""
+        """Whether a case with a hash of inputs is finished."""
         return inputs in self._places
 
     def add(self, one: Finished, names: Names) -> None:
-        """Append a finished case, which outlasts a kill of this process from here on."""
+        """Append a finished case to the file, safe from a kill of this process."""
         if new := {key: name for key, name in names.items() if key not in self.names}:
             self.names |= new
             self._write({"names": new})
@@ -71,7 +71,7 @@ class Kept:
         self._file.flush()
 
     def results(self, cases: Sequence[Case]) -> Iterator[Finished | None]:
-        """Results of cases in their order; None for one that is not finished."""
+        """Results of cases of the study in their order; None for a case that is not finished."""
         for case in cases:
             if (place := self._places.get(case.inputs)) is None:
                 yield None
@@ -81,13 +81,13 @@ class Kept:
             yield None if found is None else found._replace(case=case.id)
 
     def close(self) -> None:
-        """Let go of the file, which is on the disk then."""
+        """Flush the file of finished cases to disk and close it."""
         self._file.flush()
         os.fsync(self._file.fileno())
         self._file.close()
 
     def lock(self) -> bool:
-        """Take the file for this process alone; returns whether nobody else has it."""
+        """Lock the file of finished cases for this process; returns whether no other process has it."""
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -103,11 +103,11 @@ class Kept:
 
 @contextmanager
 def kept_in(directory: Path) -> Iterator[Kept]:
-    """Finished cases of a directory, which is made where there is none, for one process at a time.
+    """Context with the finished cases in the directory of a study, which is made where missing, for one process.
 
     Raises:
-        StudyInUseError: another process has it.
-        OSError: it cannot be written.
+        StudyInUseError: another process uses the directory.
+        OSError: the directory cannot be written.
     """
     directory.mkdir(parents=True, exist_ok=True)
     kept = Kept(directory)
@@ -121,7 +121,7 @@ def kept_in(directory: Path) -> Iterator[Kept]:
 
 
 def _parsed(line: bytes) -> Finished | None:
-    """Finished case of a line; None for another or a damaged one."""
+    """Parse a line of a study's file into a finished case; None for another kind of line or a damaged one."""
     try:
         content = json.loads(line)
         result = content.pop("result")
@@ -141,17 +141,17 @@ def _names(line: bytes) -> dict[str, tuple[str, str]] | None:
 
 
 class Results:
-    """Results of all cases as columns.
+    """Results of all cases of a study as columns.
 
     Args:
         cases: all cases.
-        kept: finished ones.
+        kept: finished cases.
 
     Attributes:
         cases: all cases.
-        faults: of each case; "not calculated" where it is not finished.
+        faults: fault of each case; "not calculated" where it is not finished.
         exceeded: number of exceeded limits of each case.
-        figures: (cases,) values of each key figure by id; NaN where a case has none.
+        figures: (cases,) values of each key figure by id; NaN where a case lacks it.
         names: name and unit of each key figure by id.
     """
 
@@ -170,7 +170,7 @@ class Results:
         self.figures: Mapping[str, FloatArray] = {key: found[key] for key in sorted(found)}
 
     def columns(self) -> dict[str, Any]:
-        """Columns of the table, by name, with values of the keys before the key figures."""
+        """Columns of the table of results by name: values of varied keys, faults, key figures."""
         keys = list(self.cases[0].values) if self.cases else []
         return {
             "case": [one.id for one in self.cases],
@@ -183,10 +183,10 @@ class Results:
 
 
 def write_tables(directory: Path, results: Results) -> list[Path]:
-    """Write all results, a row each case, as CSV, and as Parquet where pyarrow is there; returns the files.
+    """Write the results of a study, a row for each case, as CSV, and as Parquet with pyarrow; returns the files.
 
     Raises:
-        OSError: one cannot be written.
+        OSError: a file cannot be written.
     """
     columns = results.columns()
     written = [directory / TABLE]
@@ -212,10 +212,10 @@ def write_tables(directory: Path, results: Results) -> list[Path]:
 
 
 def write_manifest(directory: Path, study: Mapping[str, Any], results: Results, files: Sequence[Path]) -> None:
-    """Write the manifest: inputs and program of the study, counts, names of figures, and hashes of all files.
+    """Write the manifest of a study: inputs, program, counts, names of key figures, and hashes of all files.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     missing = sum(one == "not calculated" for one in results.faults)
     content = {
@@ -232,7 +232,7 @@ def write_manifest(directory: Path, study: Mapping[str, Any], results: Results, 
 
 
 def hash_of_file(file: Path) -> str:
-    """SHA-256 of a file."""
+    """SHA-256 of the content of a file."""
     found = hashlib.sha256()
     with file.open("rb") as content:
         while part := content.read(2**20):
@@ -242,7 +242,7 @@ def hash_of_file(file: Path) -> str:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[IO[str]]:
-    """Text file that is there as a whole or not at all."""
+    """Context with a text file to write, which replaces the file at a path atomically at the end."""
     part = path.with_suffix(".partial")
     with part.open("w", encoding="utf-8", newline="") as file:
         yield file

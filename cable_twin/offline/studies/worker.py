@@ -1,6 +1,6 @@
 """Worker of a study on dask.distributed: `python -m cable_twin.offline.studies.worker tcp://HOST:8786`.
 
-It holds numpy to the class of the CPU, as commands do, and has one thread. Local clusters load it into their workers.
+The worker holds numpy to the class of the CPU, as commands do, and has one thread. Local clusters load this module.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from typing import Any
 
 
 def dask_setup(_worker: Any) -> None:
-    """Leave Ctrl-C to the command that has started this worker."""
+    """Set up a worker of a local cluster: it ignores Ctrl-C, which the command handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def main() -> None:
-    """Run workers with the options of `dask worker`."""
+    """Run a worker of a study, with the options of `dask worker`."""
     from cable_twin.basics.cpu import hold_numpy_to_the_class  # noqa: PLC0415 - before numpy is loaded
 
     hold_numpy_to_the_class()

@@ -1,1 +1,1 @@
-"""From survey to scenario: reading of terrain and towers, scenarios of usual ropeways, and their design."""
+"""Scenarios from surveys: reading of terrain and towers, scenarios of usual ropeways, and their design."""

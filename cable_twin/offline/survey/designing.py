@@ -1,4 +1,4 @@
-"""Design of a line in closed form: tension, unstrained length, rope, heights of towers, each with what decided it."""
+"""Design of a line in closed form: tension, unstrained length, rope, tower heights, each with its deciding reason."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ SURE = 0.02  # m and kN, by which conditions are kept, as heights are rounded to
 
 
 class Designed(NamedTuple):
-    """Result of a design.
+    """Result of the design of a line: changes of the scenario, with reasons.
 
     Attributes:
         changes: values by dotted key.
-        lines: what was found, and what decided it.
+        lines: lines with values and deciding conditions.
     """
 
     changes: dict[str, Change]
@@ -38,14 +38,14 @@ class Designed(NamedTuple):
 
 
 def design_tension(model: LineModel, factor: float | None = None) -> Designed:
-    """Counterweight for the highest tension that rope and towers allow, and the length with it.
+    """Design the counterweight for the highest tension that rope and towers allow, and the unstrained length.
 
     Args:
-        model: with a counterweight.
+        model: line with a counterweight.
         factor: safety factor of the rope; None: that of the scenario and 10 % more.
 
     Raises:
-        DesignError: there is no counterweight, or no such tension.
+        DesignError: there is no counterweight, or no allowed tension.
     """
     if not model.mass_keys:
         raise DesignError("tension: given a rope without a counterweight; allowed: --for length --tension or --sag")
@@ -62,18 +62,19 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
         tension = float(scipy.optimize.brentq(miss, SLACKEST * strength, strength / factor, rtol=1e-9))
     except (ValueError, SpanError):
         raise DesignError(
-            f"tension: no tension has a safety factor of {factor:.3g}; allowed: a stronger rope"
+            f"tension: given a safety factor of {factor:.3g}, which none has; allowed: a stronger rope"
         ) from None
     if tension < TRANSVERSE * model.cabin:
         raise DesignError(
-            f"tension: {with_unit(tension, 'N')} with a safety factor of {factor:.3g}, less than {TRANSVERSE:g} times "
-            f"the full cabin, {with_unit(model.cabin, 'N')}; allowed: a stronger rope, or a lighter cabin"
+            f"tension: given {with_unit(tension, 'N')} by a safety factor of {factor:.3g}, less than "
+            f"{TRANSVERSE:g} times the full cabin, {with_unit(model.cabin, 'N')}; allowed: a stronger rope, or a "
+            "lighter cabin"
         )
     return for_tension(model, tension, f"safety factor {factor:.3g} of {strength / 1e3:.0f} kN")
 
 
 def for_tension(model: LineModel, tension: float, why: str) -> Designed:
-    """Counterweight and unstrained lengths for a tension (N) at the tensioned end, and what decided it."""
+    """Design counterweight and unstrained lengths for a tension (N) at the tensioned end, chosen for a reason."""
     scenario, changes, lines = model.scenario, {}, []
     if model.mass_keys:
         mass = float(round(model.pull_per_tension * tension / scenario.gravity, -1))
@@ -92,13 +93,13 @@ def for_tension(model: LineModel, tension: float, why: str) -> Designed:
 
 
 def design_sag(model: LineModel, span: int, sag: float) -> Designed:
-    """Counterweight and lengths for a sag of the rope below the chord of a span.
+    """Design counterweight and unstrained lengths for a sag of the rope below the chord of a span.
 
-    On a lift with full vehicles, on a track rope of the bare rope.
+    The sag is that with full vehicles on a lift, and that of the bare rope on a track rope.
 
     Args:
         model: the line.
-        span: its number, from 1 at the start of the first rope in the file.
+        span: number of the span, from 1 at the start of the first rope in the file.
         sag: m.
 
     Raises:
@@ -126,18 +127,18 @@ def design_sag(model: LineModel, span: int, sag: float) -> Designed:
 
 
 def _carrying(model: LineModel, strength: float) -> float:
-    """Tension (N) that is just enough for the closed form to find a rope of a strength (N) over all spans."""
+    """Lowest tension (N) with which a rope of a strength (N) hangs in all spans of a line, in closed form."""
     for share in np.geomspace(SLACKEST, TAUTEST, 40):
         try:
             model.spans(share * strength, 0)
         except SpanError:
             continue
         return float(share * strength)
-    raise DesignError("rope: given one that does not carry its own weight; allowed: a stronger one")
+    raise DesignError("rope: given a rope that does not carry its own weight; allowed: a stronger rope")
 
 
 def design_rope(model: LineModel, factor: float | None = None) -> Designed:
-    """Thinnest rope of the same construction that has its safety factor, in whole millimetres.
+    """Design the thinnest rope of equal construction with its safety factor, in whole millimetres.
 
     The counterweight stays; steel, weight, stiffness and strength go with the square of the diameter, the bending
     stiffness with its fourth power.
@@ -147,7 +148,7 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
         factor: safety factor; None: that of the scenario.
 
     Raises:
-        DesignError: there is no diameter, or none is enough.
+        DesignError: the diameter is not given, or no diameter is enough.
     """
     diameter = model.rope.get("diameter")
     if diameter is None:
@@ -162,7 +163,9 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
         if has >= factor:
             break
     else:
-        raise DesignError(f"rope: none up to {LARGEST * diameter * 1e3:.0f} mm has a safety factor of {factor:g}")
+        raise DesignError(
+            f"rope: given a safety factor of {factor:g}, which none up to {LARGEST * diameter * 1e3:.0f} mm has"
+        )
     construction = f"assumed: construction of the rope of {1e3 * diameter:.3g} mm, scaled"
     why = f"{millimetres} mm, design: smallest in mm with a safety factor of {factor:g}, it has {has:.3f}"
     if abs(1e-3 * millimetres - diameter) < 1e-6:
@@ -182,21 +185,21 @@ def _scaled(rope: dict[str, float], ratio: float) -> dict[str, float]:
 
 
 class Conditions(NamedTuple):
-    """Conditions on the heights of towers: names, and margins in m and kN that have to be at least 0."""
+    """Conditions on tower heights in a design: names, and a function to margins (m or kN), kept at 0 and above."""
 
     names: list[str]
     margins: Callable[[FloatArray], FloatArray]
 
 
 def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
-    """Heights of the rope on the towers, changed as little as keeps least loads and clearance.
+    """Design the heights of the rope on the towers, changed least to keep least loads and clearance.
 
-    The sum of squares of the changes is the least (SLSQP), the tension stays.
+    The sum of squares of the changes is minimised (SLSQP), the tension stays.
 
     Args:
         model: the line.
         lower: m, by which a tower may become lower at most.
-        raise_: m, by which it may become higher at most.
+        raise_: m, by which a tower may become higher at most.
 
     Raises:
         DesignError: there are no towers, or no such heights within these bounds.
@@ -233,7 +236,7 @@ def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
 
 
 def _conditions(model: LineModel, tension: float) -> Conditions:
-    """Least loads of all towers in kN, and least clearance of each span in m."""
+    """Conditions on tower heights of a line: margins of tower loads (kN), and of clearance in each span (m)."""
     ends = ["the tensioned end", *model.towers.names, "the other end"]
     names = [f"rope on {name}" for name in model.towers.names]
     if not model.cabin:
@@ -259,7 +262,7 @@ def _conditions(model: LineModel, tension: float) -> Conditions:
 def _heights(
     model: LineModel, tension: float, before: FloatArray, moved: FloatArray, conditions: Conditions
 ) -> Designed:
-    """Changed heights, each with the condition that would be missed first without the change."""
+    """Result with changed tower heights, each with the condition that fails first without the change."""
     changes: dict[str, Change] = {}
     lines = []
     kept = conditions.margins(before + moved)

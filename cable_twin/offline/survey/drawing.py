@@ -1,4 +1,4 @@
-"""Line profile, ropes and clearance of a calculated line as CSV or DXF, 1:1 in metres."""
+"""Drawing of a calculated line as CSV or DXF, 1:1 in metres: profile, towers, range of ropes, clearance."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TEXT = 2.0  # m, height of texts
 
 
 def drawing_fault(path: Path | None) -> str:
-    """Fault of the path of a drawing in a line; empty without one."""
+    """Error line about the path of a drawing, option `--profile`; empty for a valid path or None."""
     if path is None:
         return ""
     if path.suffix.lower() not in SUFFIXES:
@@ -36,7 +36,7 @@ def write_drawing(line: Line, path: Path) -> None:
     """Write profile, ropes and clearance of a calculated line, in a format by its suffix.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     if path.suffix.lower() == ".dxf":
         _write_dxf(line, path)
@@ -45,17 +45,17 @@ def write_drawing(line: Line, path: Path) -> None:
 
 
 class RopeRange:
-    """Range of a rope over all places of the vehicles.
+    """Range of the heights of a rope over all places of the vehicles.
 
     Attributes:
         x: (n,) m, along the track.
         lowest: (n,) m, least height z.
         highest: (n,) m, greatest height.
-        clearance: (n,) m, least height over the terrain; NaN without one.
+        clearance: (n,) m, least height over the terrain; NaN without terrain.
     """
 
     def __init__(self, line: Line, part: slice) -> None:
-        """Take a rope, by its part of the samples."""
+        """Calculate the range of a rope, given by its part of the samples."""
         shapes = np.array([columns.rope_position[part] for columns in line.columns])
         low, high = shapes[..., 0].min(), shapes[..., 0].max()
         self.x: FloatArray = np.append(np.arange(low, high, EVERY), high)
@@ -76,7 +76,7 @@ def _ranges(line: Line) -> dict[str, RopeRange]:
 
 
 def _write_csv(line: Line, path: Path) -> None:
-    """Rows of terrain, towers, ropes and vehicles: what, name, x, z, highest z and clearance in m."""
+    """Write a calculated line as CSV: terrain, towers, ropes, vehicles with x, z, highest z and clearance in m."""
     rows: list[tuple[Any, ...]] = []
     rows += [("terrain", "", *map(float, (place[0], place[-1])), "", "") for place in line.scenario.terrain]
     rows += [("tower", name, float(x), float(z), "", "") for name, (x, _, z) in line.scenario.tower_places.items()]
@@ -108,7 +108,7 @@ def _ground(line: Line, x: float) -> float:
 
 
 def _write_dxf(line: Line, path: Path) -> None:
-    """Drawing in the plane of the track: x to the right and z upwards, a layer for each thing."""
+    """Write a calculated line as DXF: x to the right, z upwards, layers for terrain, towers, ropes, clearance."""
     import ezdxf  # noqa: PLC0415 - an extra
     from ezdxf import units  # noqa: PLC0415 - the same
 

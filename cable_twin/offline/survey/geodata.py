@@ -1,4 +1,4 @@
-"""Surveys in GPX, GeoJSON and GeoPackage: terrain and towers in geographic or projected coordinates with heights."""
+"""Reader of surveys in GPX, GeoJSON, GeoPackage: terrain and towers in geographic or projected coordinates, heights."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ REMARKS = ("desc", "cmt", "description")
 
 
 class Feature(NamedTuple):
-    """Line or point of a file, with heights.
+    """Line or point of a geodata file, with heights and attributes.
 
     Attributes:
         where: layer and number, for faults.
         places: (points, 3), coordinates and height in the units of the file; NaN without a height.
-        values: attributes by the names that columns of tables have.
-        is_line: whether it is a line.
-        ground: whether its layer or name says that it is terrain.
+        values: attributes, by the column names of survey tables.
+        is_line: whether the feature is a line, not a point.
+        ground: whether layer or name call the feature terrain.
     """
 
     where: str
@@ -52,18 +52,18 @@ class Feature(NamedTuple):
 
 
 def is_geodata(file: Path) -> bool:
-    """Whether a file is one of geodata, by its suffix."""
+    """Whether a survey file is of geodata, not a table, by its suffix."""
     return file.suffix.lower() in SUFFIXES
 
 
 def read_geodata(terrain: Path, towers: Path, units: str | None = None, above_ground: float | None = None) -> Survey:
-    """Survey of files of geodata, which can be one and the same.
+    """Read a survey from geodata files of terrain and towers, or from one file with both.
 
     Args:
         terrain: with a line of the ground, or points of it.
         towers: with a point for each tower.
-        units: of heights, of `FEET`; None: metres, but for coordinates in feet it has to be given.
-        above_ground: m, assumed height of the rope over the ground of towers without one; None: refuse these.
+        units: of heights, a key of `FEET`; None: metres, not allowed for coordinates in feet.
+        above_ground: m, assumed height of the rope on towers without a height; None: refuse such towers.
 
     Raises:
         SurveyError: with a line for each fault.
@@ -112,7 +112,7 @@ def read_geodata(terrain: Path, towers: Path, units: str | None = None, above_gr
 
 
 def _features(file: Path) -> tuple[list[Feature], str]:
-    """Lines and points of all layers of a file, and its coordinate system."""
+    """Lines and points of all layers of a geodata file, and its coordinate system."""
     import pyogrio  # noqa: PLC0415 - an extra
     import shapely  # noqa: PLC0415 - the same
 
@@ -158,7 +158,7 @@ def _features(file: Path) -> tuple[list[Feature], str]:
 
 
 def _named(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Attributes by the names of columns of tables, with those that remarks have as KEY=VALUE."""
+    """Attributes of a feature by the column names of survey tables, with KEY=VALUE pairs of its remarks."""
     given = {key.lower(): value for key, value in values.items() if value is not None and value != ""}
     for remark in REMARKS:
         given = {key.lower(): value for key, value in PAIRS.findall(str(given.get(remark, "")))} | given
@@ -171,7 +171,7 @@ def _named(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _ground(file: Path, features: Sequence[Feature], same: bool) -> FloatArray:
-    """Points (n, 3) of the terrain: of the line that says so, else of the first line, else of all points."""
+    """Terrain points (n, 3) of a survey: of the line called terrain, else of the first line, else all points."""
     lines = [one for one in features if one.is_line]
     for choice in ([one for one in lines if one.ground], lines):
         if choice:
@@ -183,7 +183,7 @@ def _ground(file: Path, features: Sequence[Feature], same: bool) -> FloatArray:
 
 
 def _metres(file: Path, plane: str, units: str | None, places: FloatArray) -> tuple[Any, list[str]]:
-    """Function that takes places (n, 3) of a coordinate system to metres, and notes.
+    """Make a function that converts places (n, 3) of a coordinate system to metres; returns it with notes.
 
     Args:
         file: for faults and notes.
@@ -232,9 +232,9 @@ def _metres(file: Path, plane: str, units: str | None, places: FloatArray) -> tu
 
 
 def _along(file: Path, places: FloatArray) -> tuple[FloatArray, Any]:
-    """Terrain (n, 2) along the straight line from its first point to its last, and the function for others.
+    """Terrain (n, 2) along the straight line from its first point to its last, and a projection onto that line.
 
-    That function returns the distance along the line and the one to its left, both in m.
+    The projection returns the distance of a place along the line, and its distance to the left, both in m.
     """
     way = places[-1, :2] - places[0, :2]
     if (length := float(np.hypot(*way))) == 0.0:
@@ -262,7 +262,7 @@ def _number(value: Any) -> float | None:
 
 
 def _row(values: Mapping[str, Any], x: float, scale: float) -> dict[str, str | float]:
-    """Row of a tower, as that of a table."""
+    """Table row of a surveyed tower from the attributes of its feature."""
     row: dict[str, str | float] = {"x": round(x, 3)}
     for key in ("z_rope", "rope_above_ground", "length", "radius", "contacts"):
         if (number := _number(values.get(key))) is not None:

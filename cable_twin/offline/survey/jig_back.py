@@ -53,17 +53,17 @@ SIZES: Mapping[str, Mapping[str, Any]] = {
 
 
 class HaulRope:
-    """Both strands of a haul rope with cabins in the stations, the full one in the lower.
+    """Haul rope of a jig-back in closed form, with its cabins in the stations, the full cabin in the lower one.
 
     Attributes:
         tension: N, at the lower bullwheel, in each strand.
-        lengths: (2,) m, unstrained, of the strand with the lower cabin and of that with the upper one.
+        lengths: (2,) m, unstrained, of the strands with the lower and with the upper cabin.
         clamps: (2,) m, of the lower cabin from the lower bullwheel, of the upper one from the drive.
         ends: (2, 2) m, lower bullwheel and drive, as distance from the lower end of the track and height.
     """
 
     def __init__(self, track: TrackRope, rope: Mapping[str, float]) -> None:
-        """Choose tension and lengths.
+        """Choose tension and unstrained lengths of the haul rope.
 
         Raises:
             SurveyError: the rope is too weak; one line.
@@ -103,7 +103,7 @@ class HaulRope:
 
 
 def _over_rollers(corner: FloatArray, tension: float, weight: float, stiffness: float) -> Spans:
-    """Rope over those supports on which it lies; it passes above the others."""
+    """Spans of a rope over only those supports on which it lies; the rope passes above the others."""
     while True:
         spans = spans_under_tension(corner, tension, weight, stiffness)
         lifted = np.flatnonzero(spans.loads()[:, 1] > 0.0)
@@ -113,12 +113,12 @@ def _over_rollers(corner: FloatArray, tension: float, weight: float, stiffness: 
 
 
 def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Scenario of a jig-back tramway in space as a tree of plain and marked values.
+    """Make the scenario of a jig-back tramway in space from a survey, as a tree of plain and marked values.
 
     Args:
         survey: terrain and towers.
         ends: where the track ropes leave both stations.
-        changes: values by dotted key that are given: those that others are worked out from are used here.
+        changes: given values by dotted key, used where other values are derived from them.
 
     Raises:
         SurveyError: a rope cannot carry the cabins; one line.
@@ -167,7 +167,7 @@ def _aside(place: Place, y: float) -> list[float]:
 
 
 def _track(track: TrackRope, rope: Mapping[str, float], ends: Ends, upwards: bool, y: float) -> dict[str, Any]:
-    """Track rope from the lower station to the upper one."""
+    """Scenario section of a track rope of a jig-back, at a lateral place (m)."""
     both = track_ends(track, ends, upwards, lambda place: _aside(place, y))
     low, high = ("start", "end") if upwards else ("end", "start")
     return {
@@ -181,7 +181,7 @@ def _track(track: TrackRope, rope: Mapping[str, float], ends: Ends, upwards: boo
 
 
 def _haul(rope: Mapping[str, float], length: float, wheels: FloatArray, y: float) -> dict[str, Any]:
-    """Strand of the haul rope between both bullwheels."""
+    """Scenario section of a strand of the haul rope of a jig-back, between its bullwheels."""
     start, end = (
         assumed(_aside((wheel[0], wheel[1]), y), f"m: {BEHIND:g} m behind the end of the track ropes")
         for wheel in wheels
@@ -237,13 +237,13 @@ def _sheaves(haul: HaulRope, track: TrackRope, forward: float) -> dict[str, Any]
 
 
 def haul_level(haul: HaulRope, track: TrackRope) -> float:
-    """Share of the tension at the lower bullwheel that pulls level."""
+    """Horizontal share of the haul rope's tension at the lower bullwheel of a jig-back."""
     way = track.corner[0] - haul.ends[0]
     return float(way[0] / np.hypot(*way))
 
 
 def _towers(survey: Survey, track: TrackRope, load: float, upwards: bool) -> dict[str, Any]:
-    """Saddles for both track ropes, and rollers for both strands of the haul rope below."""
+    """Scenario section of the towers of a jig-back: saddles of both track ropes, rollers of both haul strands."""
     found: dict[str, Any] = {}
     for name, own in saddles(survey, track, load, upwards).items():
         position = own["position"]

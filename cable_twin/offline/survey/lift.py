@@ -1,4 +1,4 @@
-"""Scenario of a lift with a moving haul rope, fixed-grip chairs or detachable cabins, from a surveyed line."""
+"""Scenario of a lift with a moving haul rope from a surveyed line: fixed-grip chairs or detachable cabins."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PLACED = 41  # places of the vehicles, of which the worst for a tower is taken
 
 @dataclass(frozen=True, slots=True)
 class LiftKind:
-    """Usual figures of a kind of lift; all are assumed."""
+    """Usual, assumed figures of a kind of lift: rope, bullwheels, speed, vehicles, sheaves."""
 
     what: str
     vehicle: str  # as commands call it
@@ -115,13 +115,13 @@ GONDOLA = LiftKind(
 
 
 def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Scenario of a lift as a tree of plain and marked values.
+    """Make the scenario of a lift from a survey, as a tree of plain and marked values.
 
     Args:
         survey: terrain and towers.
         ends: where the rope leaves both stations.
-        kind: usual figures.
-        changes: values by dotted key that are given: those that others are worked out from are used here.
+        kind: usual figures of the kind of lift.
+        changes: given values by dotted key, used where other values are derived from them.
 
     Raises:
         SurveyError: the rope of the kind cannot carry the lift; one line.
@@ -195,7 +195,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
 
 
 def tension_for(corner: FloatArray, rope: Mapping[str, float], weight: float, factor: float = FACTOR * MARGIN) -> float:
-    """Tension (N) at the lower end of a rope whose largest tension has a safety factor.
+    """Tension (N) at the lower end of a rope with which its largest tension has a safety factor.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower end on.
@@ -221,7 +221,7 @@ def tension_for(corner: FloatArray, rope: Mapping[str, float], weight: float, fa
 
 
 class Assemblies(NamedTuple):
-    """Sheave assemblies of the towers, from the lower station on."""
+    """Sheave assemblies of the towers of a lift, from the lower station on, with spacing and weights of vehicles."""
 
     names: Sequence[str]
     hold_down: Sequence[bool | None]  # None: not known
@@ -231,7 +231,7 @@ class Assemblies(NamedTuple):
     empty: float = 0.0  # N, of an empty one
 
     def excess(self, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Most and least load (towers,) of vehicles of weight 1, over that of even weight, at all their places."""
+        """Most and least load (towers,) of vehicles of unit weight over all places, minus their evenly spread load."""
         if self.spacing == 0.0:
             return np.zeros(len(self.names)), np.zeros(len(self.names))
         lengths = np.linalg.norm(np.diff(corner, axis=0), axis=1).tolist()
@@ -248,17 +248,17 @@ def choose_tension(
     towers: Assemblies,
     factor: float = FACTOR * MARGIN,
 ) -> tuple[float, str]:
-    """Highest tension at the lower end with which the rope is strong enough and presses on all towers.
+    """Choose the highest tension of a lift's rope with its safety factor and least loads on all towers.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower end on.
         rope: `breaking_force` and `axial_stiffness` in N.
         weights: N/m, of the rope with full vehicles, with empty ones, and bare.
-        towers: their assemblies.
+        towers: sheave assemblies.
         factor: safety factor of the rope.
 
     Returns:
-        Tension in N, and what decided it. Where no tension is enough, the one that misses least.
+        Tension (N) at the lower end, and the deciding condition; if no tension keeps all, the one that misses least.
 
     Raises:
         SpanError: the rope is too weak.
@@ -289,7 +289,7 @@ def choose_tension(
 
 @lru_cache(maxsize=4096)
 def _excess(before: float, after: float, spacing: float) -> tuple[float, float]:
-    """Most and least sum of the shares that a tower has of loads at a spacing, over its mean, by both spans (m)."""
+    """Most and least load on a tower from unit loads at a spacing (m), minus its mean, for both spans beside it."""
     first = np.linspace(0.0, spacing, PLACED)[:, None] - spacing * ceil(before / spacing)
     places = first + spacing * np.arange(ceil(before / spacing) + ceil(after / spacing) + 1)
     shares = np.where(places < 0.0, 1.0 + places / before, 1.0 - places / after).clip(min=0.0).sum(axis=1)
@@ -298,7 +298,7 @@ def _excess(before: float, after: float, spacing: float) -> tuple[float, float]:
 
 
 class Margin(NamedTuple):
-    """Least margins (N) of the loads of towers, in order of importance, and the tower with the least one."""
+    """Least margins (N) of tower loads over required ones, in order of importance, and the tower with the least."""
 
     touches: float  # over what keeps the rope on the tower: bare on supports, with full vehicles below hold-downs; or 0
     presses: float  # over the least load of all its sheaves
@@ -308,14 +308,14 @@ class Margin(NamedTuple):
 def tower_margin(
     corner: FloatArray, tension: float, stiffness: float, weights: Sequence[float], towers: Assemblies
 ) -> Margin:
-    """Least margins of the loads of all towers.
+    """Least margins of the loads of all towers of a lift, with the tower that has the least.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower end on.
         tension: N, at the lower end.
         stiffness: N, EA.
         weights: N/m, of the rope with full vehicles, with empty ones, and bare.
-        towers: their assemblies.
+        towers: sheave assemblies.
 
     Raises:
         SpanError: the rope does not reach.
@@ -330,14 +330,14 @@ def tower_margin(
 def tower_margins(
     corner: FloatArray, tension: float, stiffness: float, weights: Sequence[float], towers: Assemblies
 ) -> tuple[FloatArray, FloatArray]:
-    """Margins (towers,) in N of each tower over what keeps the rope on it, and over the least load of its sheaves.
+    """Margins (towers,) in N of tower loads: over the load that keeps the rope on, and over least sheave loads.
 
     Args:
         corner: (spans + 1, 2) m, supports from the tensioned end on.
         tension: N, at the tensioned end.
         stiffness: N, EA.
         weights: N/m, of the rope with full vehicles, with empty ones, and bare.
-        towers: their assemblies.
+        towers: sheave assemblies.
 
     Raises:
         SpanError: the rope does not reach.
@@ -405,7 +405,7 @@ def _sheaves(kind: LiftKind, speed: float, mass: Marked, direction: list[float],
 
 
 def _towers(survey: Survey, kind: LiftKind, corner: FloatArray, strands: list[Spans], upwards: bool) -> dict[str, Any]:
-    """Towers with sheaves for the bend of the loaded rope, hold-downs where the rope would lift off."""
+    """Scenario section of the towers of a lift: sheaves by the bend of the loaded rope, hold-downs against lift-off."""
     loads = np.array([-one.loads()[:, 1] for one in strands])[:, :: 1 if upwards else -1]
     turns = np.max([bends(one) for one in strands], axis=0)[:: 1 if upwards else -1]
     found: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Line of a scenario in closed form: supports, rope, loads and terrain, as the design of a line takes them."""
+"""Closed-form model of the line of a scenario for its design: supports, rope, loads and terrain."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ STATION = 40.0  # m from both ends, within which vehicles may come down to the g
 
 
 class DesignError(ValueError):
-    """Error of a line that cannot be designed as asked for; one line."""
+    """Fault of a line that cannot be designed as asked for: one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class LineModel:
-    """Line in a vertical plane with its rope, from the tensioned end on.
+    """Closed-form model of a line in a vertical plane: supports, rope and loads, from the tensioned end on.
 
     Attributes:
-        scenario: where it comes from.
+        scenario: scenario of the line.
         corner: (spans + 1, 2) m, distance from the tensioned end and height of ends and towers.
-        towers: of the file, with their assemblies; empty hold-downs on a track rope.
+        towers: sheave assemblies of the towers; without hold-downs on a track rope.
         rope: figures of the rope by key.
         weights: N/m, of the rope with full vehicles, with empty ones, and bare.
         cabin: N, weight of the full vehicle on a track rope; 0 on a lift.
         depth: m, lowest point of the vehicle below the rope.
-        terrain: (points, 2) m, in the axes of `corner`; empty without one.
-        rope_keys: of the ropes in the file, such as ropes.up; of a jig-back all equal track ropes.
-        mass_keys: of the counterweights, one for each of these, or one for both strands; empty without one.
+        terrain: (points, 2) m, in the axes of `corner`; empty without terrain.
+        rope_keys: keys of the ropes in the file, such as ropes.up; for a jig-back of all equal track ropes.
+        mass_keys: keys of the counterweights, one for each track rope, or one for both strands; empty without any.
         pull_per_tension: -, force of the counterweight over the tension at its end.
-        free_stretch: -, length without tension over the unstrained one.
+        free_stretch: -, length without tension, at the temperature of the scenario, over the unstrained length.
         forward: whether the first rope of the file starts at the tensioned end.
-        supports: of each tower, names in the file of what stands on it, with its height (m) over that of `corner`;
-            empty where a tower is in the file by its own name.
+        supports: for each tower, names in the file of all supports on it, with their heights (m) over `corner`; empty
+            where a tower is in the file by its own name.
     """
 
     scenario: Scenario
@@ -67,7 +67,7 @@ class LineModel:
         """Breaking force (N) of the rope.
 
         Raises:
-            DesignError: the scenario has none.
+            DesignError: the scenario has no breaking force.
         """
         if "breaking_force" not in self.rope:
             raise DesignError(f"{self.rope_keys[0]}.breaking_force: given none; allowed: that of the rope, in N")
@@ -75,7 +75,7 @@ class LineModel:
 
     @property
     def factor(self) -> float:
-        """Safety factor that the rope is to have."""
+        """Required safety factor of the rope: of the scenario's limits, else the usual one."""
         limits = self.scenario.limits
         given = limits.rope_safety_factor
         usual = TRACK_FACTOR if self.cabin else HAUL_FACTOR
@@ -83,17 +83,17 @@ class LineModel:
 
     @property
     def clearance(self) -> float:
-        """Least clearance (m) of vehicles over the ground."""
+        """Required clearance (m) of vehicles over the ground: of the scenario's limits, else 0."""
         return self.scenario.limits.vehicle_clearance or 0.0
 
     def spans(self, tension: float, which: int = 0) -> Spans:
-        """Rope under a tension (N) at its tensioned end, with the weight of number `which`."""
+        """Spans of the rope under a tension (N) at its tensioned end: full vehicles (0), empty ones (1), bare (2)."""
         return spans_under_tension(
             self.corner, tension, self.weights[which], self.rope["axial_stiffness"], self.free_stretch
         )
 
     def lengths(self, tension: float) -> float:
-        """Unstrained length (m) with which the counterweight is in the middle of its travel."""
+        """Unstrained length (m) of the rope with which the counterweight is in the middle of its travel."""
         if not self.cabin:
             return float(np.mean([self.spans(tension, which).length.sum() for which in (0, 1)]))
         bare = float(self.spans(tension, 2).length.sum())
@@ -103,7 +103,7 @@ class LineModel:
         return 0.5 * (bare + float(loaded.length.sum()))
 
     def tension(self) -> float:
-        """Tension (N) at the tensioned end, of the counterweight or of the length of a rope with pinned ends."""
+        """Tension (N) of the rope at the tensioned end, by the counterweight, or by the length between pinned ends."""
         if self.mass_keys:
             return pull_of(self.scenario, self.mass_keys[0]) / self.pull_per_tension
         length = self.scenario.of_rope(next(iter(self.scenario.cables))).cable.unstrained_length
@@ -123,13 +123,13 @@ class LineModel:
         raise DesignError(f"unstrained_length: given {length:g} m; allowed: one with which the rope is taut")
 
     def highest_tension(self, tension: float) -> float:
-        """Highest tension (N) anywhere, with full vehicles."""
+        """Highest tension (N) of the rope with full vehicles, for a tension (N) at the tensioned end."""
         return float(self.spans(tension, 2 if self.cabin else 0).tension.max())
 
     def heights(self, tension: float) -> FloatArray:
         """Heights (spans, points) in m of the lowest points of full vehicles over the ground along each span.
 
-        Those within `STATION` of both ends, where vehicles come down to the ground, are infinite.
+        Heights within `STATION` of both ends, where vehicles come down to the ground, are infinite.
         """
         rope = self.spans(tension, 2 if self.cabin else 0)
         places = rope.shape(PER_SPAN).reshape(-1, PER_SPAN, 2)
@@ -148,13 +148,13 @@ class LineModel:
         return np.where(inside, places[..., 1] - self.depth - ground, np.inf)
 
     def with_heights(self, heights: FloatArray) -> LineModel:
-        """The same line with other heights (towers,) in m of the rope on its towers."""
+        """Copy of the line with other heights (towers,) in m of the rope on its towers."""
         corner = self.corner.copy()
         corner[1:-1, 1] = heights
         return replace(self, corner=corner)
 
     def with_rope(self, rope: dict[str, float]) -> LineModel:
-        """The same line with another rope."""
+        """Copy of the line with another rope, given by its figures by key."""
         gravity = self.scenario.gravity
         more = gravity * (rope["mass_per_length"] - self.rope["mass_per_length"])
         weights = (self.weights[0] + more, self.weights[1] + more, self.weights[2] + more)
@@ -162,7 +162,7 @@ class LineModel:
 
 
 def pull_of(scenario: Scenario, mass_key: str) -> float:
-    """Force (N) of the counterweight at a key of its mass."""
+    """Force (N) of a counterweight of a scenario, by the dotted key of its mass."""
     found: Any = scenario
     for part in mass_key.split(".")[:-1]:
         found = found[part] if isinstance(found, dict) else getattr(found, part)
@@ -173,10 +173,10 @@ KNOWN = "both strands of a lift in a plane, one track rope with a cabin, or equa
 
 
 def line_model(scenario: Scenario) -> LineModel:
-    """Line of a scenario.
+    """Make the closed-form model of the line of a scenario.
 
     Raises:
-        DesignError: it is none that is known in closed form.
+        DesignError: the closed form does not know such a line.
     """
     if scenario.carriers is not None:
         if scenario.carriers.tracks:
@@ -243,7 +243,7 @@ def _lift(scenario: Scenario) -> LineModel:
 
 
 def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
-    """Line of one track rope, or of equal ones, with a cabin on each."""
+    """Closed-form model of one track rope, or of equal track ropes, with a cabin on each."""
     keys = tuple(f"ropes.{name}" if scenario.ropes else "cable" for name in tracks)
     first = scenario.of_rope(tracks[0])
     cable = first.cable
@@ -289,7 +289,7 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
 
 
 def _unlike(one: Scenario, other: Scenario) -> str:
-    """What differs between two track ropes that one design is for; empty where nothing does."""
+    """Name of the first difference of two track ropes designed together (course, rope, end); empty if none."""
     first, second = (np.array([(place[0], place[-1]) for place in rope.corners]) for rope in (one, other))
     if first.shape != second.shape or not np.allclose(first, second, atol=1e-3):
         return "course"
@@ -306,7 +306,7 @@ def _unlike(one: Scenario, other: Scenario) -> str:
 
 
 def _supports(scenario: Scenario, first: Scenario, names: Sequence[str]) -> tuple[tuple[tuple[str, float], ...], ...]:
-    """Everything on each tower of the first rope: supports of all ropes at its x, with their height over its saddle."""
+    """For each tower of the first rope, supports of all ropes at its x, with their heights (m) over its saddle."""
     places = scenario.tower_places
     return tuple(
         tuple(
@@ -319,7 +319,7 @@ def _supports(scenario: Scenario, first: Scenario, names: Sequence[str]) -> tupl
 
 
 def _from_tensioned_end(corner: FloatArray, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
-    """Supports and terrain, x as distance from the first support, terrain in rising distance."""
+    """Convert supports and terrain to distances (m) from the first support, terrain in rising distance."""
     sense = 1.0 if corner[-1, 0] > corner[0, 0] else -1.0
     terrain = np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2)[:: int(sense)].copy()
     terrain[:, 0] = sense * (terrain[:, 0] - corner[0, 0])
@@ -327,13 +327,13 @@ def _from_tensioned_end(corner: FloatArray, scenario: Scenario) -> tuple[FloatAr
 
 
 def figures_of(cable: Any) -> dict[str, float]:
-    """Figures of a rope that change with its size, those that a scenario has."""
+    """Figures of a rope that scale with its diameter, by key, as far as given in the scenario."""
     keys = ("mass_per_length", "axial_stiffness", "bending_stiffness", "breaking_force", "diameter")
     return {key: float(value) for key in keys if (value := getattr(cable, key)) is not None}
 
 
 def _depth(bodies: Sequence[Any]) -> float:
-    """Lowest point (m) of a chain of bodies below the joint on the rope."""
+    """Depth (m) of the lowest point of a vehicle's chain of bodies below its joint on the rope."""
     below, lowest = 0.0, 0.0
     for body in bodies:
         centre = below + body.upper_pivot[-1]

@@ -1,4 +1,4 @@
-"""Scenario files in which each value says where it comes from: assumed, worked out, or from the survey."""
+"""Scenario files with a comment on the origin of each value: assumed, derived, or from the survey."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OF_MANY = ("towers", "ropes", "carriages")  # sections of things by name, which 
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """Value of a scenario with its origin; `assumed` where nothing but custom stands behind it."""
+    """Value of a scenario with its origin as text; `assumed` where only custom supports it."""
 
     value: Any
     why: str
@@ -27,22 +27,22 @@ class Marked:
 
     @property
     def comment(self) -> str:
-        """Comment behind the value."""
+        """Comment behind the value in a scenario file: its origin."""
         return f"assumed: {self.why}" if self.assumed else self.why
 
 
 def assumed(value: Any, why: str) -> Marked:
-    """Value that is assumed."""
+    """Mark a value of a scenario as assumed, for a reason."""
     return Marked(value, why)
 
 
 def derived(value: Any, why: str) -> Marked:
-    """Value that is worked out from others."""
+    """Mark a value of a scenario as derived or given, with its origin."""
     return Marked(value, why, assumed=False)
 
 
 def plain(tree: Any) -> Any:
-    """Tree without marks, as `load_scenario` takes it."""
+    """Copy a scenario tree without marks, as for `load_scenario`."""
     if isinstance(tree, Marked):
         return plain(tree.value)
     if isinstance(tree, Mapping):
@@ -51,7 +51,7 @@ def plain(tree: Any) -> Any:
 
 
 def assumptions(tree: Mapping[str, Any]) -> list[str]:
-    """Line for each reason to assume something: where, values by key, reason."""
+    """Lines about the assumed values of a scenario tree, one for each reason: section, values by key, reason."""
     found: dict[tuple[str, str], dict[str, list[str]]] = {}
     for path, mark in _marks(tree, ()):
         if mark.assumed:
@@ -77,7 +77,7 @@ def _marks(tree: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], 
 
 
 def shown(value: Any) -> str:
-    """Value in a line."""
+    """Text of a value of a scenario in one line."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key}: {shown(plain(one))}" for key, one in value.items()) + "}"
     if isinstance(value, list | tuple):
@@ -89,8 +89,8 @@ def as_file(tree: Mapping[str, Any], heading: Sequence[str]) -> str:
     """Text of a scenario file with a comment behind each marked value.
 
     Args:
-        tree: of plain and marked values.
-        heading: lines of the comment at its begin.
+        tree: tree of plain and marked values.
+        heading: lines of the comment at the top of the file.
     """
     content = _commented(tree)
     content.yaml_set_start_comment("\n".join(heading))
@@ -98,7 +98,7 @@ def as_file(tree: Mapping[str, Any], heading: Sequence[str]) -> str:
 
 
 def dumped(content: CommentedMap) -> str:
-    """Text of commented data."""
+    """YAML text of data with comments."""
     yaml, text = YAML(), StringIO()
     yaml.width = 4000  # type: ignore[assignment]  # a comment stands behind its line
     yaml.indent(mapping=2, sequence=4, offset=2)
@@ -107,7 +107,7 @@ def dumped(content: CommentedMap) -> str:
 
 
 def with_changes(tree: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tree in which values by dotted key are given; the last part of a key can be an axis or an index of a list."""
+    """Copy of a scenario tree with given values by dotted key; keys may end in an axis or an index of a list."""
     found = dict(tree)
     for key, value in changes.items():
         found = _given(found, full_key(key).split("."), value)
@@ -115,7 +115,7 @@ def with_changes(tree: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[st
 
 
 def _given(tree: Any, parts: Sequence[str], value: Any) -> Any:
-    """Part of a tree with a given value below it."""
+    """Copy of a part of a scenario tree with a given value at a path below it, marked as given."""
     inner = tree.value if isinstance(tree, Marked) else tree
     if not parts:
         return derived(value, "given")

@@ -1,4 +1,4 @@
-"""Surveyed line: terrain and towers in x and z, with the checks of both."""
+"""Survey of a line: terrain and towers in x and z, and their checks."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ NAME = re.compile("[a-zA-Z][a-zA-Z0-9_]*")
 
 
 class SurveyError(ValueError):
-    """Error of survey data; its text has one line per fault, with the file in front."""
+    """Faults of survey data, one line each, with the file in front."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurveyedTower:
-    """Tower of a survey; None for what the survey does not say.
+    """Tower of a survey; None for data that the survey does not have.
 
     Attributes:
         name: of the tower.
@@ -31,7 +31,7 @@ class SurveyedTower:
         contacts: sheaves, or contact points of a saddle.
         length: m, along the rope, from the first contact to the last.
         radius: m, of the circle of the contacts.
-        hold_down: whether it holds the rope down.
+        hold_down: whether the tower holds the rope down.
         rope_assumed: whether the height of the rope over the ground is assumed.
     """
 
@@ -48,13 +48,13 @@ class SurveyedTower:
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """Survey of a line in a vertical plane.
+    """Survey of a line in a vertical plane: terrain, towers, stations.
 
     Attributes:
         terrain: (points, 2) m, x and z.
         towers: from the start of the line to its end.
         stations: x and z (m) of the rope in the stations, `start` and `end`, where the survey has them.
-        notes: what was converted or left out, a line each.
+        notes: lines about converted or left out data.
     """
 
     terrain: FloatArray
@@ -63,12 +63,12 @@ class Survey:
     notes: tuple[str, ...] = ()
 
     def ground(self, x: float) -> float:
-        """Height (m) of the ground."""
+        """Height (m) of the ground at x (m)."""
         return float(np.interp(x, *self.terrain.T))
 
 
 def with_valid_names(towers: Sequence[SurveyedTower]) -> tuple[list[SurveyedTower], list[str]]:
-    """Towers with names that a scenario can have, and a line for those renamed."""
+    """Rename surveyed towers whose names are not valid in a scenario; returns all towers, and a line about renaming."""
     named, changed = [], []
     for number, tower in enumerate(towers, start=1):
         name = tower.name
@@ -81,10 +81,10 @@ def with_valid_names(towers: Sequence[SurveyedTower]) -> tuple[list[SurveyedTowe
 
 
 def check_terrain(file: str, points: Sequence[tuple[str, float, float]]) -> FloatArray:
-    """Terrain (points, 2) in m of points with their place in a file.
+    """Check surveyed terrain points, given with their place in a file; returns the terrain (points, 2) in m.
 
     Raises:
-        SurveyError: there are fewer than two, or x does not rise.
+        SurveyError: there are fewer than two points, or x does not rise.
     """
     faults = [] if len(points) > 1 else [f"{file}: given {len(points)} points of terrain; allowed: at least 2"]
     for (_, before, _), (where, x, _) in pairwise(points):
@@ -97,10 +97,10 @@ def check_terrain(file: str, points: Sequence[tuple[str, float, float]]) -> Floa
 
 
 def check_towers(file: str, survey: Survey) -> Survey:
-    """The same survey, with towers that stand in order on the terrain.
+    """Check that the towers of a survey stand on its terrain in order of x; returns the survey.
 
     Raises:
-        SurveyError: with a line for each fault.
+        SurveyError: a tower is at fault; a line for each fault.
     """
     if faults := list(_tower_faults(survey)):
         raise SurveyError("\n".join(f"{file}: {fault}" for fault in faults))

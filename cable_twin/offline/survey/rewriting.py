@@ -1,4 +1,4 @@
-"""Scenario files with changed values: all else, comments included, stays as it is."""
+"""Rewriting of scenario files with changed values; all else, comments included, stays unchanged."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from cable_twin.scenario import config_directory
 
 
 class Change(NamedTuple):
-    """Changed value of a scenario."""
+    """Changed value of a scenario, with the reason as text of a comment."""
 
     value: Any
     why: str
 
 
 def scenario_file(source: str) -> Path:
-    """File of a scenario by its name or path."""
+    """Path of a scenario file, from the name of a shipped scenario or a path."""
     path = Path(source)
     return path if path.suffix in (".yaml", ".yml") else config_directory() / f"{source}.yaml"
 
 
 def rewritten(text: str, changes: Mapping[str, Change], heading: str) -> str:
-    """Text of a scenario file with other values, each with a comment.
+    """Change values in the text of a scenario file, each with a comment; returns the new text.
 
     Args:
         text: of a valid scenario.
-        changes: by dotted key in the file; sections that it leaves out are made.
-        heading: line of the comment at the begin.
+        changes: by dotted key in the file; missing sections are made.
+        heading: comment line at the top.
     """
     yaml = YAML()
     yaml.preserve_quotes = True
@@ -43,7 +43,7 @@ def rewritten(text: str, changes: Mapping[str, Change], heading: str) -> str:
 
 
 def _set(content: CommentedMap, parts: list[str], change: Change) -> None:
-    """Set a value, with a comment in the line of the innermost key that stands in a line of its own."""
+    """Set a value of YAML data at a path, with a comment behind the innermost key that has a line of its own."""
     here: Any = content
     owner, last = content, parts[0]
     for part in parts:
@@ -63,7 +63,7 @@ def _set(content: CommentedMap, parts: list[str], change: Change) -> None:
 
 
 def _remark(owner: CommentedMap, key: str, text: str) -> None:
-    """Put a comment behind a key, in place of the one there; what stands below it stays."""
+    """Put a comment behind a key of YAML data, in place of an old one; comments in lines below it stay."""
     tokens = owner.ca.items.get(key)
     there = tokens[2] if tokens is not None and len(tokens) > 2 else None
     if there is None:

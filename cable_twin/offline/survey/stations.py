@@ -1,4 +1,4 @@
-"""Ends of a surveyed line, and what towers of all kinds have in common."""
+"""Stations of a surveyed line, and keys of towers common to scenarios of all kinds of ropeway."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Why = tuple[str, bool]  # and whether it is assumed
 
 
 class Ends(NamedTuple):
-    """Ends of the line, at which the rope leaves the stations: x and z in m, with the origin of both."""
+    """Ends of a surveyed line, at which the rope leaves the stations: x and z in m, with their origin."""
 
     start: Place
     end: Place
@@ -27,15 +27,15 @@ class Ends(NamedTuple):
 
 
 def ends_of(survey: Survey, start: Place | None, end: Place | None) -> Ends:
-    """Ends of the rope: as given, as surveyed, or assumed a little inside the terrain.
+    """Find the ends of a surveyed line: given, surveyed, or assumed a little inside the terrain.
 
     Args:
         survey: terrain and towers.
         start: given x and z in m; None: as surveyed, else assumed.
-        end: the same.
+        end: as `start`.
 
     Raises:
-        SurveyError: one is not on the terrain, or a tower is beyond it; one line.
+        SurveyError: an end is not on the terrain, or a tower is beyond it; one line.
     """
     places, whys = [], []
     for name, given, edge, inside in (
@@ -69,7 +69,7 @@ def ends_of(survey: Survey, start: Place | None, end: Place | None) -> Ends:
 
 
 def lower_first(survey: Survey, ends: Ends) -> FloatArray:
-    """Ends and towers (corners, 2) in m from the lower station on, x as distance from there."""
+    """Ends and towers (corners, 2) of a surveyed line in m from the lower station on, x as distance from it."""
     corner = np.array([ends.start, *((tower.x, tower.z) for tower in survey.towers), ends.end])
     if ends.end[1] < ends.start[1]:
         corner = corner[::-1].copy()
@@ -78,19 +78,19 @@ def lower_first(survey: Survey, ends: Ends) -> FloatArray:
 
 
 def bends(spans: Spans) -> FloatArray:
-    """Angle (spans - 1,) in rad by which the rope bends on each support."""
+    """Angles (spans - 1,) in rad by which a rope bends on its inner supports."""
     before, after = (np.arctan2(pull[:, 1], pull[:, 0]) for pull in (spans.pull_after[:-1], spans.pull[1:]))
     return np.asarray(np.abs(after - before))
 
 
 def tower_keys(tower: SurveyedTower, contacts: int, pitch: float, radius: float) -> dict[str, Any]:
-    """Keys of a tower, assumed where the survey does not say them.
+    """Scenario keys of a surveyed tower, assumed where the survey does not have them.
 
     Args:
         tower: of a survey.
-        contacts: their number.
+        contacts: assumed number of contacts.
         pitch: m, between contacts.
-        radius: m, of their circle.
+        radius: m, of the circle of the contacts.
     """
     number = tower.contacts or contacts
     length = tower.length if tower.length is not None else round(number * pitch, 3)
@@ -106,5 +106,5 @@ def tower_keys(tower: SurveyedTower, contacts: int, pitch: float, radius: float)
 
 
 def origin(place: Place, why: Why) -> Marked:
-    """Marked position of an end."""
+    """Mark the position of an end of a surveyed line with its origin."""
     return Marked(list(place), *why)

@@ -1,4 +1,4 @@
-"""Survey data in CSV: terrain as x and z, towers as x and the height of the rope, in metres or feet."""
+"""Reader of surveys in CSV: terrain as x and z, towers as x and the height of the rope, in metres or feet."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ HEADER = re.compile(r"([A-Za-z_ ]+?)[ _]*(?:[\[(]([^\])]*)[\])]|_(ft|feet|us-ft|
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of a CSV file by column, lengths in metres.
+    """Rows of a CSV file of a survey by column, lengths in metres.
 
     Attributes:
-        file: its path.
-        columns: of the file, by the names of `NAMES`.
+        file: path of the file.
+        columns: columns of the file, by the names of `NAMES`.
         rows: number of the line, and texts and numbers by column.
-        notes: what was converted, a line each.
+        notes: lines about conversions of units.
     """
 
     file: str
@@ -60,22 +60,25 @@ class Table:
     notes: tuple[str, ...]
 
     def need(self, *alternatives: str) -> None:
-        """Refuse a table with none of some columns.
+        """Refuse a survey table that has none of the alternative columns.
 
         Raises:
-            SurveyError: one line.
+            SurveyError: no such column; one line.
         """
         if not set(alternatives) & set(self.columns):
             wanted = " or ".join(f"{name} ({'m' if name in LENGTHS else 'text'})" for name in alternatives)
-            raise SurveyError(f"{self.file}: line 1: no column {wanted}; given: {', '.join(self.columns) or 'none'}")
+            raise SurveyError(
+                f"{self.file}: line 1: columns: given {', '.join(self.columns) or 'none'}; allowed: with {wanted} "
+                "among them"
+            )
 
 
 def read_table(file: Path, units: str | None = None) -> Table:
-    """Table of a CSV file with a header, with `,`, `;` or tabulators between columns.
+    """Read a survey table from a CSV file with a header, with `,`, `;` or tabulators between columns.
 
     Args:
         file: path.
-        units: unit of its lengths, of `FEET`, where the header has none; None: metres.
+        units: unit of lengths, a key of `FEET`, where the header has none; None: metres.
 
     Raises:
         SurveyError: with every fault, one line each.
@@ -132,14 +135,14 @@ def _text(file: Path) -> str:
 
 
 def _unit_in(remarks: Sequence[str]) -> str | None:
-    """Unit of length that remarks name; None without one."""
+    """Unit of length named in the remarks of a survey table; None if none is named."""
     words = " ".join(remarks).lower()
     return next((UNITS[unit] for unit in ("us-ft", "us survey feet", "feet", "foot", "ft", "metres", "meters")
                  if re.search(rf"\b{unit}\b", words)), None)  # fmt: skip
 
 
 def _columns(file: str, header: Sequence[str], units: str | None) -> tuple[list[str], list[float], list[str]]:
-    """Names of columns ("" for unknown ones), their scales to metres, and notes."""
+    """Names of the columns of a survey table from its header ("" if unknown), scales to metres, and notes."""
     columns: list[str] = []
     scales: list[float] = []
     converted: dict[str, list[str]] = {}
@@ -181,13 +184,13 @@ def _number(cell: str, delimiter: str) -> float | None:
 
 
 def read_survey(terrain: Path, towers: Path, units: str | None = None, above_ground: float | None = None) -> Survey:
-    """Survey of two CSV files.
+    """Read a survey from CSV files of terrain and towers.
 
     Args:
         terrain: with columns x and z.
         towers: with columns x and z_rope or rope_above_ground; name, contacts, length, radius, hold_down where known.
         units: of lengths without a unit in the header; None: metres.
-        above_ground: m, assumed height of the rope over the ground of towers without one; None: refuse these.
+        above_ground: m, assumed height of the rope on towers without a height; None: refuse such towers.
 
     Raises:
         SurveyError: with a line for each fault.
@@ -219,18 +222,18 @@ def read_survey(terrain: Path, towers: Path, units: str | None = None, above_gro
 def tower_of(
     file: str, where: str, name: str, row: Mapping[str, str | float], bare: Survey, above_ground: float | None
 ) -> SurveyedTower:
-    """Tower of a row of data.
+    """Surveyed tower from a row of survey data.
 
     Args:
         file: of the data, for faults.
-        where: place in it.
+        where: place in the file.
         name: of the tower.
         row: texts, and numbers in metres, by the names of `NAMES`.
-        bare: terrain.
-        above_ground: m, assumed height of the rope over the ground without one; None: refuse it.
+        bare: survey with the terrain.
+        above_ground: m, assumed height of the rope over the ground if not given; None: refuse the tower.
 
     Raises:
-        SurveyError: one line.
+        SurveyError: a value is missing or invalid; one line.
     """
     x, assumed = float(row["x"]), False
     if "z_rope" in row:

@@ -1,4 +1,4 @@
-"""Scenario of an aerial tramway, a cabin on a track rope with a counterweight, from a surveyed line."""
+"""Scenario of an aerial tramway from a surveyed line: a cabin on a track rope with a counterweight."""
 
 from __future__ import annotations
 
@@ -37,27 +37,27 @@ BODIES: Mapping[str, Mapping[str, Any]] = {
 
 
 class TrackRope:
-    """Track rope of a tramway with the tension that its counterweight gives it.
+    """Track rope of a tramway in closed form: tension by its counterweight, length, travel.
 
     Attributes:
         corner: (spans + 1, 2) m, supports from the lower station on.
         rope: figures of the rope, as in a scenario.
         tension: N, at the lower end.
-        mass: kg of the counterweight, with what decided it.
-        bare: the rope without the cabin.
+        mass: kg, of the counterweight, with the deciding reason.
+        bare: spans of the rope without the cabin.
         travel: m, most travel of the counterweight to either side.
-        length: m, unstrained, with what decided it.
+        length: m, unstrained, with the deciding reason.
         steepest: rad, steepest slope of the path of the full cabin.
     """
 
     def __init__(self, corner: FloatArray, rope: Mapping[str, float], load: float, mass: float | None) -> None:
-        """Choose tension and length.
+        """Choose tension and unstrained length of the track rope.
 
         Args:
             corner: (spans + 1, 2) m, supports from the lower station on.
             rope: figures of the rope, as in a scenario.
             load: N, weight of the full cabin.
-            mass: kg, given counterweight; None: by the safety factor of the rope.
+            mass: kg, of a given counterweight; None: by the safety factor of the rope.
 
         Raises:
             SurveyError: the rope is too weak; one line.
@@ -93,17 +93,17 @@ class TrackRope:
 
     @property
     def slope(self) -> FloatArray:
-        """Direction (2,) of the bare rope at the lower end, from it into the line."""
+        """Unit vector (2,) along the bare track rope at its lower end, into the line."""
         pull = self.bare.pull[0]
         return np.asarray(pull / np.hypot(*pull))
 
     def saddle_bends(self, load: float) -> FloatArray:
-        """Angle (towers,) in rad by which the rope bends on each saddle, the full cabin beside it."""
+        """Angles (towers,) in rad by which the track rope bends on saddles, a cabin of weight `load` (N) beside."""
         return bends(self.bare) + load / self.tension
 
 
 def with_cabin(corner: FloatArray, tension: float, weight: float, stiffness: float, load: float) -> Spans:
-    """Rope with a cabin in the middle of its longest span, held by a haul rope along the track.
+    """Spans of a track rope with a cabin in the middle of its longest span, held by a haul rope along the track.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower station on.
@@ -113,7 +113,7 @@ def with_cabin(corner: FloatArray, tension: float, weight: float, stiffness: flo
         load: N, weight of the cabin.
 
     Raises:
-        SpanError: the rope does not carry it.
+        SpanError: the rope does not carry the cabin.
     """
     longest = int(np.diff(corner[:, 0]).argmax())
     low, high = corner[longest : longest + 2]
@@ -138,12 +138,12 @@ def with_cabin(corner: FloatArray, tension: float, weight: float, stiffness: flo
 
 
 def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Scenario of an aerial tramway as a tree of plain and marked values.
+    """Make the scenario of an aerial tramway from a survey, as a tree of plain and marked values.
 
     Args:
         survey: terrain and towers.
         ends: where the track rope leaves both stations.
-        changes: values by dotted key that are given: those that others are worked out from are used here.
+        changes: given values by dotted key, used where other values are derived from them.
 
     Raises:
         SurveyError: the rope cannot carry the cabin; one line.
@@ -204,23 +204,23 @@ def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> 
 
 
 def given_rope(usual: Mapping[str, float], path: str, changes: Mapping[str, Any]) -> dict[str, float]:
-    """Figures of a rope, those by dotted key below `path` as given."""
+    """Figures of a rope by key: usual ones, replaced by given changes of dotted keys below `path`."""
     return {key: float(changes.get(f"{path}.{key}", value)) for key, value in usual.items()}
 
 
 def rope_keys(rope: Mapping[str, float], usual: Mapping[str, float], why: str) -> dict[str, Marked]:
-    """Marked figures of a rope."""
+    """Figures of a rope by key, marked as assumed where usual, else as given."""
     return {key: assumed(value, why) if value == usual[key] else derived(value, "given") for key, value in rope.items()}
 
 
 def track_ends(track: TrackRope, ends: Ends, upwards: bool, placed: Any) -> dict[str, Any]:
-    """Both ends of a track rope, the lower one with its counterweight.
+    """Scenario sections of both ends of a track rope, the lower end with the counterweight.
 
     Args:
         track: the rope.
         ends: of the line.
         upwards: whether the line rises with x.
-        placed: position in the scenario of a place (x, z) of the line.
+        placed: converts a place (x, z) of the line to a position in the scenario.
     """
     out = [round(float(one), 3) for one in -track.slope * [1.0 if upwards else -1.0, 1.0]]
     direction = placed((out[0], out[1])) if len(placed((0.0, 0.0))) == 2 else [out[0], 0.0, out[1]]
@@ -238,7 +238,7 @@ def track_ends(track: TrackRope, ends: Ends, upwards: bool, placed: Any) -> dict
 
 
 def saddles(survey: Survey, track: TrackRope, load: float, upwards: bool) -> dict[str, Any]:
-    """Saddles for the bend of the rope with the full cabin beside them."""
+    """Scenario sections of the saddles of a track rope, by its bend with the full cabin beside them."""
     turns: Sequence[float] = track.saddle_bends(load)[:: 1 if upwards else -1].tolist()
     found: dict[str, Any] = {}
     for tower, turn in zip(survey.towers, turns, strict=True):

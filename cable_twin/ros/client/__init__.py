@@ -1,1 +1,1 @@
-"""Commands that talk to a running twin."""
+"""Command `drive`, and the client of a running twin's topics and services behind it."""

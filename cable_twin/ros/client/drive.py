@@ -152,25 +152,24 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
-    """Message about incompatible options, empty for compatible ones."""
+    """Message about incompatible options of `drive`, empty for compatible ones."""
     if options.to is not None and options.name is None:
-        return "--to needs the name of a carriage or drive before it"
+        return "NAME: given nothing; allowed: a carriage or drive, before --to"
     if options.at_most is not None and (options.to is None or options.at_most <= 0.0):
-        return f"--at-most {options.at_most:g} given; it goes with --to, and is above 0 m/s"
+        return f"--at-most: given {options.at_most:g} m/s; allowed: more than 0 m/s, with --to"
     named = kind is not None and bool(kind.quantity) and not kind.axes
     if named and options.name is None:
         assert kind is not None
-        return f"{_option(kind)} needs the name of a carriage{' or drive' if kind.drives else ''} before it"
+        return f"NAME: given nothing; allowed: a carriage{' or drive' if kind.drives else ''}, before {_option(kind)}"
     if not named and options.name is not None and options.to is None:
-        return (
-            f"'{options.name}' given; only {_options(lambda kind: kind.quantity and not kind.axes)}, --to take a name"
-        )
+        allowed = _options(lambda kind: kind.quantity and not kind.axes)
+        return f"NAME: given '{options.name}'; allowed: with {allowed}, --to"
     for name in ("ramp", "duration"):
         if getattr(options, name) is not None and not (kind is not None and kind.drives):
-            return f"--{name} given; it goes with {_options(lambda kind: kind.drives)}"
+            return f"--{name}: given {getattr(options, name):g} s; allowed: with {_options(lambda kind: kind.drives)}"
     if kind is not None and kind.axes and len(getattr(options, kind.name)) > len(kind.axes):
         count = len(getattr(options, kind.name))
-        return f"argument {_option(kind)}: {count} numbers given; allowed: {', '.join(kind.axes)}, in {kind.unit}"
+        return f"argument {_option(kind)}: given {count} numbers; allowed: {', '.join(kind.axes)}, in {kind.unit}"
     return ""
 
 
@@ -188,7 +187,7 @@ def _waiting(text: str) -> Status:
 
 
 def _drive(node: Any, kind: Kind | None, options: argparse.Namespace, ending: Ending) -> None:
-    """Repeat a drive command until its end condition."""
+    """Send a speed or force to the twin again and again until its end condition, or a trip to a place."""
     from cable_twin.ros.client.driver import Driver, Trip  # noqa: PLC0415 - an emergency stop does without
 
     driver = (
@@ -241,7 +240,7 @@ def _number(text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} given, a finite number is needed")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a finite number")
     return value
 
 
@@ -249,7 +248,7 @@ def _not_negative(text: str) -> float:
     """Parse a finite duration in s, zero or more, from an option."""
     value = _number(text)
     if value < 0.0:
-        raise argparse.ArgumentTypeError(f"{text} s given, zero or more is needed")
+        raise argparse.ArgumentTypeError(f"given {text} s; allowed: 0 s or more")
     return value
 
 
@@ -257,14 +256,14 @@ def _node(text: str) -> str:
     """Parse the full name of a node from an option."""
     name = f"/{text.strip('/')}"
     if not re.fullmatch(r"(/[A-Za-z_]\w*)+", name, re.ASCII):
-        raise argparse.ArgumentTypeError(f"{text!r} given, the full name of a node is needed, such as /b/cable_twin")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: the full name of a node, such as /b/cable_twin")
     return name
 
 
 def _count(text: str) -> int:
     """Parse a positive integer from an option."""
     if not text.isdecimal() or not int(text):
-        raise argparse.ArgumentTypeError(f"{text!r} given, a whole number of frames above zero is needed")
+        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number of frames above 0")
     return int(text)
 
 

@@ -137,7 +137,7 @@ class Driver:
             self._report_end(time.monotonic() - started)
 
     def _next(self, elapsed: float) -> float | None:
-        """Command value due at a time (s) after the first command; None at the end."""
+        """Value to command at a time (s) after the first command; None at the end."""
         options = self._options
         if options.duration is not None and elapsed >= options.duration:
             return None
@@ -155,7 +155,7 @@ class Driver:
             raise TwinError(self._refusal or UNANSWERED)
 
     def _remark(self) -> str:
-        """Additional text for the line about the state of the driven vehicle."""
+        """Text at the end of the printed line about the driven vehicle's state; empty here."""
         return ""
 
     def _report_end(self, elapsed: float) -> None:
@@ -256,12 +256,13 @@ class Trip(Driver):
         scenario, towers = super().find_twin(), {}
         if self._options.to in scenario.towers:
             if not self._until(lambda: self._rope is not None, self._options.wait):
-                raise TwinError(f"tower '{self._options.to}' cannot be found: the twin does not publish `cable`")
+                known = "m along the cable or a station, as the twin does not publish `cable`"
+                raise TwinError(f"--to: given tower '{self._options.to}'; allowed: {known}")
             towers = tower_places(scenario, points_of(self._rope))
         try:
             self._target = target_of(scenario, self._options.name, self._options.to, towers)
         except ValueError as error:
-            raise TwinError(f"--to {error}") from None
+            raise TwinError(f"--to: {error}") from None
         return scenario
 
     def _next(self, elapsed: float) -> float | None:

@@ -24,7 +24,7 @@ URGENT = "/emergency_stop"  # service that does not wait for the whole discovery
 
 @dataclass(slots=True)
 class _Twin:
-    """Twin in the list of running ones, as known from its topics."""
+    """Running twin in the list of `drive --list`, as known from its topics."""
 
     scenario: Mapping[str, Any] = field(default_factory=dict)
     values: Mapping[str, str] = field(default_factory=dict)  # figures from the diagnostics
@@ -58,7 +58,7 @@ class _Twin:
         return f"{name} ({limit})" if limit else name
 
     def _named(self, section: str) -> Mapping[str, Any]:
-        """Section of the scenario, empty unless a mapping."""
+        """Section of the scenario that the twin publishes; empty unless a mapping."""
         found = self.scenario.get(section)
         return found if isinstance(found, dict) else {}
 
@@ -158,12 +158,12 @@ class TwinError(RuntimeError):
 
 
 class TwinClient:
-    """Client of one running twin.
+    """Client of one running twin: calls of its services, and single commands with its answer.
 
     Args:
         node: node of rclpy.
         twin: full name of the twin's node.
-        wait: time (s) to wait for it.
+        wait: time (s) to wait for the twin.
         ending: flag of the signals that end the command.
     """
 

@@ -1,4 +1,4 @@
-"""Messages of a plant, put together from the samples of tags: those of one scan in one message."""
+"""ROS messages of a plant, assembled from the samples of tags: samples of one scan go into one message."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ DEGREE = math.pi / 180.0
 
 
 class Ready(NamedTuple):
-    """Message to publish."""
+    """Serialized ROS message to publish on a topic of the plant."""
 
     topic: str  # full name
     data: bytes
 
 
 class Group:
-    """Message of one measured object, which several tags may fill.
+    """Assembler of the ROS messages of one measured object from the samples of its tags.
 
     Args:
         topic: full name.
-        of: measured object.
-        tags: by name.
+        of: name of the measured object.
+        tags: tags of the object by name.
 
     Attributes:
-        counts: published messages.
+        count: number of assembled messages.
     """
 
     def __init__(self, topic: str, of: str, tags: Mapping[str, Tag]) -> None:
@@ -50,7 +50,7 @@ class Group:
         self.count = 0
 
     def take(self, measured: Iterable[tuple[str, Measured]]) -> list[bytes]:
-        """Messages from samples of the tags of this group, in the order of their stamps."""
+        """Assemble messages from samples of the tags of this group, in the order of their stamps."""
         found: list[bytes] = []
         scan: dict[str, Measured] = {}
         for name, one in sorted(measured, key=lambda item: item[1].stamp_ns):
@@ -64,7 +64,7 @@ class Group:
         return found
 
     def _scanned(self, scan: Mapping[str, Measured]) -> list[bytes]:
-        """Message of one scan, where one is due and complete."""
+        """Assemble the message of one scan of samples; none if no message is due or values are missing."""
         self._held |= scan
         leads = [name for name in scan if QUANTITIES[self._tags[name].quantity].lead or self._leads_alone()]
         if not leads:
@@ -86,11 +86,11 @@ class Group:
         return [self._message(fresh, stamp_ns)]
 
     def drop(self, name: str) -> None:
-        """Forget the held value of a tag, whose newest sample was left out."""
+        """Forget the held value of a tag whose newest sample was left out."""
         self._held.pop(name, None)
 
     def _leads_alone(self) -> bool:
-        """Whether no tag of the group makes messages but those that usually go along, as a speed without a place."""
+        """Whether the group has only tags that usually go along with others, as a speed without a place."""
         return not any(QUANTITIES[tag.quantity].lead for tag in self._tags.values())
 
     def _message(self, values: Mapping[str, float], stamp_ns: int) -> bytes:
@@ -162,14 +162,14 @@ class Group:
 
 
 class Assembly:
-    """All messages of a map.
+    """Assembler of all ROS messages of a plant map from the samples of its tags.
 
     Args:
-        tags: by name.
+        tags: tags of the map by name.
 
     Attributes:
         topics: table of the topics.
-        groups: messages by topic and object.
+        groups: assemblers of messages, one for each topic and object.
     """
 
     def __init__(self, tags: Mapping[str, Tag]) -> None:
@@ -186,7 +186,7 @@ class Assembly:
         self.topics = tuple(Topic(name, kind) for name, kind in types.items())
 
     def take(self, measured: Iterable[tuple[str, Measured]]) -> list[Ready]:
-        """Messages from samples of any tags."""
+        """Assemble messages from samples of any tags of the map."""
         by_group: dict[int, list[tuple[str, Measured]]] = {}
         for name, one in measured:
             by_group.setdefault(id(self._group_of[name]), []).append((name, one))
@@ -194,10 +194,10 @@ class Assembly:
         return [Ready(groups[key].topic, data) for key, own in by_group.items() for data in groups[key].take(own)]
 
     def drop(self, name: str) -> None:
-        """Forget the held value of a tag, whose newest sample was left out."""
+        """Forget the held value of a tag whose newest sample was left out."""
         self._group_of[name].drop(name)
 
 
 def topic_of(tag: Tag) -> str:
-    """Full name of the topic of a tag."""
+    """Full name of the topic on which the messages of a tag are published."""
     return f"{PLANT}/{QUANTITIES[tag.quantity].topic.replace('OF', tag.of)}"

@@ -1,4 +1,4 @@
-"""Threads with an event loop: one for clients of OPC UA, and one for the server, whose start takes seconds."""
+"""Event loops of asyncio in threads: one for OPC UA clients, and one for the server, whose start takes seconds."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ LONGEST_END = 5.0  # s in which connections are closed
 
 
 class Background:
-    """Event loop in a thread of its own, from its first task on.
+    """Event loop of asyncio in a thread of its own, which starts with its first task.
 
     Args:
-        name: of the thread.
+        name: name of the thread.
     """
 
     def __init__(self, name: str) -> None:
@@ -25,7 +25,7 @@ class Background:
         self._tasks: list[Any] = []
 
     def start(self, work: Coroutine[Any, Any, None]) -> None:
-        """Start a task that runs until `stop`."""
+        """Start a coroutine in the event loop as a task that runs until `stop`."""
         if self._loop is None:
             self._loop = asyncio.new_event_loop()
             self._thread = threading.Thread(target=self._loop.run_forever, name=f"plant_door {self._name}", daemon=True)
@@ -33,17 +33,17 @@ class Background:
         self._tasks.append(asyncio.run_coroutine_threadsafe(work, self._loop))
 
     def call(self, function: Callable[..., None], *arguments: Any) -> None:
-        """Call a function in the loop, soon."""
+        """Schedule a call of a function in the event loop, from any thread."""
         if self._loop is not None:
             self._loop.call_soon_threadsafe(function, *arguments)
 
     def faults(self) -> list[BaseException]:
-        """Exceptions of tasks that have ended by one."""
+        """Exceptions by which tasks of the event loop have ended."""
         ended = [task for task in self._tasks if task.done() and not task.cancelled()]
         return [error for task in ended if (error := task.exception()) is not None]
 
     def stop(self) -> None:
-        """Cancel all tasks, and wait for their end."""
+        """Cancel all tasks of the event loop, wait for their end, and end the thread."""
         if self._loop is None or self._thread is None:
             return
         for task in self._tasks:
@@ -55,7 +55,7 @@ class Background:
 
 
 async def _all_others() -> None:
-    """Wait for the end of all other tasks of this loop."""
+    """Cancel all other tasks of this event loop, and wait for their end."""
     others = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
     for task in others:
         task.cancel()

@@ -12,11 +12,13 @@ PEM = b"-----BEGIN"
 
 
 def certificate_in(file: Path) -> tuple[CertProperties, str]:
-    """Certificate in a file, and its application URI, which servers compare with that of the client; empty without.
+    """Read an OPC UA certificate from a file; returns it with its application URI, empty without one.
+
+    Servers compare the application URI with that of the client.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it has no certificate; one line.
+        ValueError: the file has no certificate; one line.
     """
     content = file.read_bytes()
     is_pem = PEM in content
@@ -27,16 +29,16 @@ def certificate_in(file: Path) -> tuple[CertProperties, str]:
     except x509.ExtensionNotFound:
         uris = []
     except ValueError:
-        raise ValueError(f"{file.name} is no certificate in PEM or DER") from None
+        raise ValueError(f"certificate: given {file.name}; allowed: a certificate in PEM or DER") from None
     return CertProperties(content, "pem" if is_pem else "der"), next(iter(uris), "")
 
 
 def key_in(file: Path, password: str | None = None) -> CertProperties:
-    """Private key in a file.
+    """Read an OPC UA private key from a file.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it has no key, or the password is not that of the key; one line.
+        ValueError: the file has no key, or the password is not that of the key; one line.
     """
     content = file.read_bytes()
     is_pem, secret = PEM in content, None if password is None else password.encode()
@@ -44,6 +46,6 @@ def key_in(file: Path, password: str | None = None) -> CertProperties:
     try:
         load(content, password=secret)
     except (TypeError, ValueError):  # TypeError: a password too many, or none
-        reason = "the password is not that of the key, or it is no private key in PEM or DER"
-        raise ValueError(f"{file.name}: {reason}") from None
+        reason = "a private key in PEM or DER, with its password"
+        raise ValueError(f"private_key: given {file.name}; allowed: {reason}") from None
     return CertProperties(content, "pem" if is_pem else "der", secret)

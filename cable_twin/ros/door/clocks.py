@@ -1,4 +1,4 @@
-"""Clocks of others beside ours: offsets by round trips, as NTP has them, or one way by the quickest message."""
+"""Offsets of other clocks from this computer's: by round trips, as in NTP, or one way by the quickest message."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ DELAY = SECOND  # ns below which what is known one way only is taken for a delay
 
 
 class RoundTrips:
-    """Offset of a clock that can be asked for its time.
+    """Offset of another clock from this computer's, measured by round trips of questions for its time.
 
-    Some servers renew their time once a second only. An answer counts where it is another one than that before, so that
+    Some servers renew their time only once a second. An answer counts where it differs from the answer before, so that
     the time was renewed in between, and half of that interval is the uncertainty. A clock of which three answers in a
     row differ is renewed at each question.
     """
@@ -35,7 +35,7 @@ class RoundTrips:
         self._before, self._steps = None, 0
 
     def add(self, sent_ns: int, theirs_ns: int, received_ns: int) -> bool:
-        """Add a question: our times of sending and receipt, and their time between; returns whether it counts."""
+        """Add a round trip: our times of sending and receipt, the other clock's answer; returns whether it counts."""
         before, self._before = self._before, (sent_ns, theirs_ns)
         if before is None:
             return False
@@ -55,7 +55,7 @@ class RoundTrips:
 
     @property
     def best(self) -> tuple[int, int] | None:
-        """Offset (theirs minus ours) and its uncertainty, ns; None without any."""
+        """Offset (other clock minus ours) and its uncertainty, ns; None without any round trip."""
         if not self._trips:
             return None
         _, offset, half = min(self._trips, key=lambda trip: trip[2])
@@ -63,13 +63,13 @@ class RoundTrips:
 
 
 class OneWay:
-    """Offset of a clock that only stamps what it sends: that of the message that took least, which counts as none."""
+    """Offset of another clock by the stamps of its messages: the quickest message counts as without delay."""
 
     def __init__(self) -> None:
         self._delays: deque[tuple[int, int]] = deque()  # receipt, delay; of rising delays, ns
 
     def add(self, stamp_ns: int, receipt_ns: int) -> None:
-        """Add a message."""
+        """Add a message by its stamp and the time of its receipt, ns."""
         delay = receipt_ns - stamp_ns
         while self._delays and self._delays[-1][1] >= delay:
             self._delays.pop()
@@ -79,18 +79,18 @@ class OneWay:
 
     @property
     def best(self) -> int | None:
-        """Offset (theirs minus ours), ns, without the shortest delay; None without any."""
+        """Offset (other clock minus ours), ns, with the shortest delay as zero; None without any message."""
         return -self._delays[0][1] if self._delays else None
 
 
 class Correction:
-    """Correction of stamps by an offset, which is said, and said again when it has changed.
+    """Correction of stamps by the offset of another clock, which is logged at first and whenever it has changed.
 
     Args:
-        whose: the clock, in words.
+        whose: name of the clock, in words.
         tell: takes lines.
         correct: whether stamps are shifted, or taken as they are.
-        tolerance_ns: offset from which on a clock is another one.
+        tolerance_ns: offset from which on stamps are shifted.
         clock: gives time in s.
     """
 
@@ -112,7 +112,7 @@ class Correction:
         self._shifts = False
 
     def update(self, offset_ns: int, uncertainty_ns: int | None = None) -> None:
-        """Set the offset, with its uncertainty where it was measured by round trips."""
+        """Set the offset of the other clock, with its uncertainty where it was measured by round trips."""
         self.offset_ns, self.uncertainty_ns = offset_ns, uncertainty_ns
         edge = self._tolerance // 2 if self._shifts else self._tolerance
         self._shifts = self._correct and abs(offset_ns) >= max(edge, uncertainty_ns or 0)
@@ -125,7 +125,7 @@ class Correction:
 
     @property
     def shift_ns(self) -> int:
-        """Time to take from stamps, ns."""
+        """Time to subtract from the other clock's stamps, ns."""
         return self.offset_ns if self._shifts else 0
 
     def _say(self) -> None:

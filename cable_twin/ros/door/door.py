@@ -1,4 +1,4 @@
-"""Node of the door: samples of all connections to topics of the plant, messages of the twin to the door's server."""
+"""ROS node of `plant_door`: samples of all connections to plant topics, estimates of the twin to an OPC UA server."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ OK, WARNING, ERROR = 0, 1, 2  # levels of a status
 
 
 class Door:
-    """Door of a plant, with its node, publishers and connections.
+    """Door between a plant without ROS and its twin: node, publishers, connections and server.
 
     Args:
         plan: map of the plant.
-        directory: of the map.
+        directory: directory of the map.
 
     Attributes:
-        node: of rclpy.
+        node: node of rclpy.
     """
 
     TURN = 0.02  # s between two calls of `turn`; stamps are those of the measurements
@@ -82,7 +82,7 @@ class Door:
         self._lines.put((level, text))
 
     def start(self, wait: Callable[[Callable[[], bool], float], object]) -> None:
-        """Look who publishes already, then connect to everything.
+        """Look for other publishers of the plant's topics, then open all connections and the server.
 
         Args:
             wait: waits until a condition holds or a time (s) has passed.
@@ -113,7 +113,7 @@ class Door:
             self._serving.start(self._server.run())
 
     def turn(self) -> None:
-        """Publish what has arrived, and look after everything once a second."""
+        """Publish the samples that have arrived; once a second check ages and publishers, and publish diagnostics."""
         now_ns = time.time_ns()
         measured: list[tuple[str, Measured]] = []
         for sample in self._arrived():
@@ -134,7 +134,7 @@ class Door:
         self._log()
 
     def close(self) -> None:
-        """Close all connections."""
+        """Close all connections and the server, and destroy the node."""
         for link in self._links:
             link.stop()
         self._background.stop()
@@ -155,7 +155,7 @@ class Door:
         return found
 
     def _held(self, now_ns: int) -> list[tuple[str, Measured]]:
-        """Values to repeat, of tags whose server tells changes only."""
+        """Last values that are to be repeated, of tags with `hold`, whose server tells changes only."""
         found = []
         for link in self._links:
             for name, tag in self._tags_of(link.name).items() if link.connected else ():
@@ -179,7 +179,7 @@ class Door:
         self._diagnostics(diagnostics_message(now_ns, *self._statuses()))
 
     def _look_at_others(self) -> None:
-        """Publish the topics that nobody else does, and say which those are that somebody does."""
+        """Publish the topics that no other node publishes, and log which topics another node publishes."""
         for name, topic in self._table.items():
             mine = name in self._senders
             others = self.node.count_publishers(self.node.resolve_topic_name(name)) - mine
@@ -195,7 +195,7 @@ class Door:
                 self._senders |= Endpoints(self.node, [topic]).senders
 
     def _publishers(self, name: str) -> list[str]:
-        """Full names of the nodes that publish a topic, without this one."""
+        """Full names of the other nodes that publish a topic."""
         own = self.node.get_fully_qualified_name()
         infos = self.node.get_publishers_info_by_topic(self.node.resolve_topic_name(name))
         names = [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in infos]
@@ -204,7 +204,7 @@ class Door:
         return [f"another {one}" if one == own else one for one in names]
 
     def _statuses(self) -> list[Status]:
-        """Status of each connection, for the diagnostics."""
+        """Statuses of all connections, of the server and of the topics, for the diagnostics."""
         found = []
         for link in self._links:
             states = [self._states[name] for name in self._tags_of(link.name)]
@@ -240,7 +240,7 @@ class Door:
         return found
 
     def _on_twin(self, topic: str, data: bytes) -> None:
-        """Hand a message of the twin to the server."""
+        """Hand a message of the twin, with estimates or diagnostics, to the OPC UA server."""
         try:
             statuses, stamp_ns = statuses_of_message(data), stamp_in(data)
         except Exception:  # nothing that arrives on a topic ends the door

@@ -1,4 +1,4 @@
-"""OPC UA server of the door: estimates and alarms of a twin as variables, with a status that tells their age."""
+"""OPC UA server of `plant_door`: estimates and alarms of a twin as variables, whose status tells their age."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ OLD, GONE = ua.StatusCodes.UncertainLastUsableValue, ua.StatusCodes.BadNoCommuni
 
 
 class _Users(UserManager):
-    """Check of user name and password; without any, everybody may read."""
+    """Check of user name and password of OPC UA clients; without given ones, everybody may read."""
 
     def __init__(self, user: str | None, password: str | None) -> None:
         self._given = None if user is None or password is None else (user.encode(), password.encode())
@@ -53,7 +53,7 @@ class _Users(UserManager):
     def get_user(
         self, _server: Any, username: Any = None, password: Any = None, certificate: Any = None
     ) -> User | None:
-        """User of a session; None is refused."""
+        """User of an OPC UA session; None for a refused one."""
         if self._given is None:
             return User(role=UserRole.User)
         given = [text.encode() if isinstance(text, str) else bytes(text or b"") for text in (username, password)]
@@ -62,11 +62,11 @@ class _Users(UserManager):
 
 
 class EstimateServer:
-    """Server with the folders Estimates, Alarms and Status below an object `cable_twin`.
+    """OPC UA server with the folders Estimates, Alarms and Status below an object `cable_twin`.
 
     Args:
-        section: of the map.
-        directory: of the map.
+        section: section of the map about the server.
+        directory: directory of the map.
         tell: takes lines, from any thread.
 
     Attributes:
@@ -89,15 +89,15 @@ class EstimateServer:
         self._status = WAITING
 
     def tell(self, level: Level, text: str) -> None:
-        """Say a line, without any secret."""
+        """Log a line, with all secrets replaced."""
         self._to(level, without(self._secrets, printable(text, 500)))
 
     def update(self, topic: str, statuses: list[Status], stamp_ns: int) -> None:
-        """Take a message of the twin; in the loop of the server."""
+        """Queue a message of the twin for its variables; called in the event loop of the server."""
         self._updates.put_nowait((topic, statuses, stamp_ns))
 
     async def run(self) -> None:
-        """Listen, and again where the address is taken, until cancelled."""
+        """Serve OPC UA clients until cancelled; an address that cannot be opened is tried again."""
         wait, told = FIRST_WAIT, ""
         while True:
             try:
@@ -164,7 +164,7 @@ class EstimateServer:
         return ua.QualifiedName(name, self._index)
 
     async def _variable(self, folder: str, name: str, value: ua.Variant, *, unit: str = "") -> None:
-        """Make a variable that only this server writes."""
+        """Make an OPC UA variable that only this server writes."""
         key = f"{folder}/{name}"
         node = await self._folders[folder].add_variable(self._id(key), self._name(name), value)
         if unit:
@@ -180,7 +180,7 @@ class EstimateServer:
         await self._put(key, value, 0, WAITING)
 
     async def _put(self, key: str, value: ua.Variant, stamp_ns: int, status: int) -> None:
-        """Write a variable with its status, and the stamp (ns) of the twin as that of its source."""
+        """Write an OPC UA variable with its status, and with the stamp (ns) of the twin as source timestamp."""
         assert self._server is not None
         node = self._values[key][0]
         self._values[key] = node, value, stamp_ns
@@ -190,7 +190,7 @@ class EstimateServer:
         await self._server.write_attribute_value(node, ua.DataValue(value, code, **written))
 
     async def _write(self, topic: str, statuses: Sequence[Status], stamp_ns: int) -> None:
-        """Write what a message of the twin says."""
+        """Write the estimates and alarms, or the statuses, of a twin's message to their variables."""
         if topic == "estimate":
             self._heard = time.monotonic()
             self._status = GOOD
@@ -228,7 +228,7 @@ class EstimateServer:
     async def _set(
         self, folder: str, name: str, value: ua.Variant, stamp_ns: int, status: int = GOOD, unit: str = ""
     ) -> None:
-        """Write a variable, which is made at its first value."""
+        """Write an OPC UA variable, which is made at its first value."""
         key = f"{folder}/{name}"
         if key not in self._made:
             if len(self._made) >= MOST:
@@ -237,7 +237,7 @@ class EstimateServer:
         await self._put(key, value, stamp_ns, status)
 
     async def _check_age(self) -> None:
-        """Tell the age of the estimates, and mark all that are old."""
+        """Write the age of the estimates, and give old estimates and alarms the status uncertain or bad."""
         if self._heard is None:
             return
         age = time.monotonic() - self._heard

@@ -1,4 +1,4 @@
-"""Connection to a server or broker: its loss and return in a line each, waits between attempts, its clock."""
+"""Connection to an OPC UA server or MQTT broker: lines about loss and return, waits between attempts, clocks."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ Take = Callable[[list[Sample]], None]
 
 
 class Link:
-    """State of a connection, with what is said of it.
+    """State of a connection to an OPC UA server or MQTT broker, with its log lines, retries, clocks and secrets.
 
     Args:
-        name: of the connection in the map.
-        section: of the map.
-        directory: of the map.
+        name: name of the connection in the map.
+        section: section of the map about the connection.
+        directory: directory of the map.
         take: takes samples, from any thread.
         tell: takes lines, from any thread.
 
     Attributes:
         connected: whether samples can come.
-        since_ns: of the last change of that.
-        begun_ns: of the newest connection, before which nothing comes from it.
-        attempts: to connect, since the last success.
-        losses: of the connection.
-        fault: of the program, which has ended the work of this connection.
+        since_ns: time of the last change of `connected`.
+        begun_ns: time of the newest connection, before which no sample comes from it.
+        attempts: attempts to connect since the last success.
+        losses: losses of the connection.
+        fault: fault of the program that has ended the work of this connection.
         refused: why the other side gives no samples of tags, by name.
     """
 
@@ -63,11 +63,11 @@ class Link:
         """Disconnect, where the connection has a thread of its own."""
 
     def tell(self, level: Level, text: str) -> None:
-        """Say a line, without any secret."""
+        """Log a line, with all secrets replaced."""
         self._tell(level, without(self._secrets, printable(text, 500)))
 
     def made(self, what: str) -> None:
-        """Note and say that the connection is there, with what it brings."""
+        """Record and log that the connection is made, with a text about its tags."""
         now = time.time_ns()
         again = f" again after {(now - self.since_ns) / SECOND:.1f} s" if self._made else ""
         self.connected, self.since_ns, self.attempts, self._reason = True, now, 0, ""
@@ -75,7 +75,7 @@ class Link:
         self.tell("info", f"{self.name}: connected{again}, {what}")
 
     def lost(self, reason: str) -> None:
-        """Note that the connection is lost, or cannot be made, and say it where it is news."""
+        """Record that the connection is lost or cannot be made, and log the reason if it is a new one."""
         reason = printable(reason, LONGEST_REASON)
         self.attempts += 1
         if self.connected:
@@ -95,7 +95,7 @@ class Link:
         return longest * (1.0 - JITTER * random.random())
 
     def secret(self, secret: Secret | None) -> str | None:
-        """Text of a secret, as it is now."""
+        """Text of a secret of the map, read anew."""
         return None if secret is None else secret_text(secret, self.directory)
 
     def file(self, name: str | None) -> Path | None:
@@ -103,7 +103,7 @@ class Link:
         return None if name is None else (self.directory / name).expanduser()
 
     def values(self) -> dict[str, str]:
-        """Figures for the diagnostics."""
+        """Values of the connection for the diagnostics: state, losses and clock offsets."""
         found = {"connected": str(self.connected).lower(), "connections_lost": str(self.losses)}
         if self.server_clock.uncertainty_ns is not None:
             found["clock_offset_s"] = f"{self.server_clock.offset_ns / SECOND:.6f}"
@@ -128,7 +128,7 @@ def secrets_of(section: Connection, directory: Path) -> Iterable[str]:
 
 
 def without(secrets: Iterable[str], text: str) -> str:
-    """Text in which secrets are replaced, should a library have told one."""
+    """Text in which secrets are replaced, in case a library has put one into it."""
     for secret in secrets:
         text = text.replace(secret, "***")
     return text

@@ -1,4 +1,4 @@
-"""Files of plant maps: reading, and faults in one line each; a faulty tag is left out, all else has to be right."""
+"""Reading of plant maps, with faults in one line each; a faulty tag is left out, all else has to be right."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ Connection = OpcUa | Mqtt | Server
 
 
 class MapError(ValueError):
-    """Map that cannot be used; its text has one line per fault."""
+    """Error of a plant map that cannot be used; its text has one line per fault."""
 
 
 class Warned(NamedTuple):
-    """Usable map, with what is left out of it and what is unwise in it, a line each."""
+    """Usable plant map, with lines about the tags left out of it and lines of warning about unsafe connections."""
 
     plan: PlantMap
     left_out: list[str]
@@ -84,7 +84,7 @@ def read_map(file: Path) -> Warned:
 
 
 def _lines(model: type[BaseModel], error: ValidationError, data: Any) -> Iterator[str]:
-    """Faults that the schema finds, a line each, without the values of secrets."""
+    """Faults of a plant map that the schema finds, a line each, without the values of secrets."""
     for one in error.errors():
         path = [str(part) for part in one["loc"]]
         field, owner, used = _located(model, path)
@@ -104,7 +104,7 @@ def _lines(model: type[BaseModel], error: ValidationError, data: Any) -> Iterato
 
 
 def _located(model: type[BaseModel], path: Sequence[str]) -> tuple[FieldInfo | None, type[BaseModel], int]:
-    """Deepest field on a path, None for an item of a mapping; its section; number of parts of the path up to there."""
+    """Deepest schema field on a key path (None for an item of a mapping), its section, and number of parts used."""
     field: FieldInfo | None = None
     owner, used = model, 0
     inner: type[BaseModel] | None = model
@@ -136,7 +136,7 @@ def _scenario(file: Path, plan: PlantMap) -> Scenario | None:
 def _tag(
     name: str, given: Any, plan: PlantMap, scenario: Scenario | None, others: Mapping[str, Tag]
 ) -> tuple[Tag | None, list[str]]:
-    """Tag, and its faults: key and text."""
+    """Validate a tag of a plant map; returns the tag, None if it cannot be read, and its faults."""
     if not isinstance(given, Mapping):
         return None, [f"given {show(given)}; allowed: a mapping with {', '.join(Tag.model_fields)}"]
     unknown = given.get("quantity")
@@ -150,14 +150,14 @@ def _tag(
         return None, list(_lines(Tag, error, given))
     faults = [*_source_faults(tag, plan), *_unit_faults(tag), *_target_faults(tag, scenario), *_number_faults(tag)]
     if not re.fullmatch(NAME, name):
-        faults.append(f"the name {name!r} is given; allowed: a letter, then letters, digits and underscores")
+        faults.append(f"name: given {name!r}; allowed: a letter, then letters, digits and underscores")
     if not faults:
         faults = [*_twice(tag, others)]
     return tag, faults
 
 
 def _source_faults(tag: Tag, plan: PlantMap) -> Iterator[str]:
-    """Faults of where a tag comes from."""
+    """Faults of a tag's source, address and fields of messages."""
     if tag.source not in plan.opcua and tag.source not in plan.mqtt:
         yield f"source: given {show(tag.source)}; allowed: {listed([*plan.opcua, *plan.mqtt], 'one of opcua or mqtt')}"
     elif tag.source in plan.opcua:
@@ -173,7 +173,7 @@ def _source_faults(tag: Tag, plan: PlantMap) -> Iterator[str]:
 
 
 def _unit_faults(tag: Tag) -> Iterator[str]:
-    """Faults of the unit of a tag."""
+    """Faults of the unit of a tag, with its radius or area."""
     units = units_of(tag.quantity)
     if tag.unit not in units:
         near = [unit for unit in units if unit.lower() == tag.unit.lower()]
@@ -189,7 +189,7 @@ def _unit_faults(tag: Tag) -> Iterator[str]:
 
 
 def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
-    """Faults of what a tag measures."""
+    """Faults of what a tag measures: object, axis, direction and heading."""
     quantity = QUANTITIES[tag.quantity]
     pattern = rf"{NAME}(/{NAME})?" if quantity.of == "body" else NAME
     known = names_of(quantity.of, scenario) if scenario is not None else None
@@ -217,7 +217,7 @@ def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
 
 
 def _number_faults(tag: Tag) -> Iterator[str]:
-    """Faults of the numbers of a tag."""
+    """Faults of the numbers of a tag: sign, scale and range."""
     if tag.sign == 0:
         yield "sign: given 0; allowed: 1 or -1"
     if tag.scale == 0.0:
@@ -227,7 +227,7 @@ def _number_faults(tag: Tag) -> Iterator[str]:
 
 
 def _twice(tag: Tag, others: Mapping[str, Tag]) -> Iterator[str]:
-    """Fault of a tag whose place in a message another tag has."""
+    """Fault of a tag that fills the same place in a message as another tag."""
     for name, other in others.items():
         both = {tag.quantity, other.quantity}
         if _places(tag) & _places(other):
@@ -240,14 +240,14 @@ def _twice(tag: Tag, others: Mapping[str, Tag]) -> Iterator[str]:
 
 
 def _places(tag: Tag) -> set[tuple[str, ...]]:
-    """Places in messages that a tag fills."""
+    """Places in ROS messages that a tag fills: topic, part, object and axis."""
     quantity = QUANTITIES[tag.quantity]
     axes = quantity.axes if tag.direction else (tag.axis or quantity.default_axis,)
     return {(quantity.topic, quantity.part, tag.of, axis) for axis in axes}
 
 
 def _alone(good: dict[str, Tag]) -> Iterator[str]:
-    """Take out the tags of a wind that has a speed or a direction only; yields their faults."""
+    """Remove the tags of a wind with only a speed or only a direction; yields their faults."""
     for name, tag in [*good.items()]:
         if tag.quantity in POLAR:
             other = POLAR[1 - POLAR.index(tag.quantity)]
@@ -267,11 +267,11 @@ def _kind(of: str) -> str:
 
 
 def names_of(kind: str, scenario: Scenario) -> list[str]:
-    """Names that something measured may have in a scenario.
+    """Names in a scenario of the objects of a kind that tags can measure.
 
     Args:
         kind: `Quantity.of`.
-        scenario: of the twin.
+        scenario: scenario of the twin.
     """
     vehicles = {name: [*one.bodies] for name, one in scenario.vehicles.items()}
     supports = [*(end for rope in scenario.cables for end in scenario.end_names(rope)), *scenario.towers]
@@ -286,12 +286,13 @@ def names_of(kind: str, scenario: Scenario) -> list[str]:
 
 
 def _connection_faults(file: Path, plan: PlantMap) -> Iterator[str]:
-    """Faults of servers, brokers, and of the door's own server."""
+    """Faults of the connections in a plant map: OPC UA servers, MQTT brokers, and the door's own server."""
     for name in [*plan.opcua, *plan.mqtt]:
         if not re.fullmatch(NAME, name):
-            yield f"the name {printable(name)!r} is given; allowed: a letter, then letters, digits and underscores"
+            allowed_name = "a letter, then letters, digits and underscores"
+            yield f"opcua or mqtt: given the name {printable(name)!r}; allowed: {allowed_name}"
     for name in plan.opcua.keys() & plan.mqtt.keys():
-        yield f"mqtt.{name}: the name of one of opcua as well; allowed: another name"
+        yield f"mqtt.{name}: given a name that opcua has as well; allowed: another name"
     for path, one in connections(plan):
         if isinstance(one, OpcUa | Server):
             yield from (f"{path}.{line}" for line in _url_faults(one.url))
@@ -320,7 +321,7 @@ def _connection_faults(file: Path, plan: PlantMap) -> Iterator[str]:
 
 
 def connections(plan: PlantMap) -> Iterator[tuple[str, Connection]]:
-    """All connections of a map by key path."""
+    """All connections of a plant map, each with its key path."""
     yield from ((f"opcua.{name}", one) for name, one in plan.opcua.items())
     yield from ((f"mqtt.{name}", mqtt) for name, mqtt in plan.mqtt.items())
     if plan.server is not None:
@@ -352,21 +353,21 @@ def unreadable(path: Path) -> str:
 
 
 def secret_text(secret: Secret, directory: Path) -> str:
-    """Text of a secret.
+    """Read the text of a secret from the environment or from its file.
 
     Args:
-        secret: where it is.
-        directory: of the map, for relative paths.
+        secret: variable or file that holds the secret.
+        directory: directory of the map, for relative paths.
 
     Raises:
-        MapError: it is not there; one line without anything of it.
+        MapError: the secret is missing; one line that shows nothing of it.
     """
     if (secret.environment is None) == (secret.file is None):
         raise MapError(f"given {'both' if secret.file else 'neither'}; allowed: {OUT_OF_THE_MAP}")
     if secret.environment is not None:
         text = os.environ.get(secret.environment, "")
         if not text:
-            raise MapError(f"given environment {show(secret.environment)}, which is not set; allowed: one that is")
+            raise MapError(f"given environment {show(secret.environment)}, which is not set; allowed: one that is set")
         return text
     path = directory / str(secret.file)
     try:
@@ -374,16 +375,16 @@ def secret_text(secret: Secret, directory: Path) -> str:
             text = stream.readline(LONGEST_SECRET).rstrip("\r\n")
     except (OSError, RuntimeError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "no text in UTF-8"
-        raise MapError(f"given file {show(secret.file)}: {reason}; allowed: a file whose first line it is") from None
+        raise MapError(f"given file {show(secret.file)}: {reason}; allowed: a file with a secret") from None
     if not text:
         raise MapError(
-            f"given file {show(secret.file)}, whose first line is empty; allowed: a file whose first line it is"
+            f"given file {show(secret.file)}, whose first line is empty; allowed: one that begins with the secret"
         )
     return text
 
 
 def _warnings(plan: PlantMap) -> Iterator[str]:
-    """Lines about what is unwise in a map."""
+    """Lines of warning about unsafe connections in a plant map."""
     for path, one in connections(plan):
         host = one.host if isinstance(one, Mqtt) else urlsplit(one.url).hostname or ""
         away = host not in LOOPBACK

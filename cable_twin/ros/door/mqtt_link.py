@@ -34,10 +34,10 @@ class MqttLink(Link):
     """Connection to an MQTT broker, in a thread of its own.
 
     Args:
-        name: of the broker in the map.
-        section: of the map.
-        tags: of this broker, by name.
-        directory: of the map.
+        name: name of the broker in the map.
+        section: section of the map about the broker.
+        tags: tags of this broker, by name.
+        directory: directory of the map.
         take: takes samples, from any thread.
         tell: takes lines, from any thread.
     """
@@ -58,11 +58,11 @@ class MqttLink(Link):
         self._delay = OneWay()
 
     def start(self) -> None:
-        """Connect, and again whenever the connection is lost."""
+        """Start the thread that connects to the broker, and again whenever the connection is lost."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Disconnect."""
+        """Disconnect from the broker, and end the thread."""
         self._end.set()
         if self._thread.is_alive():
             self._thread.join(2.0 * CONNECTING)
@@ -80,7 +80,7 @@ class MqttLink(Link):
             self._end.wait(self.wait())
 
     def _follow(self) -> None:
-        """Connect and take messages until the connection is lost, which raises an error."""
+        """Connect to the broker and receive messages until the connection is lost, which raises an error."""
         section = self._section
         client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=section.client, reconnect_on_failure=False)
         client.suppress_exceptions = False
@@ -148,7 +148,7 @@ class MqttLink(Link):
         self.take(samples)
 
     def _sample(self, name: str, tag: Tag, message: mqtt.MQTTMessage, content: Any, receipt_ns: int) -> Sample:
-        """Sample of a tag in a message."""
+        """Sample of a tag from an MQTT message, with its quality and stamp."""
         value = number(message.payload) if tag.field is None else at(content, tag.field)
         if value is NO_SUCH_KEY:
             return Sample(name, value, "bad", f"of a message without the key {tag.field}", receipt_ns, receipt_ns)
@@ -182,7 +182,7 @@ class MqttLink(Link):
         return Sample(name, value, "good", "", stamp_ns, receipt_ns)
 
     def _reason_of(self, error: Exception) -> str:
-        """Reason of a failure in words."""
+        """Reason of a failed connection to the broker, in words."""
         where = f"{self._section.host}:{self._section.port}"
         if isinstance(error, ssl.SSLCertVerificationError):
             return f"TLS: {error.verify_message}"
@@ -196,7 +196,7 @@ class MqttLink(Link):
 
 
 def parsed(payload: bytes | bytearray) -> Any:
-    """Content of a JSON message, `NO_SUCH_KEY` for none."""
+    """Content of a JSON message, `NO_SUCH_KEY` if the payload is no JSON."""
     if len(payload) > LARGEST:
         return NO_SUCH_KEY
     try:
@@ -206,7 +206,7 @@ def parsed(payload: bytes | bytearray) -> Any:
 
 
 def number(payload: bytes | bytearray) -> object:
-    """Number in a message, or its text."""
+    """Number in the payload of an MQTT message; its text if it is no number."""
     text = payload[:LARGEST].decode("utf-8", "replace").strip()
     try:
         return float(text)
@@ -215,7 +215,7 @@ def number(payload: bytes | bytearray) -> object:
 
 
 def at(content: Any, path: str) -> Any:
-    """Value at a dotted key of a JSON message, with numbers for places in a list; `NO_SUCH_KEY` where there is none."""
+    """Value at a dotted key of a JSON message, with numbers for places in a list; `NO_SUCH_KEY` without a value."""
     for key in path.split("."):
         if isinstance(content, dict) and key in content:
             content = content[key]

@@ -53,10 +53,10 @@ class OpcUaLink(Link):
     """Connection to an OPC UA server.
 
     Args:
-        name: of the server in the map.
-        section: of the map.
-        tags: of this server, by name.
-        directory: of the map.
+        name: name of the server in the map.
+        section: section of the map about the server.
+        tags: tags of this server, by name.
+        directory: directory of the map.
         take: takes samples, from any thread.
         tell: takes lines, from any thread.
     """
@@ -72,7 +72,7 @@ class OpcUaLink(Link):
         self._seen: set[str] = set()  # tags of this connection that had a sample
 
     async def run(self) -> None:
-        """Connect, and again whenever the connection is lost, until cancelled."""
+        """Connect to the server, and again whenever the connection is lost, until cancelled."""
         while True:
             client = Client(self._section.url, timeout=self._section.timeout)
             client.name = client.description = "cable_twin plant_door"
@@ -88,7 +88,7 @@ class OpcUaLink(Link):
             await asyncio.sleep(self.wait())
 
     async def _connect(self, client: Client) -> None:
-        """Connect with the security and the user of the map."""
+        """Connect to the server with the security and the user of the map."""
         section = self._section
         user, password = self.secret(section.user), self.secret(section.password)
         if user is not None and password is not None:
@@ -126,7 +126,7 @@ class OpcUaLink(Link):
             await asyncio.sleep(ASKED_EVERY)
             await self._time(client)
             if self._ended or subscription.is_stale(SILENT):
-                raise ValueError(f"it has ended the subscription ({self._ended or 'silence'})")
+                raise ValueError(f"the server has ended the subscription ({self._ended or 'silence'})")
             if time.monotonic() - compared > COMPARED_EVERY:
                 await self._compare_clocks(client)
                 compared = time.monotonic()
@@ -135,7 +135,7 @@ class OpcUaLink(Link):
                 sought = time.monotonic()
 
     def _parameters(self) -> ua.CreateSubscriptionParameters:
-        """Parameters of the subscription, which is kept alive by an empty message every `KEPT_ALIVE`."""
+        """Parameters of the OPC UA subscription, which is kept alive by an empty message every `KEPT_ALIVE`."""
         found: Any = ua.CreateSubscriptionParameters()
         found.RequestedPublishingInterval = 1e3 * self._section.interval
         found.RequestedMaxKeepAliveCount = max(math.ceil(KEPT_ALIVE / self._section.interval), 1)
@@ -157,14 +157,14 @@ class OpcUaLink(Link):
             self.server_clock.update(*self._trips.best)
 
     async def _time(self, client: Client) -> int:
-        """Time of the server, ns since 1970; an error where it does not answer."""
+        """Ask the server for its time, ns since 1970; raises an error where it does not answer."""
         theirs = await asyncio.wait_for(client.get_node(CURRENT_TIME).read_value(), self._section.timeout)
         if not isinstance(theirs, datetime):
-            raise ValueError(f"its time is a {type(theirs).__name__}")
+            raise ValueError(f"time of the server: given a {type(theirs).__name__}; allowed: a date and time")
         return nanoseconds_of(theirs)
 
     async def _subscribe(self, client: Client, subscription: Any, names: list[str]) -> list[str]:
-        """Subscribe to tags; returns those whose nodes the server does not have, each said once."""
+        """Subscribe to tags; returns the names of those whose nodes the server does not have, each logged once."""
         requests, asked, missing = [], [], []
         for name in names:
             try:
@@ -194,7 +194,7 @@ class OpcUaLink(Link):
         return name
 
     async def _node(self, client: Client, address: str) -> Any:
-        """Node of an address, whose namespace may be given by its URI."""
+        """OPC UA node of an address, whose namespace may be given by its URI."""
         if address.startswith("nsu="):
             uri, _, own = address.removeprefix("nsu=").partition(";")
             address = f"ns={await client.get_namespace_index(uri)};{own}"
@@ -217,7 +217,7 @@ class OpcUaLink(Link):
         return request
 
     def datachange_notification(self, _node: Any, value: Any, data: Any) -> None:
-        """Take a sample, as asyncua calls it."""
+        """Pass on a new value of a tag as a sample; callback of asyncua."""
         receipt_ns = time.time_ns()
         item = data.monitored_item
         name = self._names[item.ClientHandle - 1]
@@ -228,13 +228,13 @@ class OpcUaLink(Link):
         self.take([Sample(name, value, quality, detail, stamp_ns, receipt_ns)])  # type: ignore[arg-type]
 
     def status_change_notification(self, status: Any) -> None:
-        """Take the end of the subscription by the server."""
+        """Store the reason why the server has ended the subscription; callback of asyncua."""
         self._ended = getattr(getattr(status, "Status", status), "name", "") or "without a reason"
 
     def _stamp(self, name: str, value: ua.DataValue, receipt_ns: int) -> int:
-        """Time of a sample by our clock, ns; that of its receipt for the first one of a connection that is old.
+        """Time (ns) of a sample by our clock; the time of its receipt for an old first sample of a connection.
 
-        The first sample is the value as it is now, whenever it changed.
+        The first sample after a connection is the present value, whenever it changed.
         """
         source, server = (
             None if stamp is None else nanoseconds_of(stamp) for stamp in (value.SourceTimestamp, value.ServerTimestamp)
@@ -269,14 +269,14 @@ def _is_filter_fault(result: Any) -> bool:
 
 
 def nanoseconds_of(time_: datetime) -> int:
-    """Time of OPC UA, which is UTC, in ns since 1970."""
+    """Convert a time of OPC UA, which is UTC, to ns since 1970."""
     aware = time_ if time_.tzinfo is not None else time_.replace(tzinfo=timezone.utc)
     passed = aware - EPOCH
     return (passed.days * 86400 + passed.seconds) * SECOND + passed.microseconds * 1000
 
 
 def reason_of(error: BaseException, section: OpcUa) -> str:
-    """Reason of a failure in words."""
+    """Reason of a failed OPC UA connection, in words."""
     name = type(error).__name__
     if name in CREDENTIALS:
         return f"{CREDENTIALS[name]} ({name})"
@@ -287,6 +287,6 @@ def reason_of(error: BaseException, section: OpcUa) -> str:
     if isinstance(error, ConnectionRefusedError):
         return f"nothing listens at {section.url}"
     if isinstance(error, ConnectionError | asyncio.IncompleteReadError):
-        return f"{section.url} has ended it"
+        return f"{section.url} has ended the connection"
     text = getattr(error, "strerror", None) or " ".join(str(error).split())
     return text or name

@@ -1,4 +1,4 @@
-"""Command `plant_door`: tags of a plant that speaks no ROS as topics, and the estimates of its twin back."""
+"""Command `plant_door`: publish tags of a plant without ROS as topics, and serve the estimates of its twin."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def parser() -> OneLineParser:
 
 @faults_reported("plant_door")
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a door until SIGINT or SIGTERM; the help has the exit codes."""
+    """Run `plant_door` until SIGINT or SIGTERM; returns the exit code, as described in its help."""
     own, for_ros = split_ros_arguments(sys.argv[1:] if argv is None else argv)
     options = parser().parse_args(own)
     ending = Ending("plant_door")
@@ -129,7 +129,7 @@ def _announce(node: object, read: Warned) -> None:
 
 
 def _check(read: Warned) -> int:
-    """Print what becomes of each tag."""
+    """Print the topic and quantity that each tag of a map becomes; returns the exit code."""
     from cable_twin.ros.door.assembly import topic_of  # noqa: PLC0415 - half a second
 
     plan = read.plan
@@ -144,7 +144,7 @@ def _check(read: Warned) -> int:
 
 
 def _open_files(read: Warned, directory: Path) -> list[str]:
-    """Lines about files of secrets that others can read."""
+    """Lines about files of secrets that other users of the machine can read."""
     return [
         f"{path}.{key}: other users of this machine can read {secret.file}; chmod 600 keeps them from it"
         for path, one in connections(read.plan)
@@ -154,7 +154,7 @@ def _open_files(read: Warned, directory: Path) -> list[str]:
 
 
 def _missing(read: Warned) -> str:
-    """Line about a library that is needed and missing; empty where all are there."""
+    """Line about missing libraries for the connections of a map; empty where all are installed."""
     needed = {"paho" if isinstance(one, Mqtt) else "asyncua" for _, one in connections(read.plan)}
     missing = sorted(EXTRAS[name] for name in needed if find_spec(name) is None)
     if not missing:

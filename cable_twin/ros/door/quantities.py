@@ -59,18 +59,18 @@ HINTS = {  # words for what stands for two units, or is written otherwise
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Measured quantity of a plant.
+    """Measured quantity of a plant: meaning, unit, and its place in a ROS message.
 
     Attributes:
         help: meaning.
-        unit: of the topic, SI.
+        unit: SI unit on the topic.
         topic: below the namespace of a plant, with OF for the measured object.
-        message: type.
-        part: of its message: a field of a JointState, or a vector, or a scalar.
+        message: type of the ROS message.
+        part: part of the message: a field of a JointState, or a vector, or a scalar.
         of: kind of the measured object: driven (vehicle or drive), vehicle, body, support, wheel, place, or empty.
-        axes: of a vector.
-        default_axis: axis of a tag that gives none; empty where it has to.
-        lead: whether its samples make a message; others go along with the next one.
+        axes: axes of a vector.
+        default_axis: axis of a tag that gives none; empty where a tag has to give one.
+        lead: whether its samples make a message; samples of others go along with the next message.
     """
 
     help: str
@@ -141,7 +141,7 @@ AREA = ("support_force",)
 
 
 def units_of(name: str) -> list[str]:
-    """Units in which a quantity may be given."""
+    """Units in which a tag may give a quantity."""
     unit = QUANTITIES[name].unit
     more = [*(UNITS["N m"] if name in RADIUS else ()), *(UNITS["Pa"] if name in AREA else ())]
     return [*UNITS[unit], *more]
@@ -151,7 +151,7 @@ def conversion(name: str, unit: str, radius: float | None = None, area: float | 
     """Factor and offset from a unit to the SI unit of a quantity.
 
     Args:
-        name: of the quantity.
+        name: name of the quantity.
         unit: one of `units_of`.
         radius: m, at which a torque acts.
         area: m^2, on which a pressure acts.

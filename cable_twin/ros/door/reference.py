@@ -47,7 +47,7 @@ Editors check a file while it is written where its first line names the JSON sch
 
 
 def page() -> str:
-    """Reference of maps as a page in Markdown."""
+    """Reference of plant maps as a page in Markdown."""
     parts = [HEAD]
     for title, model in SECTIONS.items():
         lines = "\n".join(
@@ -70,12 +70,12 @@ def page() -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON schema of a map."""
+    """JSON schema of a plant map."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **PlantMap.model_json_schema()}
 
 
 def write(directory: Path) -> list[Path]:
-    """Write page and JSON schema into a directory; returns the files."""
+    """Write the reference page and the JSON schema into a directory; returns the files."""
     files = [directory / PAGE, directory / JSON_SCHEMA]
     files[0].write_text(page(), encoding="utf-8")
     files[1].write_text(json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -83,7 +83,7 @@ def write(directory: Path) -> list[Path]:
 
 
 def _cells(field: FieldInfo) -> tuple[str, str, str, str]:
-    """Unit, default, allowed values and meaning of a key."""
+    """Table cells of a key of plant maps: unit, default, allowed values and meaning."""
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
     unit = str(extra.get("unit", ""))
     value = None if field.is_required() else field.get_default(call_default_factory=True)

@@ -1,4 +1,4 @@
-"""Samples of tags: conversion to SI, reasons to leave one out, and lines about changes of the reason."""
+"""Samples of a plant's tags: conversion to SI, reasons to leave samples out, and lines about changes of these."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ FUTURE, PAST = 1.0, 60.0  # s after and before the receipt, beyond which a stamp
 
 
 class Sample(NamedTuple):
-    """Value of a tag as it arrived.
+    """Value of a tag of a plant as it arrived, before conversion.
 
     Attributes:
-        tag: its name.
-        value: of any type.
+        tag: name of the tag.
+        value: value of any type.
         quality: good, uncertain or bad.
         detail: name of a quality that is not good.
-        stamp_ns: of the measurement, by our clock, ns since 1970.
-        receipt_ns: of its arrival.
+        stamp_ns: time of the measurement, by our clock, ns since 1970.
+        receipt_ns: time of its arrival, ns since 1970.
     """
 
     tag: str
@@ -42,24 +42,24 @@ class Sample(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Value of a tag in SI units."""
+    """Value of a tag of a plant in SI units, with its stamp (ns)."""
 
     stamp_ns: int
     value: float
 
 
 class TagState:
-    """Judge of the samples of a tag, which says in a line when it begins to leave them out, and when it ends.
+    """Check of the samples of a tag, which logs a line when it begins and when it ends to leave samples out.
 
     Args:
-        name: of the tag.
+        name: name of the tag.
         tag: its section of the map.
         tell: takes lines.
 
     Attributes:
-        counts: samples by what became of them: `taken`, or the reason to leave them out.
+        counts: number of samples `taken`, and left out by reason.
         last: newest good value.
-        confirmed_ns: receipt of the newest good sample, be it that of `last` or an old one again.
+        confirmed_ns: receipt of the newest good sample, be it that of `last` or a repeated one.
     """
 
     def __init__(self, name: str, tag: Tag, tell: Tell) -> None:
@@ -77,11 +77,11 @@ class TagState:
 
     @property
     def reason(self) -> str:
-        """Reason why nothing is published of this tag at present; empty where something is."""
+        """Reason why the samples of this tag are left out at present; empty where they are taken."""
         return self._reason
 
     def take(self, sample: Sample) -> Measured | None:
-        """Value of a sample in SI units; None for one that is left out."""
+        """Check a sample; returns its value in SI units, or None for a sample that is left out."""
         self._heard_ns = sample.receipt_ns
         value, reason, text = self._judged(sample)
         if reason:
@@ -97,7 +97,7 @@ class TagState:
         return self.last
 
     def check_age(self, now_ns: int) -> None:
-        """Say what is left to say, as that nothing has arrived for too long; while the server is connected."""
+        """Log what is due, also that no sample has arrived for too long; called while the server is connected."""
         self._say(now_ns)
         age = (now_ns - self._heard_ns) / SECOND
         if self._heard_ns and age > self.tag.stale_after and not self._reason and not self.tag.hold:
@@ -105,41 +105,41 @@ class TagState:
             self._leave_out("stale", text, now_ns, samples=0)
 
     def lose(self, now_ns: int) -> None:
-        """Start the age anew, as the connection has been lost or made."""
+        """Restart the age of the newest sample, as the connection has been lost or made."""
         self._heard_ns = now_ns
         if self._reason == "stale":
             self._reason = ""
 
     def _judged(self, sample: Sample) -> tuple[float, str, str]:
-        """Value in SI units, the reason to leave it out, and that in words."""
+        """Value of a sample in SI units, the reason to leave it out (empty for none), and that reason in words."""
         tag = self.tag
         if sample.quality == "bad" or (sample.quality == "uncertain" and tag.quality == "good"):
             allowed = "good" if tag.quality == "good" else "good or uncertain"
-            return 0.0, "quality", f"quality {printable(sample.detail)} given; allowed: {allowed}"
+            return 0.0, "quality", f"given quality {printable(sample.detail)}; allowed: {allowed}"
         raw = sample.value
         if isinstance(raw, bool) or not isinstance(raw, int | float):
             shown = f"'{printable(raw, 40)}'" if isinstance(raw, str) else f"a {type(raw).__name__}"
-            return 0.0, "no number", f"{shown} given; allowed: a number, in {tag.unit}"
+            return 0.0, "no number", f"given {shown}; allowed: a number, in {tag.unit}"
         try:
             given = (float(raw) * tag.scale + tag.offset) * tag.sign
         except OverflowError:  # a whole number of hundreds of digits
             given = math.inf
         if not math.isfinite(given):
             shown = str(raw) if isinstance(raw, float) else "a huge number"
-            return 0.0, "not finite", f"{shown} given; allowed: a finite number, in {tag.unit}"
+            return 0.0, "not finite", f"given {shown}; allowed: a finite number, in {tag.unit}"
         if tag.range is not None and not tag.range[0] <= given <= tag.range[1]:
             low, high = (rounded(limit) for limit in tag.range)
-            text = f"{rounded(given)} {tag.unit} given; allowed: {low} to {high} {tag.unit}"
+            text = f"given {rounded(given)} {tag.unit}; allowed: {low} to {high} {tag.unit}"
             return 0.0, "range", text + ("; a thousand times off: another unit?" if self._is_other_unit(given) else "")
         age = (sample.receipt_ns - sample.stamp_ns) / SECOND
         if not -FUTURE <= age <= PAST:
             when = f"{rounded(abs(age))} s {'ago' if age > 0.0 else 'from now'}"
             allowed = f"{PAST:g} s ago to {FUTURE:g} s from now"
-            return 0.0, "stamp", f"a stamp {when} given; allowed: {allowed}, else `stamp: receipt`"
+            return 0.0, "stamp", f"given a stamp {when}; allowed: {allowed}, else `stamp: receipt`"
         return given * self._factor + self._constant, "", ""
 
     def _is_other_unit(self, given: float) -> bool:
-        """Whether a thousandth, or a thousand times the value, would be possible, and the value is far from it."""
+        """Whether a value is far out of its range, and a thousandth or a thousand times the value would be in it."""
         assert self.tag.range is not None
         low, high = self.tag.range
         far = abs(given) > FAR * max(abs(low), abs(high))
@@ -155,7 +155,7 @@ class TagState:
         self._say(now_ns)
 
     def _say(self, now_ns: int) -> None:
-        """Say why samples are left out, where that is news, and the last such line is not of just now."""
+        """Log why samples are left out, if the reason is new and the last such line is more than 10 s ago."""
         quiet = self._told_ns and now_ns - self._told_ns <= QUIET * SECOND
         if self._reason and self._reason != self._told_reason and not quiet:
             self._told_ns, self._told_reason = now_ns, self._reason
@@ -171,5 +171,5 @@ class TagState:
 
 
 def unit_of(tag: Tag) -> str:
-    """SI unit of what a tag becomes."""
+    """SI unit of the quantity that a tag measures."""
     return QUANTITIES[tag.quantity].unit

@@ -35,7 +35,7 @@ def columns(
 ) -> dict[str, FloatArray]:
     """Numbers of several scenario sections as arrays (sections,), by field name of a record of constants.
 
-    Args and null are those of `numbers`.
+    Arguments, and null as infinity, are as for `numbers`.
     """
     names = _names(record, model, pattern, (FloatArray,))
     return {name: floats([_finite_or_inf(getattr(one, key)) for one in sections]) for key, name in names.items()}

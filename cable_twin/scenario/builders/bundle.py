@@ -34,7 +34,7 @@ def build_ropes(scenario: Scenario, meshes: Sequence[FloatArray] | None = None) 
     """Build the constants of each rope with its vehicles, by name, with a mesh node at each connector.
 
     Args:
-        scenario: of all ropes.
+        scenario: scenario of all ropes.
         meshes: arc lengths (nodes,) in m of the nodes of each rope, None for those of the scenario.
     """
     if meshes is not None:
@@ -51,7 +51,7 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
     """Build the connectors in their order along the ropes, and return their names in this order.
 
     Raises:
-        ValueError: two of them cross.
+        ValueError: two connectors cross.
     """
     names, rods, ropes = list(scenario.connectors), list(scenario.connectors.values()), list(systems)
     meshes = {rope: system.cable.node_arc_length for rope, system in systems.items()}

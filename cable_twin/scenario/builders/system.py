@@ -267,8 +267,8 @@ def nodes_of(scenario: Scenario, system: System) -> FloatArray:
     """Arc lengths (nodes,) in m of the mesh nodes of a scenario's cable.
 
     Args:
-        scenario: whose `cable.elements` counts.
-        system: its constants on any mesh, by which the cable is laid over its towers.
+        scenario: scenario with the mesh in `cable.elements`.
+        system: its constants on any mesh, from which the equilibrium of the bare cable over its towers follows.
     """
     elements, length = scenario.cable.elements, scenario.cable.unstrained_length
     if not isinstance(elements, Grading):

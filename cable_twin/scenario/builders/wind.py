@@ -75,7 +75,7 @@ def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray
 
     Returns:
         Samples (points, SAMPLES, 3) for a deviation of 1 m/s along the wind, across it and upwards; their spacing in m.
-        The first follows the last.
+        Samples are periodic: the first follows the last.
     """
     spacing = turbulence.length_scale / PER_LENGTH
     step = 1.0 / (SAMPLES * spacing)

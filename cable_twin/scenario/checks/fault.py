@@ -50,7 +50,7 @@ def refuse(path: KeyPath, given: Any, allowed: str, why: str = "") -> Fault:
 
 
 def show(value: Any, unit: str = "") -> str:
-    """Given value on one short line, numbers with their unit."""
+    """Text of a given value for a fault, on one short line, numbers with their unit."""
     if isinstance(value, Phrase):
         return str(value)
     if value is None:
@@ -71,7 +71,7 @@ def show(value: Any, unit: str = "") -> str:
 
 
 def listed(names: Iterable[str], otherwise: str) -> str:
-    """Allowed names in words, the first of many; `otherwise` without any."""
+    """Text of allowed names for a fault, the first of many; `otherwise` without any."""
     names = list(names)
     return ", ".join(names[:NAMES_SHOWN]) + (", ..." if len(names) > NAMES_SHOWN else "") if names else otherwise
 
@@ -128,7 +128,7 @@ def alternative(annotation: Any) -> type[BaseModel] | None:
 
 
 def locate(path: KeyPath) -> tuple[FieldInfo | None, type[BaseModel] | None, int]:
-    """Deepest field on a key path, the model at its end, and the number of path parts up to there."""
+    """Deepest schema field on a key path, the model at its end, and the number of path parts up to there."""
     field: FieldInfo | None = None
     model: type[BaseModel] | None = Scenario
     used = 0
@@ -155,7 +155,7 @@ def scalar(annotation: Any) -> tuple[Any, bool]:
 
 
 def allowed(field: FieldInfo | None, *, unit: bool = True) -> str:
-    """Allowed values of a field in words, with or without its unit."""
+    """Allowed values of a schema field in words, with or without its unit."""
     if field is None:
         return "a mapping"
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}

@@ -20,7 +20,7 @@ def profile_names() -> tuple[str, ...]:
 
 
 def is_file(profile: str) -> bool:
-    """Whether a profile is given as the path of a file and not by the name of a shipped one."""
+    """Whether a rule profile is given as the path of a file and not by the name of a shipped one."""
     return profile.endswith(SUFFIXES)
 
 

@@ -115,7 +115,7 @@ def strands_of(lengths: Mapping[str, float], sheaves: Mapping[str, Sheave]) -> d
 
     Args:
         lengths: unstrained length (m) of each rope by name.
-        sheaves: by name.
+        sheaves: bullwheels by name.
     """
     onto = {sheave.joins[0]: name for name, sheave in sheaves.items()}
     found: dict[str, Strand] = {}

@@ -204,7 +204,7 @@ class LimitRow(NamedTuple):
 
 @cache
 def limit_row(key: str) -> LimitRow:
-    """Limit in the table for a key of `limits`."""
+    """Row of the table of limits for a key of `limits`."""
     field = KeyFigureLimits.model_fields[key]
     extra = cast(dict[str, Any], field.json_schema_extra)
     meaning = str(field.description).removesuffix(f" ({extra['unit']})")

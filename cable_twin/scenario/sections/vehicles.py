@@ -243,7 +243,7 @@ class Carriers(Section):
     )
 
     def on_strand(self, strand: Strand) -> Carriers:
-        """Copy for one strand of a loop, with the payloads of carriers arriving at either end of the strand."""
+        """Copy of the carriers for one strand of a loop, with the payloads of those arriving at either end of it."""
         kinds = {
             name: kind.model_copy(update={"payload": _on(strand, kind.payload)}) for name, kind in self.kinds.items()
         }
@@ -260,7 +260,7 @@ class Carriers(Section):
         return self.loaded is None or number + 1 in self.loaded
 
     def kind(self, number: int) -> CarrierKind:
-        """Kind of the carrier with an index from 0 on."""
+        """Kind (bodies and payload) of the carrier with an index from 0 on."""
         if not self.kinds:
             return CarrierKind.model_construct(bodies=self.bodies, payload=self.payload)
         order = self.order or tuple(self.kinds)

@@ -32,7 +32,7 @@ UNCOUPLED = cast(bool, Known(False))  # `Bundle.coupled` of a rope by itself, wh
 
 
 class Rope(NamedTuple):
-    """Parameters, state and workspace of one rope."""
+    """Parameters, state and workspace of one rope with its vehicles."""
 
     system: System
     state: State
@@ -53,13 +53,13 @@ class Couplings(NamedTuple):
 
     @property
     def any(self) -> bool:
-        """True if any coupling exists."""
+        """True if any coupling between ropes exists."""
         things = self.connectors.rope, self.pantographs.rope, self.clamps.rope, self.sheaves.rope
         return self.wires.present or any(thing.size > 0 for thing in things)
 
 
 def no_couplings(ropes: int, dim: int) -> Couplings:
-    """Empty couplings for a number of ropes."""
+    """Empty couplings for a number of ropes in a space of `dim` dimensions."""
     none, pair, vector, row = np.zeros(0), np.zeros((0, 2)), np.zeros((0, dim)), np.zeros((0, 1))
     number, numbers = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
     wheels: dict[str, Any] = dict.fromkeys(Bullwheels._fields, none)
@@ -89,16 +89,16 @@ class Assembly:
     Attributes:
         bundle: parameters of couplings, and where the records of each rope are.
         moving: motion of couplings.
-        spare: two more of that, without the response to bullwheels.
+        spare: two more records of that motion, without the response to bullwheels.
         scratch: of the solver, for couplings.
     """
 
     def __init__(self, ropes: Sequence[Rope], couplings: Couplings | None = None, like: Assembly | None = None) -> None:
-        """Assemble ropes, whose states are in one block, and their couplings, none where not given.
+        """Assemble ropes, whose states are in one block of memory, and their couplings, none where not given.
 
-        Kernels of a rope whose number they know have nothing for couplings: it is by itself.
+        A rope whose number is known at compile time is by itself: its kernels have no code for couplings.
 
-        With another assembly, whose states and workspaces the ropes have, its memory serves for the rest as well.
+        With `like`, an assembly whose states and workspaces the ropes have, its memory serves for the rest as well.
         """
         first = ropes[0]
         dim = len(first.system.cable.gravity)
@@ -150,17 +150,17 @@ class Assembly:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """Arguments of an integrator before the number of steps, ready for kernels."""
+        """Packed arguments of an integrator kernel, all before the number of steps."""
         return *self._couplings, *self._rope
 
     @property
     def relaxed(self) -> tuple[Any, ...]:
-        """Arguments of `relaxation.relax` before the tolerance, ready for kernels."""
+        """Packed arguments of the kernel `relaxation.relax`, all before the tolerance."""
         bundle, moving, good, _, scratch = self._couplings
         return bundle, moving, good, scratch, *self._rope
 
     def put(self, row: int, system: Any) -> None:
-        """Replace the parameters of a rope by others of equal type, packed or not."""
+        """Replace the parameters of rope number `row` by others of equal type, packed or not."""
         if self._systems[row] is not system:
             self._addresses.write(row, SYSTEM, system)
             self._systems[row] = system

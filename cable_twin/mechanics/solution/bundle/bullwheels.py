@@ -36,7 +36,7 @@ NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 @kernel
 def move_bullwheels(sheaves, motion, c, h):
-    """Advance all bullwheels and their carriages by `h` (s): prescribed motion, or prediction of the iteration."""
+    """Advance all bullwheels and their tensioning carriages by `h` (s): prescribed motion, or Newton's prediction."""
     for sheave in range(sheaves.inertia.size):
         turn_wheel(sheaves, motion, sheave, c, h)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
@@ -84,10 +84,10 @@ def turn_wheel(sheaves, motion, sheave, c, h):
 
 @kernel
 def drive_rim(sheaves, motion, sheave, net, inertia, h):
-    """Advance one rim by `h` (s) under its drive, or brake and bearings, against a net rope force (N).
+    """Advance a bullwheel's rim by `h` (s) under its drive, or brake and bearings, against a net rope force (N).
 
     Returns:
-        Whether its forces turn it and the rope with it, which is left to do; and its acceleration (m/s²).
+        Whether forces turn the wheel with the rope, which the caller still has to advance; acceleration (m/s²).
     """
     rim, speed, place = motion.rim, motion.rim.velocity[sheave], motion.rim.position[sheave]
     by_brake = motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0
@@ -113,14 +113,14 @@ def drive_rim(sheaves, motion, sheave, net, inertia, h):
 
 @kernel
 def friction_on_rope(sheaves, motion, sheave, sense):
-    """Force (N) of a rim on a slipping rope; `sense` is 1 for a faster rim, -1 for a slower one."""
+    """Friction force (N) of a bullwheel's rim on a slipping rope; `sense` 1 for a faster rim, -1 for a slower one."""
     share = motion.stretch[sheave] * (sheaves.adhesion[sheave] - 1.0)
     return share * max(motion.tension[sheave, 1], 0.0) if sense > 0 else -share * max(motion.tension[sheave, 0], 0.0)
 
 
 @kernel
 def resisting(sheaves, motion, sheave, h):
-    """Resisting force (N) of bearings and brake of a wheel: against its motion, or up to the driving force at rest."""
+    """Resisting force (N) of bearings and brake of a bullwheel: against motion, or up to the driving force at rest."""
     against = sheaves.resistance[sheave]
     if motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0:
         motion.drives.braking_time[sheave] += h
@@ -145,7 +145,7 @@ def move_cylinder(sheaves, motion, sheave, h):
 
 @kernel
 def add_increment(kind, row, c, h, delta):
-    """Newmark correction of one coordinate, see `newmark.correct`."""
+    """Apply a Newton increment to one coordinate and its rates, see `newmark.correct`."""
     by_acceleration, by_velocity = factors(c, h)
     kind.position[row] += delta
     kind.velocity[row] += by_velocity * delta
@@ -155,7 +155,7 @@ def add_increment(kind, row, c, h, delta):
 
 @kernel
 def correct_bullwheels(sheaves, motion, increments, c, h):
-    """Apply the Newton increments (2 wheels,) in m of rope over each wheel and of its carriage."""
+    """Apply the Newton increments (2 wheels,) in m of rope over each bullwheel and of its tensioning carriage."""
     for sheave in range(sheaves.inertia.size):
         moved, travelled = increments[2 * sheave], increments[2 * sheave + 1]
         if motion.by_forces[sheave] != NOTHING:
@@ -168,7 +168,7 @@ def correct_bullwheels(sheaves, motion, increments, c, h):
 
 @kernel
 def missing_rope(sheaves, motion, sheave, mass_factor):
-    """Residual force (N) on the rope over a wheel, and its tangent (N/m) without that of the strands."""
+    """Residual force (N) on the rope over a bullwheel, and its tangent (N/m) without that of the strands."""
     force = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
     inertia, slipping = sheaves.wrapped[sheave], motion.slipping[sheave]
     if slipping == 0:
@@ -181,7 +181,7 @@ def missing_rope(sheaves, motion, sheave, mass_factor):
 
 @kernel
 def tension_shares(sheaves, motion, sheave):
-    """Factors of the tensions, of the strand that comes and of that which leaves, in the force on rope over a wheel."""
+    """Factors of the incoming and the outgoing tension in the residual force on the rope over a bullwheel."""
     slipping = motion.slipping[sheave]
     on = sheaves.adhesion[sheave] if slipping < 0 and motion.tension[sheave, 0] > 0.0 else 1.0
     off = sheaves.adhesion[sheave] if slipping > 0 and motion.tension[sheave, 1] > 0.0 else 1.0
@@ -228,7 +228,7 @@ def wheels_gone_back(motion):
 
 @kernel
 def hold_again(motion, sheave):
-    """Let a slipping rope stick to the rim again at equal speeds."""
+    """Let a slipping rope stick to its bullwheel's rim again at equal speeds."""
     rim, rope = motion.rim, motion.rope
     if (rim.velocity[sheave] - rope.velocity[sheave]) * motion.slipping[sheave] < 0.0:
         motion.slipping[sheave] = 0
@@ -238,7 +238,7 @@ def hold_again(motion, sheave):
 
 @kernel
 def way_back(motion, sheave):
-    """Rollback (m) of a rim without speed control; in either direction before any drive has turned the rim."""
+    """Rollback (m) of a bullwheel's rim without speed control; in either direction before any drive has turned it."""
     mode, place = motion.drives.mode[sheave], motion.rim.position[sheave]
     wanted = motion.drives.target[sheave] if mode == SPEED else motion.drives.force[sheave] if mode == FORCE else 0.0
     if motion.drives.braking[sheave]:
@@ -254,7 +254,7 @@ def way_back(motion, sheave):
 
 @kernel
 def stop_wheel(sheaves, motion, sheave):
-    """Begin the emergency stop of one wheel: by its brake, or else by its drive."""
+    """Begin the emergency stop of one bullwheel: by its brake, or else by its drive."""
     if not motion.drives.braking[sheave]:
         motion.drives.braking_time[sheave] = 0.0
     motion.drives.braking[sheave], motion.drives.target[sheave] = True, 0.0
@@ -265,7 +265,7 @@ def stop_wheel(sheaves, motion, sheave):
 
 @kernel
 def observe_bullwheels(sheaves, motion, driven, numbers, columns):
-    """Fill the columns of all bullwheels, and of the drives `numbers` (n,) of the wheels `driven` (n,)."""
+    """Fill the frame columns of all bullwheels, and of the drives `numbers` (n,) of the wheels `driven` (n,)."""
     for sheave in range(sheaves.inertia.size):
         rim, rope = motion.rim, motion.rope
         columns.sheave_position[sheave], columns.sheave_speed[sheave] = rope.position[sheave], rope.velocity[sheave]

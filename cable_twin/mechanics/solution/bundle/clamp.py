@@ -1,4 +1,4 @@
-"""Clamp of a carriage that slides on a track rope to a haul rope: rigid constraint with a multiplier.
+"""Clamp to a haul rope of a vehicle that slides on a track rope: rigid constraint with a multiplier.
 
 The clamp is rigid, p + o = q: the place p = S(n) e of the joint, with the offset o of the clamp from it, is that of the
 other rope q = S(l) e_h at its arc length l. The multiplier F is the force of the other rope on the carriage. The track
@@ -48,9 +48,9 @@ RAILS = 12.0  # m after that, over which its rails carry a part of those
 
 @kernel
 def clamp_coordinate(system, state, place, loop_length):
-    """Arc length (m) on the mesh of a rope of a clamp at `place` (m) before any rope travel.
+    """Present arc length (m) on a rope's mesh of a clamp that was at `place` (m) before any rope travel.
 
-    On a loop, where its length (m) is not 0, it comes round again.
+    On a loop, of a `loop_length` (m) other than 0, it is taken modulo that length.
     """
     way = place - state.loop_start[0] + state.rope.position[0]
     if loop_length > 0.0:
@@ -60,7 +60,7 @@ def clamp_coordinate(system, state, place, loop_length):
 
 @inlined_kernel
 def clamp_gap(bundle, moving, clamp, system, state, like):
-    """Gap (dim,) in m between a clamp on its carriage and its place on the other rope."""
+    """Gap (dim,) in m between a vehicle's clamp and its place on the rope that it holds."""
     rope, carriage = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp]
     track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
     other = moving.clamp_rope[clamp]
@@ -73,10 +73,10 @@ def clamp_gap(bundle, moving, clamp, system, state, like):
 
 @kernel
 def find_clamps(bundle, moving, system, state, h):
-    """Find rope and place of each clamp after `h` (s); clamps beyond all meshes hold no rope and carry no force.
+    """Find rope and arc length that each clamp holds after `h` (s); clamps beyond all meshes hold none, without force.
 
-    One that takes hold under way does so where its rope is, and as fast as that goes away from it: what is between them
-    is then closed with a speed and an acceleration that begin and end with no force.
+    A clamp that takes hold under way starts from its gap to the rope and the rate of that gap; both are then brought to
+    zero smoothly, so that the clamp force begins and ends without a jump.
     """
     clamps, like = bundle.clamps, system.cable.gravity
     for clamp in range(clamps.rope.size):
@@ -128,7 +128,7 @@ def what_is_left(moving, clamp, like):
 
 @inlined_kernel
 def gap_rate(bundle, moving, clamp, system, state, like):
-    """Rate (dim,) in m/s of the gap of a clamp before closing."""
+    """Rate (dim,) in m/s of the gap between a vehicle's clamp and its rope, before closing."""
     rope, carriage, other = bundle.clamps.rope[clamp], bundle.clamps.carriage[clamp], moving.clamp_rope[clamp]
     track, here = record_at(bundle.records[rope, SYSTEM], system), record_at(bundle.records[rope, STATE], state)
     haul, there = record_at(bundle.records[other, SYSTEM], system), record_at(bundle.records[other, STATE], state)
@@ -141,14 +141,14 @@ def gap_rate(bundle, moving, clamp, system, state, like):
 
 @inlined_kernel
 def rail_share(length, place):
-    """Share of the weight of a carriage on the station rails, at a `place` (m) of a track of a `length` (m)."""
+    """Share of a vehicle's weight on the station rails, at a `place` (m) of a track of a `length` (m)."""
     u = min(max((min(place, length - place) - STATION) / RAILS, 0.0), 1.0)
     return 1.0 + u * u * u * (-10.0 + u * (15.0 - 6.0 * u))
 
 
 @inlined_kernel
 def carried_mass(carriages, carriage):
-    """Mass (kg) of all bodies of a carriage, with payload."""
+    """Mass (kg) of all bodies of a vehicle, with payload."""
     mass = 0.0
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         mass += carriages.mass[body]
@@ -157,7 +157,7 @@ def carried_mass(carriages, carriage):
 
 @kernel
 def follow_clamps(bundle, moving, system, state):
-    """Update the places of all clamps after rope travel over bullwheels within the step."""
+    """Update the arc lengths of all clamps after rope travel over bullwheels within the step."""
     clamps = bundle.clamps
     for clamp in range(clamps.rope.size):
         for row in range(clamps.choice_offset[clamp], clamps.choice_offset[clamp + 1]):
@@ -171,7 +171,7 @@ def follow_clamps(bundle, moving, system, state):
 
 @kernel
 def add_clamps(bundle, moving, scratch, system, state, work, like):
-    """Write block and nodal couplings of each closed clamp, and add its force to the haul rope.
+    """Write matrix block and nodal couplings of each closed clamp, and add its force to the haul rope.
 
     Needs both ropes assembled, before their supports hold them: the row of the sliding coordinate is found there.
     """
@@ -235,7 +235,7 @@ def add_clamps(bundle, moving, scratch, system, state, work, like):
 
 @inlined_kernel
 def gap_to_close(bundle, moving, scratch, clamp, system, state, like):
-    """Gap (dim,) in m that an iteration closes: the full gap, or as much as `closing` allows."""
+    """Gap (dim,) in m of a clamp that a Newton iteration closes: the full gap, or as much as `closing` allows."""
     gap = clamp_gap(bundle, moving, clamp, system, state, like)
     size = sqrt(dot(gap, gap))
     return scale(min(1.0, scratch.closing[0] / size) if size > 0.0 else 1.0, gap)
@@ -243,7 +243,7 @@ def gap_to_close(bundle, moving, scratch, clamp, system, state, like):
 
 @kernel
 def add_clamp_gaps(bundle, moving, scratch, system, state, work):
-    """Write the gaps of all clamps to the patches of the nodes that their joints are at, before these are condensed."""
+    """Write the gaps of clamps whose joints are at following nodes to the patches of these, before condensation."""
     like = system.cable.gravity
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] >= 0:
@@ -257,7 +257,7 @@ def add_clamp_gaps(bundle, moving, scratch, system, state, work):
 
 @inlined_kernel
 def add_clamp_at_node(patch, diagonal, right, out, back, like):
-    """Write block and couplings of a clamp whose joint is at a node, from what condensation left of its patch."""
+    """Write block and couplings of a clamp whose joint is at a following node, from its condensed patch."""
     dim, square = len(like), outer(0.0, like, like)
     one, force, last = full(0.0, symmetric(0.0, 0.0, like), 1.0), clamp_row(dim), patch.shape[0]
     clear_array(diagonal)
@@ -274,7 +274,7 @@ def add_clamp_at_node(patch, diagonal, right, out, back, like):
 
 @inlined_kernel
 def hold_coupling(cable, node, k, out, back, like):
-    """Project the coupling `k` with a node onto the free directions of the support it is at, like `hold_ends`."""
+    """Project a clamp's coupling `k` with a node onto the free directions of the node's support, like `hold_ends`."""
     square = outer(0.0, like, like)
     for end in range(2):
         if node == (0 if end == 0 else cable.element_count):
@@ -287,7 +287,7 @@ def hold_coupling(cable, node, k, out, back, like):
 
 @kernel
 def recover_clamps(bundle, moving, scratch, state, work, like):
-    """Update the forces of all clamps, and store their sliding coordinates for `recover_joint`."""
+    """Update the forces of all clamps, and store the sliding coordinates of their vehicles for `recover_joint`."""
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] < 0:
             continue
@@ -315,7 +315,7 @@ def worst_clamp_gap(bundle, moving, system, state, like):
 
 @kernel
 def ride_tracks(bundle, system, state):
-    """End a step: detach carriages at the end of their tracks, and attach carriages leaving a station."""
+    """End a step: detach vehicles at the end of their tracks, and attach vehicles that leave a station."""
     clamps, like = bundle.clamps, system.cable.gravity
     for clamp in range(clamps.rope.size):
         if clamps.loop_length[clamp] > 0.0:
@@ -335,7 +335,7 @@ def ride_tracks(bundle, system, state):
 
 @kernel
 def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_state):
-    """Detach or attach one carriage, clamped at `place` (m) of a strand with an `offset` (dim,) in m from its joint."""
+    """Detach or attach one vehicle, clamped at `place` (m) of a strand with an `offset` (dim,) in m from its joint."""
     carriage, loop_length = clamps.carriage[clamp], clamps.loop_length[clamp]
     s = clamp_coordinate(strand, strand_state, place, loop_length)
     length, ridden = strand.cable.unstrained_length, track.cable.unstrained_length
@@ -358,7 +358,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
 
 @kernel
 def speed_beside(strand, strand_state, s, track, track_state, place, like):
-    """Speed (m/s) and its rate along a track at an arc length, beside a moving point `s` (m) of a strand."""
+    """Speed (m/s) along a track at an arc length `place`, beside a moving point `s` (m) of a strand, and its rate."""
     own, beside = point_at(strand, strand_state, s), point_at(track, track_state, place)
     speed, rate = transport_velocity(strand, strand_state, s)
     r_x, along = slope(strand_state.nodes.position, own, like), slope(track_state.nodes.position, beside, like)

@@ -57,10 +57,10 @@ def connector_force(bundle, connector, state, like):
 
 @kernel
 def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_factor, like):
-    """Add all connectors to their end nodes, with the coupling of both nodes in `cross`.
+    """Add force and tangent of all connectors to their end nodes, the coupling of both nodes to `cross`.
 
     Returns:
-        How many have begun to pull, or ceased to, since the last look.
+        Number of connectors that have begun or ceased to pull since the last call.
     """
     connectors, changed = bundle.connectors, 0
     for connector in range(connectors.length.size):
@@ -90,7 +90,7 @@ def connector_forces(bundle, state, like, forces):
 
 @kernel
 def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
-    """Add the Rayleigh damping of one rope.
+    """Add the Rayleigh damping of one rope to its residual and tangent.
 
     Args:
         cable: its parameters.
@@ -110,7 +110,7 @@ def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
 
 @formula
 def damp_element(element, length, mass, tension, rates, rate_factor, diagonal, upper, lower, right_side):
-    """Add the damping of one element beside no load: by α times its mass (kg/s), and by β T over its length (N s/m)."""
+    """Add the Rayleigh damping of an element beside no load: α times its mass (kg/s), β T over its length (N s/m)."""
     for i in range(4):
         total = 0.0 * rates[i]
         for j in range(4):

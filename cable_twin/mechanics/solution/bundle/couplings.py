@@ -1,6 +1,6 @@
 """Couplings of ropes in a step of generalized-alpha: bullwheels, clamps, connectors, pantographs.
 
-Forces between ropes as input to the readout of section forces, `readout.sections`.
+Also forces between ropes as input to the readout of section forces, `readout.sections`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def place_couplings(bundle, moving, system, state, c, h):
 def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor):
     """Add all couplings to the residuals and tangents of the ropes; returns the number of changed contacts.
 
-    Bullwheels take part where ropes move in time, with a rate factor.
+    Bullwheels take part in time integration only, with a rate factor above 0.
     """
     like, wires = system.cable.gravity, bundle.wires
     wheels = bundle.sheaves.inertia.size > 0 and rate_factor > 0.0
@@ -87,13 +87,13 @@ def correct_couplings(bundle, moving, scratch, system, state, c, h):
 
 @kernel
 def worst_coupling_gap(bundle, moving, system, state):
-    """Largest gap (m) of all constraints between two ropes."""
+    """Largest gap (m) of all position constraints between two ropes."""
     return worst_clamp_gap(bundle, moving, system, state, system.cable.gravity)
 
 
 @kernel
 def end_couplings(bundle, moving, system, state):
-    """End a step: store tensions and traction at bullwheels, and transfer carriages between tracks and stations."""
+    """End a step: store tensions and traction at bullwheels, and transfer vehicles between tracks and stations."""
     update_end_tensions(bundle, moving.sheaves, system, state)
     end_bullwheels(bundle.sheaves, moving.sheaves)
     ride_tracks(bundle, system, state)
@@ -101,7 +101,7 @@ def end_couplings(bundle, moving, system, state):
 
 @kernel
 def give_forces(bundle, moving, system, state, sections):
-    """Add the present forces of clamps, connectors and pantographs to the sections of each rope."""
+    """Register the present forces of clamps, connectors and pantographs as point loads in the sections of each rope."""
     like = system.cable.gravity
     for rope in range(bundle.records.shape[0]):
         record_at(bundle.records[rope, SECTIONS], sections).given[0] = 0

@@ -38,7 +38,7 @@ CLAMP_NODES = 4  # of the element with its joint, and of that to which it is cla
 
 
 def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
-    """Indices of the connectors in their common order along all ropes.
+    """Indices of the connectors in an order that holds along all ropes.
 
     Args:
         ropes: (connectors, 2).
@@ -55,7 +55,10 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
     while len(sequence) < len(ropes):
         ready = {w[-1] for w in waiting.values() if w and all(waiting[r][-1] == w[-1] for r in ropes[w[-1]].tolist())}
         if not ready:
-            raise ValueError("connectors cross each other")
+            raise ValueError(
+                f"connectors {sorted({*range(len(ropes))} - {*sequence})}: given ends that cross each other; "
+                "allowed: one order along all their ropes"
+            )
         for connector in sorted(ready):
             sequence.append(connector)
             for rope in ropes[connector].tolist():
@@ -64,7 +67,7 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
 
 
 def lines_of(count: int, pairs: IntArray) -> list[int]:
-    """Line number of each rope; ropes coupled directly or through other ropes share a line.
+    """Number of the line (group of coupled ropes) of each rope; ropes coupled directly or through others share one.
 
     Args:
         count: number of ropes.
@@ -83,7 +86,7 @@ def order_of(
     along: list[FloatArray] | None = None,
     lines: list[int] | None = None,
 ) -> Order:
-    """Elimination order of all nodes: ropes advance side by side from connector to connector.
+    """Elimination order of the nodes of coupled ropes: ropes advance side by side from connector to connector.
 
     Args:
         nodes: number of nodes of each rope that something holds to another one, 0 of each other rope.
@@ -91,8 +94,8 @@ def order_of(
         connected: (connectors, 2) nodes; connectors in the order in which they follow each other along the ropes.
         along: of each rope (nodes,) m along the track: between two connectors, nodes follow each other by that;
             without it, rope by rope.
-        lines: of each rope, where some are coupled by nothing, as by `lines_of`: connectors of a line follow each
-            other, and so does all that is on it, so that its front is as small as that of a line alone.
+        lines: of each rope, as of `lines_of`, where some ropes are not coupled: connectors and nodes of a line come
+            one after another, so that the front is as small as that of one line alone.
 
     Raises:
         ValueError: two connectors cross each other.
@@ -116,7 +119,7 @@ def order_of(
         ended = {one for one in line if one < line[pair[0]]}
         go_on({one: count for one, count in enumerate(nodes) if line[one] in ended})
         if any(place < front[one] for one, place in zip(pair, places, strict=True)):
-            raise ValueError(f"connector {number} crosses the one before it")
+            raise ValueError(f"connector {number}: given nodes {places}, crosses one before it; allowed: later nodes")
         go_on(dict(zip(pair, places, strict=True)))
         at.append(len(node))
     for number in sorted({*line}):
@@ -129,9 +132,9 @@ def order_of(
 
 @kernel
 def solve_bundle(bundle, scratch, work, like):
-    """Solve for the increments of all nodes, in their `right_side`, and clamps; `upper` becomes a factor.
+    """Solve the equations of coupled ropes for the increments of all nodes, in `right_side`, and clamps.
 
-    The columns of the bullwheels, as many as `slots` says of a rope, become those of the solution.
+    The columns of the bullwheels, `slots` of each rope, become their solutions; `upper` becomes a factor.
 
     Args:
         bundle: parameters.
@@ -197,7 +200,7 @@ def solve_bundle(bundle, scratch, work, like):
 
 @kernel
 def eliminate_runs(bundle, rope, own, scratch, like):
-    """Eliminate all nodes of a rope between those that something holds to another one, four runs of them at a time."""
+    """Eliminate the nodes of a rope between its nodes coupled to another one, four runs of them at a time."""
     columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
     matrices, node = (own.diagonal, own.upper, own.lower, own.right_side, columns, count), scratch.coupled_from[rope]
     while node < scratch.coupled_to[rope]:
@@ -209,7 +212,7 @@ def eliminate_runs(bundle, rope, own, scratch, like):
 
 @kernel
 def substitute_runs(bundle, rope, own, scratch, like):
-    """Back substitution of what `eliminate_runs` eliminated."""
+    """Back-substitute the runs of nodes that `eliminate_runs` has eliminated."""
     columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
     node = scratch.coupled_from[rope]
     while node < scratch.coupled_to[rope]:
@@ -220,10 +223,10 @@ def substitute_runs(bundle, rope, own, scratch, like):
 
 @kernel
 def next_runs(bundle, rope, node, scratch):
-    """Find the next four runs of nodes of a rope from a kept `node` on; what is missing of four repeats the last one.
+    """Find the next four runs of a rope's uncoupled nodes from a kept `node` on; the last run is repeated to fill four.
 
     Returns:
-        The kept node after them, and how many there are.
+        The kept node after the runs, and the number of different runs.
     """
     first, number = bundle.order.first[rope], 0
     while number < 4 and node < scratch.coupled_to[rope]:
@@ -237,7 +240,7 @@ def next_runs(bundle, rope, node, scratch):
 
 @inlined_kernel
 def ends_of(bundle, rope, own, scratch):
-    """Arguments of `substitute_ends` of a rope with its workspace `own`, but the last one."""
+    """Arguments of `substitute_ends` for a rope with its workspace `own`, all but the last one."""
     columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
     kept = scratch.coupled_from[rope], scratch.coupled_to[rope]
     return own.upper, own.lower, own.right_side, columns, scratch.slots[rope], *kept
@@ -245,7 +248,7 @@ def ends_of(bundle, rope, own, scratch):
 
 @kernel
 def note_touches(bundle, scratch):
-    """List the clamps coupled to each node, find the coupled nodes of each rope, and clear the front."""
+    """List the clamps coupled to each node, find the coupled nodes of each rope, and clear the elimination front."""
     nodes, ropes, connectors = bundle.order.node.size, bundle.records.shape[0], bundle.connectors
     scratch.next_kept[:] = -1
     for rope in range(ropes):
@@ -283,7 +286,7 @@ def note_touches(bundle, scratch):
 
 @inlined_kernel
 def note_coupled(order, scratch, rope, node):
-    """Take a node among the coupled ones of its rope."""
+    """Record a node as coupled to another rope, and extend the range of its rope's coupled nodes."""
     scratch.next_kept[order.first[rope] + node] = node
     scratch.coupled_from[rope] = min(scratch.coupled_from[rope], node)
     scratch.coupled_to[rope] = max(scratch.coupled_to[rope], node)
@@ -291,7 +294,7 @@ def note_coupled(order, scratch, rope, node):
 
 @inlined_kernel
 def link(connectors, connector, scratch, like):
-    """Couple the nodes of two ropes at the front of the elimination."""
+    """Add the coupling by a connector to the front nodes of its two ropes."""
     a, b = connectors.rope[connector, 0], connectors.rope[connector, 1]
     cross = load(scratch.cross[connector], outer(0.0, like, like))
     if not scratch.linked[a, b]:
@@ -302,7 +305,7 @@ def link(connectors, connector, scratch, like):
 
 @inlined_kernel
 def connect(a, b, scratch, like):
-    """Mark two members of the front as coupled, by zero blocks."""
+    """Mark two members of the elimination front as coupled, with zero coupling blocks."""
     nothing = no_node(like)
     store_node(nothing, scratch.fill[a, b])
     store_node(nothing, scratch.fill[b, a])
@@ -311,7 +314,7 @@ def connect(a, b, scratch, like):
 
 @kernel
 def link_clamp(ropes, touch, rope, scratch, like):
-    """Couple the front node of a rope with a clamp; a clamp joins the front at its first node."""
+    """Add the coupling of a clamp with the front node of a rope; the clamp joins the front at its first node."""
     clamp, k, square = touch // CLAMP_NODES, touch % CLAMP_NODES, outer(0.0, like, like)
     if scratch.member[clamp] < 0:
         place = ropes
@@ -330,7 +333,7 @@ def link_clamp(ropes, touch, rope, scratch, like):
 
 @inlined_kernel
 def at_front(bundle, member, scratch, work):
-    """Diagonal block, right side and columns of a member of the front."""
+    """Diagonal block, right side and columns of a member (rope node or clamp) of the elimination front."""
     place = scratch.front[member]
     if member < bundle.records.shape[0]:
         own = record_at(bundle.records[member, WORK], work)
@@ -340,7 +343,7 @@ def at_front(bundle, member, scratch, work):
 
 @kernel
 def eliminate(bundle, event, rope, node, scratch, work, like):
-    """Eliminate the front node of a rope from the equations of its next node and of the other members of the front."""
+    """Eliminate the front node of a rope from the equations of its next node and of the other front members."""
     square = outer(0.0, like, like)
     own = record_at(bundle.records[rope, WORK], work)
     inverse, missing = invert_node(load_node(own.diagonal[node], square))
@@ -377,7 +380,7 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
 
 @kernel
 def eliminate_clamp(bundle, event, clamp, scratch, work, like):
-    """Eliminate a clamp from the equations of the front, and free its place in the front."""
+    """Eliminate a clamp from the equations of the elimination front, and free its place in the front."""
     member, square = scratch.member[clamp], outer(0.0, like, like)
     inverse, missing = invert_node(load_node(scratch.clamp_diagonal[clamp], square))
     if missing != 0.0:
@@ -395,14 +398,14 @@ def eliminate_clamp(bundle, event, clamp, scratch, work, like):
 
 @inlined_kernel
 def apply_to_columns(block, columns, count, square):
-    """Multiply the first `count` columns (blocks, 2, dim²) of a member by a node block, in place."""
+    """Multiply the first `count` columns (blocks, 2, dim²) of a front member by a node block, in place."""
     for b in range(count):
         store_pair(apply_node(block, load_pair(columns[b], square)), columns[b])
 
 
 @inlined_kernel
 def eliminate_beside(bundle, event, member, inverse, right, wheel_columns, count, scratch, work, like):
-    """Eliminate a member from the equations of the rest of the front; keeps the blocks for its back substitution."""
+    """Eliminate a member from the equations of all others at the front; keep the blocks for its back substitution."""
     square, width = outer(0.0, like, like), scratch.width[0]
     scratch.width_then[event] = width
     for other in range(width):
@@ -431,7 +434,7 @@ def eliminate_beside(bundle, event, member, inverse, right, wheel_columns, count
 
 @inlined_kernel
 def substitute_beside(bundle, event, right, wheel_columns, count, scratch, work, like):
-    """Back substitution of a member, right side and columns, from the members coupled to it at its elimination."""
+    """Back-substitute a front member, right side and columns, from the members coupled to it at its elimination."""
     square = outer(0.0, like, like)
     for other in range(scratch.width_then[event]):
         if scratch.used[event, other]:
@@ -444,7 +447,7 @@ def substitute_beside(bundle, event, right, wheel_columns, count, scratch, work,
 
 @kernel
 def substitute(bundle, event, rope, node, scratch, work, like):
-    """Back substitution of one node."""
+    """Back-substitute one node of a rope, from its next node and the other members of its front."""
     own, square = record_at(bundle.records[rope, WORK], work), outer(0.0, like, like)
     columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
     if node < scratch.coupled_to[rope]:
@@ -457,7 +460,7 @@ def substitute(bundle, event, rope, node, scratch, work, like):
 
 @kernel
 def substitute_clamp(bundle, event, clamp, scratch, work, like):
-    """Back substitution of a clamp, force and sliding coordinate, with its return to the front."""
+    """Back-substitute one clamp's force and sliding coordinate, and put the clamp back into the elimination front."""
     scratch.front[scratch.member[clamp]] = clamp
     columns, count = scratch.clamp_columns[clamp], scratch.slots[bundle.clamps.rope[clamp]]
     substitute_beside(bundle, event, scratch.clamp_right[clamp], columns, count, scratch, work, like)

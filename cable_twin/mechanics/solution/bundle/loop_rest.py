@@ -1,4 +1,4 @@
-"""Equilibrium of a loop: distribution of rope among strands, and positions of tensioning devices.
+"""Equilibrium of a closed rope loop: distribution of rope among strands, and positions of tensioning devices.
 
 A bullwheel without a drive lets rope through until both its strands pull the same; a counterweight moves until they
 pull as much as it does. The unknowns, one displacement of each, are found by Newton's method, in which each strand is
@@ -37,11 +37,11 @@ def settle_loop(
         sheaves: the wheels.
         motion: their motion, at rest, from which this goes on.
         lengths: (ropes,) m, of the strands.
-        relax: brings all ropes to rest with the ends that `motion` gives them, and notes what they pull with.
+        relax: brings all ropes to rest with the ends that `motion` gives them, and stores their tensions and pulls.
         tolerance: of the largest tension, by which a wheel may be off balance.
 
     Raises:
-        EquilibriumError: there is no rest with tensions that can be, or it is not found.
+        EquilibriumError: there is no equilibrium with finite tensions, or the iteration does not find it.
     """
     free = np.flatnonzero(sheaves.driven == 0) if np.any(sheaves.driven) else np.arange(1, sheaves.driven.size)
     pulled = np.flatnonzero(sheaves.tensioning != FIXED)
@@ -57,7 +57,8 @@ def settle_loop(
         largest = float(np.abs(motion.tension).max())
         if not np.isfinite(left).all():
             raise EquilibriumError(
-                "no static equilibrium of the loop: a strand finds no shape; change the unstrained lengths of its ropes"
+                f"no static equilibrium of the loop: given strands of {', '.join(f'{one:.6g}' for one in lengths)} m, "
+                "one of which has no equilibrium of its own; allowed: other unstrained lengths of its ropes"
             )
         if np.abs(left).max(initial=0.0) < tolerance * largest:
             break
@@ -73,8 +74,9 @@ def settle_loop(
         left = residual()
     else:
         raise EquilibriumError(
-            f"no static equilibrium of the loop after {MOST_ITERATIONS} iterations: its bullwheels are "
-            f"{with_unit(np.abs(left).max(), 'N', 3)} off balance; change the unstrained lengths of its ropes"
+            f"no static equilibrium of the loop after {MOST_ITERATIONS} iterations: given strands of "
+            f"{', '.join(f'{one:.6g}' for one in lengths)} m, with which its bullwheels are "
+            f"{with_unit(np.abs(left).max(), 'N', 3)} off balance; allowed: other unstrained lengths of its ropes"
         )
 
 

@@ -30,14 +30,14 @@ def find_place(cable, state, arc_length, x):
 
 @inlined_kernel
 def push_direction(nodes, point, up, like):
-    """Direction (dim,) of the push of the head on the rope, with a vertical component of 1."""
+    """Direction (dim,) of the push of a pantograph's head on the rope, with a vertical component of 1."""
     r_x = slope(nodes.position, point, like)
     return add_scaled(-dot(r_x, up) / r_x[0], along_track(like), up)
 
 
 @inlined_kernel
 def springs_and_inertia(pantographs, moving, pantograph, stage):
-    """Upward force (N) on a stage of the springs and dampers above and below, less the inertia of the stage."""
+    """Upward force (N) of the springs and dampers on a stage of a pantograph, less the inertia of the stage."""
     z, z_dot = moving.stages.position[pantograph], moving.stages.velocity[pantograph]
     last = z.size - 1
     force = -pantographs.mass[pantograph, stage] * moving.stages.acceleration[pantograph, stage]
@@ -55,7 +55,7 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
     """Condense all pantographs and add their contact to the ropes.
 
     Returns:
-        How many have touched, or lost, their rope since the last look.
+        Number of pantographs that have touched or lost their rope since the last call.
     """
     changed, up = 0, load(bundle.up, like)
     for pantograph in range(bundle.pantographs.rope.size):
@@ -88,7 +88,7 @@ def add_pantographs(bundle, moving, scratch, system, state, work, mass_factor, r
 
 @inlined_kernel
 def add_push_tangent(nodes, point, push, stiff, force, own):
-    """Add the derivative of the push on the rope by the nodes beside it: of its size, direction and place.
+    """Add the tangent of a pantograph's push to the rope nodes beside it: by size, direction and place of the push.
 
     With x(s) = X at the head, Δs = -e_x·S Δe / x', and Δ(z'/x') = p·(S_x Δe + r_xx Δs) / x' of the direction p.
 
@@ -111,7 +111,7 @@ def add_push_tangent(nodes, point, push, stiff, force, own):
 
 @kernel
 def condense_stages(pantographs, moving, scratch, pantograph, contact, force, factors):
-    """Eliminate the stages from the base up to the head; keeps the factors for `recover_pantographs`.
+    """Eliminate a pantograph's stages from the base up to the head; keep the factors for `recover_pantographs`.
 
     Returns:
         Increment of the head (m) if the rope stays, and its share (m/N) of a force on it.
@@ -142,7 +142,7 @@ def condense_stages(pantographs, moving, scratch, pantograph, contact, force, fa
 
 @kernel
 def recover_pantographs(bundle, moving, scratch, state, system, work, stiffness_factor, like):
-    """Increments of all stages from the increments of the ropes; returns the largest (m)."""
+    """Recover the increments of all pantograph stages from those of the ropes; return the largest (m)."""
     largest, up = 0.0, load(bundle.up, like)
     for pantograph in range(bundle.pantographs.rope.size):
         rope = bundle.pantographs.rope[pantograph]

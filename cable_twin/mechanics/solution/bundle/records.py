@@ -51,7 +51,7 @@ class Pantographs(NamedTuple):
 
 @by_reference
 class Clamps(NamedTuple):
-    """Clamps of carriages to a second rope; each may hold several ropes, one after another."""
+    """Clamps of vehicles to a second rope; each may hold several ropes, one after another."""
 
     rope: IntArray  # (clamps,) on which the carriage slides
     carriage: IntArray  # (clamps,) its row among all vehicles
@@ -66,7 +66,7 @@ class Clamps(NamedTuple):
 
 @by_reference
 class Wires(NamedTuple):
-    """Rayleigh damping of ropes, proportional to mass and to the geometric stiffness of tension."""
+    """Rayleigh damping coefficients of ropes, proportional to mass and to the geometric stiffness of tension."""
 
     by_mass: FloatArray  # (ropes,) 1/s
     by_stiffness: FloatArray  # (ropes,) s
@@ -156,7 +156,7 @@ class BullwheelMotion(NamedTuple):
 
 @by_reference
 class WheelResponse(NamedTuple):
-    """Response of the ropes to their bullwheels, kept from step to step, with what it was found for."""
+    """Response of the ropes to their bullwheels, kept from step to step, with the conditions it was computed for."""
 
     left: Annotated[IntArray, Of("kept", 1), Range(0, SERVES)]  # iterations for which it may still serve
     mass_factor: Annotated[FloatArray, Of("kept", 1, unit="1/s²")]  # of the integrator
@@ -250,7 +250,7 @@ class BundleWork(NamedTuple):
 
 @inlined_kernel
 def rope_of(bundle, rope, system, state, work):
-    """Parameters, state and workspace of one rope; `system`, `state`, `work` of any rope give their types."""
+    """Parameters, state and workspace of rope number `rope`; `system`, `state`, `work` of any rope give the types."""
     own = bundle.records[rope]
     return record_at(own[SYSTEM], system), record_at(own[STATE], state), record_at(own[WORK], work)
 
@@ -263,13 +263,13 @@ def copy_ropes(bundle, source, target, state):
 
 @inlined_kernel
 def copy_motion(moving, kept):
-    """Write the motion of couplings into `kept`, which has no response to bullwheels."""
+    """Copy the motion of couplings into `kept`, a record without the response to bullwheels."""
     copy_array(moving.memory[: kept.memory.size], kept.memory)
 
 
 @inlined_kernel
 def take_motion(kept, moving):
-    """Write the motion of couplings back from what `copy_motion` has kept."""
+    """Restore the motion of couplings from a copy made by `copy_motion`."""
     copy_array(kept.memory, moving.memory[: kept.memory.size])
 
 
@@ -277,7 +277,7 @@ BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `arrays_of` names th
 
 
 def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
-    """Sizes by name, for the array shapes in the records of coupled ropes."""
+    """Sizes of arrays by name, as "wheel" or "clamp", for the shapes declared in the records of coupled ropes."""
     clamps, connectors, nodes = bundle.clamps.rope.size, bundle.connectors.length.size, bundle.order.node.size
     pantographs, stages = bundle.pantographs.mass.shape
     coupled = bool(connectors or clamps)  # by what is eliminated beside their nodes
@@ -301,7 +301,7 @@ def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
 
 
 def allocate_bundle_state(bundle: Bundle, vehicles: int = 0, patch: int = 0, kept: int = 1) -> BundleState:
-    """Allocate the state of bullwheels, clamps and pantographs at rest; with `kept` 0 without response to bullwheels.
+    """Allocate the state of bullwheels, clamps and pantographs at rest; `kept` 0: without response to bullwheels.
 
     Of `vehicles` on the ropes those at a node have `patch` rows.
     """
@@ -314,5 +314,5 @@ def bullwheels_at_rest(count: int) -> BullwheelMotion:
 
 
 def allocate_bundle_work(bundle: Bundle, vehicles: int = 0, patch: int = 0) -> BundleWork:
-    """Allocate the solver's workspace for the couplings of ropes with `vehicles`, of `patch` rows where at a node."""
+    """Allocate the solver's workspace for couplings of ropes; `vehicles` at nodes have `patch` rows each."""
     return allocate(BundleWork, sizes_of_bundle(bundle) | {"vehicle": vehicles, "patch": patch})

@@ -1,11 +1,11 @@
 """Tangent of bullwheels: rope over a wheel and travel of its carriage as unknowns of Newton's method, beside the ropes.
 
-A wheel has two coordinates w, the rope u that goes over it where forces move that, and the travel y of its carriage
-where a counterweight pulls that. All of both strands feels them: K Δe + G Δw = R, with G the column of each node. The
-forces of a strand on its end, which the equations of the wheel have, are those of the end node before its support,
-R - K Δe - G Δw there. So the ropes are solved for R and for the columns G at once, x - Z Δw, and what is left are as
-many equations as wheels have coordinates. Z hardly changes from step to step and is kept for some: that is Newton's
-method with an older tangent for the increments of the wheels alone.
+A wheel has two coordinates w: the rope u over it, where forces move the rope, and the travel y of its carriage, where a
+counterweight pulls the carriage. All nodes of both strands depend on them: K Δe + G Δw = R, with G the columns of the
+nodes. The end forces of the strands in the equations of the wheel are those of the end node before its support,
+R - K Δe - G Δw there. So the ropes are solved for R and for the columns G at once, x - Z Δw, which leaves as many
+equations as wheels have coordinates. Z hardly changes from step to step and is kept for some: that is Newton's method
+with an older tangent for the increments of the wheels alone.
 
 The stretch, by which rope over the wheel counts, and the tangent of the rope at its end are varied, too. Drives,
 hydraulic cylinders and whether the rope slips are found before the iteration, and no part of it.
@@ -51,7 +51,7 @@ PART = 1e-5  # m, of rope over a wheel, for the difference that stands for a der
 
 @kernel
 def is_active(sheaves, motion, sheave, kind):
-    """Return whether a coordinate of a wheel is an unknown in this step."""
+    """Return whether a coordinate of a bullwheel, rope or carriage, is an unknown in this step."""
     if kind == ROPE:
         return motion.by_forces[sheave] != NOTHING
     return sheaves.tensioning[sheave] == COUNTERWEIGHT
@@ -59,10 +59,10 @@ def is_active(sheaves, motion, sheave, kind):
 
 @kernel
 def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
-    """Find the columns of all wheels whose coordinates are unknown, and those of loads at nodes, not condensed yet.
+    """Set up the columns of all bullwheels with unknown coordinates, and of loads at nodes, not condensed yet.
 
-    Bullwheels take part where ropes move in time, with a rate factor. There are no columns to solve for where the
-    response of an earlier iteration still serves.
+    Bullwheels take part in time integration only, with a rate factor above 0. There are no columns to solve for where
+    the response of an earlier iteration still serves.
     """
     sheaves, motion = bundle.sheaves, moving.sheaves
     scratch.slots[:] = 0
@@ -97,11 +97,11 @@ def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate
 
 @kernel
 def still_serves(bundle, moving, scratch, system, state, mass_factor):
-    """Return whether the kept response of the ropes still serves; if not, note what the next one is found for.
+    """Return whether the kept response of the ropes to bullwheels still serves; store the conditions for the next one.
 
-    It hardly changes from step to step, and a wheel's increment is small. Where a vehicle or a clamp comes to another
-    element, bodies get another mass, a rope begins or ceases to slip, or other coordinates of wheels are unknown, it is
-    found anew.
+    The response hardly changes from step to step, and a wheel's increment is small. Where a vehicle or a clamp comes to
+    another element, bodies get another mass, a rope begins or ceases to slip, or other coordinates of wheels are
+    unknown, it is computed anew.
     """
     response = moving.response
     serves = response.left[0, 0] > 0
@@ -135,13 +135,13 @@ def still_serves(bundle, moving, scratch, system, state, mass_factor):
 
 @inlined_kernel
 def is_found_now(response):
-    """Return whether the response of the ropes to their bullwheels is found in this iteration."""
+    """Return whether the response of the ropes to their bullwheels is computed in this iteration, not reused."""
     return response.left[0, 0] == SERVES
 
 
 @inlined_kernel
 def is_as_noted(noted, row, value):
-    """Return whether a value is the one that is noted in a row; it is noted there."""
+    """Return whether `value` equals the one stored in a row of `noted`, and store it there."""
     same = noted[row] == value
     noted[row] = value
     return same
@@ -151,7 +151,7 @@ def is_as_noted(noted, row, value):
 def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
     """Linearise all bullwheels with unknown coordinates; needs assembled, uncoupled ropes.
 
-    Their columns get the part of rope that runs over the wheel, their equations what the end of each strand has.
+    Their columns get the derivatives by rope over the wheel, their equations the forces at the ends of the strands.
     """
     sheaves, motion = bundle.sheaves, moving.sheaves
     for rope in range(scratch.slots.size):
@@ -176,10 +176,10 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
 
 @kernel
 def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_columns, slot):
-    """Add to the columns of loads at nodes what rope over one end changes on the elements beside them.
+    """Add to the columns of loads' patches the change of the elements beside loads by rope over one end.
 
-    That of their elements is the difference to their forces as they are, with `PART` of a metre of rope. A load that is
-    clamped to the rope goes along with it, on such an element too.
+    The change of the element forces is a finite difference, with `PART` (m) of rope. A load that is clamped to the rope
+    moves along with it, also where it is on such an element without a node of its own.
     """
     cable, like, count = system.cable, system.cable.gravity, work.patch_count[0]
     dim = len(like)
@@ -211,14 +211,14 @@ def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_
 
 @inlined_kernel
 def goes_along(system, state, carriage):
-    """Return whether a vehicle is clamped to the rope at a place of an element."""
+    """Return whether a vehicle is clamped to the rope within an element, not at a node that follows it."""
     clamped, riding = system.carriages.clamped[carriage], rides(system, state, carriage)
     return clamped and riding and not at_node(system.cable, state, carriage)
 
 
 @inlined_kernel
 def shift_rope(state, end, way, mass_factor, rate_factor):
-    """Let a `way` (m) of rope run over one end; returns way, speed and acceleration there before it."""
+    """Let a length `way` (m) of rope run over one end; return travel, speed and acceleration there before it."""
     kept = state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end]
     set_rope(state, end, (kept[0] + way, kept[1] + rate_factor * way, kept[2] + mass_factor * way))
     return kept
@@ -226,7 +226,7 @@ def shift_rope(state, end, way, mass_factor, rate_factor):
 
 @kernel
 def keep_joints(state, work):
-    """Keep the motion of all joints along the rope."""
+    """Store the motion of all vehicles' joints along the rope, for `put_joints_back`."""
     for carriage in range(work.along_kept.shape[0]):
         work.along_kept[carriage, 0] = state.joints.position[carriage]
         work.along_kept[carriage, 1] = state.joints.velocity[carriage]
@@ -235,7 +235,7 @@ def keep_joints(state, work):
 
 @kernel
 def put_joints_back(state, work):
-    """Put all joints, and the nodes that follow them, to what `keep_joints` has kept."""
+    """Restore the motion of all vehicles' joints along the rope, and of their nodes, from `keep_joints`."""
     for carriage in range(work.along_kept.shape[0]):
         state.joints.position[carriage] = work.along_kept[carriage, 0]
         state.joints.velocity[carriage] = work.along_kept[carriage, 1]
@@ -245,7 +245,7 @@ def put_joints_back(state, work):
 
 @kernel
 def shift_clamped(system, state, work, end, travel, mass_factor, rate_factor):
-    """Let nodes of loads that are clamped to the rope go along with a `travel` (m) of rope over one end."""
+    """Move the nodes that follow vehicles clamped to the rope along with a `travel` (m) of rope over one end."""
     for node in range(1, state.node_load.size - 1):
         carriage = state.node_load[node]
         held = carriage >= 0 and follows(state, node) and not shifts(state, work, node)
@@ -259,13 +259,13 @@ def shift_clamped(system, state, work, end, travel, mass_factor, rate_factor):
 
 @inlined_kernel
 def set_rope(state, end, course):
-    """Set way (m), speed (m/s) and acceleration (m/s²) of the rope over one end."""
+    """Set travel (m), speed (m/s) and acceleration (m/s²) of the rope over one end of a strand."""
     state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end] = course
 
 
 @kernel
 def carry_columns(state, columns, count, wheel_columns, like):
-    """Add the condensed columns of loads to the columns of the nodes beside the loads."""
+    """Add the condensed bullwheel columns of loads to the columns of the nodes beside the loads."""
     dim, first = len(like), 0
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
@@ -282,7 +282,7 @@ def carry_columns(state, columns, count, wheel_columns, like):
 
 @kernel
 def take_slots(bundle, scratch, sheave):
-    """Give the columns of a wheel their place among those of all ropes that it moves, and of what is held to those."""
+    """Assign a slot for the columns of a bullwheel to all ropes that are coupled to its two strands."""
     line = bundle.order.line
     first, second = line[bundle.sheaves.rope[sheave, 0]], line[bundle.sheaves.rope[sheave, 1]]
     for rope in range(line.size):
@@ -293,7 +293,7 @@ def take_slots(bundle, scratch, sheave):
 
 @kernel
 def clear_columns(bundle, scratch):
-    """Clear the columns of all ropes and clamps that are in use."""
+    """Clear the bullwheel columns, as far as in use, of all ropes and clamps."""
     for rope in range(scratch.slots.size):
         if scratch.slots[rope] > 0:
             scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1], : scratch.slots[rope]] = 0.0
@@ -302,7 +302,7 @@ def clear_columns(bundle, scratch):
 
 @kernel
 def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
-    """Add to a column the derivative by rope passing one end, of clamped vehicles and of tower friction."""
+    """Add to a column the derivative, by rope over one end, of clamped vehicles and of tower friction."""
     cable, towers, like = system.cable, system.towers, system.cable.gravity
     for carriage in range(system.carriages.fixed.size):
         beside = beside_load(cable, state, state.joint_element[carriage])
@@ -325,7 +325,7 @@ def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
 
 @inlined_kernel
 def end_of(bundle, sheave, side, system, state, work):
-    """End of a strand at a wheel: rope, its node, the node beside it, parameters, state, workspace."""
+    """End of a strand at a bullwheel: rope, its node, the node beside it, parameters, state, workspace."""
     rope = bundle.sheaves.rope[sheave, side]
     own, here, room = rope_of(bundle, rope, system, state, work)
     node = own.cable.element_count if side == 0 else 0
@@ -342,7 +342,7 @@ def unit_tangent(state, node, like):
 
 @kernel
 def read_ends(bundle, motion, sheave, system, state, work):
-    """Tensions, stretch and pull of both strands at a wheel, from the residuals of their end nodes."""
+    """Update tensions, stretch and pull of both strands at a bullwheel, from the residuals of their end nodes."""
     sheaves, like, pull, stretch = bundle.sheaves, system.cable.gravity, 0.0, 1.0
     direction = load(sheaves.direction[sheave], like)
     for side in range(2):
@@ -357,7 +357,7 @@ def read_ends(bundle, motion, sheave, system, state, work):
 
 @kernel
 def write_equations(bundle, moving, scratch, sheave, system, state, work, mass_factor, rate_factor):
-    """Write the equations of a wheel: right side, own coordinates, and the rows of both ends of strands."""
+    """Write the equations of a bullwheel: right side, own coordinates, and the rows of both ends of strands."""
     sheaves, motion, like, first = bundle.sheaves, moving.sheaves, system.cable.gravity, 2 * sheave
     right, matrix = scratch.wheel_increment, scratch.wheel_matrix
     right[first : first + 2] = 0.0
@@ -404,7 +404,7 @@ def write_equations(bundle, moving, scratch, sheave, system, state, work, mass_f
 def add_travel(bundle, moving, scratch, system, state, work):
     """Add moving carriages and clamps to the columns of bullwheels; then project the columns at the supports.
 
-    Needs all that couples ropes assembled, before supports hold them.
+    Needs all couplings of ropes assembled, before supports hold the ropes.
     """
     if not is_found_now(moving.response):
         return
@@ -435,7 +435,7 @@ def add_travel(bundle, moving, scratch, system, state, work):
 
 @kernel
 def add_clamped(bundle, moving, scratch, system, state, work):
-    """Add to the columns of wheels the clamps on their strands: places move with the rope, ends with carriages."""
+    """Add clamps to the columns of bullwheels on their strands: by places that move with rope, ends with carriages."""
     sheaves, like = bundle.sheaves, system.cable.gravity
     for clamp in range(bundle.clamps.rope.size):
         rope = moving.clamp_rope[clamp]
@@ -468,7 +468,7 @@ def add_clamped(bundle, moving, scratch, system, state, work):
 def recover_wheels(bundle, moving, scratch, system, state, work):
     """Increments of all bullwheels from the solutions of the ropes, in `wheel_increment`, and the ropes' response.
 
-    The response is kept; of an increment with one that was kept, a part is wrong, `LAGGING` of it at most.
+    The response is kept; an increment from an earlier response has an error of `LAGGING` times itself at most.
 
     Returns:
         Whether the equations of the wheels have a solution, and its largest increment (m).
@@ -497,7 +497,7 @@ def recover_wheels(bundle, moving, scratch, system, state, work):
 
 @kernel
 def subtract_ropes(bundle, response, scratch, sheave, system, state, work):
-    """Subtract the solutions of both strands from the equations of a wheel."""
+    """Subtract the solutions of both strands from the equations of a bullwheel."""
     like = system.cable.gravity
     for side in range(2):
         rope, node, beside, _, _, room = end_of(bundle, sheave, side, system, state, work)
@@ -548,7 +548,7 @@ def answer_wheel(bundle, moving, scratch, sheave, system, state, work):
 
 @kernel
 def carry_vehicles(system, state, work, end, travel):
-    """Add rope over one end, `travel` (m), to the increments of the joints of all vehicles clamped to the strand."""
+    """Add a `travel` (m) of rope over one end to the joint increments of all vehicles clamped to the strand."""
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):
             place = state.joints.position[carriage]
@@ -557,7 +557,7 @@ def carry_vehicles(system, state, work, end, travel):
 
 @kernel
 def solve_dense(matrix, right):
-    """Solve a small system in place by elimination with row pivots; returns whether it has a solution."""
+    """Solve a small dense linear system in place by elimination with row pivots; return whether it is solvable."""
     size = right.size
     for k in range(size):
         pivot = k

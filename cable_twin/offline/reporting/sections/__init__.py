@@ -1,4 +1,4 @@
-"""Sections of a report, each a class with a template of its own; a new one is a file here and a row of `SECTIONS`."""
+"""Sections of a report, each a class with a template of its own; a new section is a file and a row of `SECTIONS`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Assumptions: every number that is marked assumed, or has no source, in the inputs, limits and ways of sampling."""
+"""Section of a report on assumptions: inputs, limits and ways of sampling marked assumed or without a source."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class Assumptions:
-    """Section with all assumptions."""
+    """Section of a report with all assumptions."""
 
     title = "Assumptions"
     template = "assumptions.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Assumed inputs, defaults, limits, and ways of sampling."""
+        """Template data of the section: assumed inputs, defaults, limits and ways of sampling."""
         inputs = results.inputs
         limits: dict[tuple[str, str, str], int] = {}  # number of figures by quantity, limit and its source
         for one in results.figures:
@@ -41,5 +41,5 @@ class Assumptions:
 
 
 def grouped(rows: list[Input]) -> list[list[Input]]:
-    """Inputs, those of one section with one remark together."""
+    """Group successive inputs of one scenario section with an equal remark."""
     return [list(group) for _, group in groupby(rows, key=lambda one: (one.key.rpartition(".")[0], one.remark))]

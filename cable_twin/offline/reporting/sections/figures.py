@@ -1,4 +1,4 @@
-"""Table of key figures with limit, its source with clause, and verdict."""
+"""Section of a report with the table of key figures: value, limit, its source with clause, verdict."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class KeyFigureTable:
-    """Section with all key figures."""
+    """Section of a report with all key figures."""
 
     title = "Key figures"
     template = "figures.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Rows of the table, notes, and the summary of the limits."""
+        """Template data of the section: rows of the table, notes, sources of limits; None without key figures."""
         rows = [row_of(one, results, texts) for one in results.figures]
         notes = list(dict.fromkeys(row.note for row in rows if row.note))
         sources = list(dict.fromkeys(row.source for row in rows if row.source))
@@ -26,7 +26,7 @@ class KeyFigureTable:
 
 
 def limits_summary(results: Results, texts: Texts) -> tuple[str, list[str]]:
-    """Number of limits that are not kept, and names of the figures that pass them."""
+    """Text with the count of kept limits, and lines with the key figures that do not keep theirs."""
     limited = [one for one in results.figures if one.limit is not None]
     passed = [one for one in limited if one.verdict != "kept"]
     if not limited:

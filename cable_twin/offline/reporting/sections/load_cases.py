@@ -1,4 +1,4 @@
-"""Load cases with the figures that each governs, or the commands of the one that a run is."""
+"""Section of a report on load cases with the figures that each governs, or on the commands of a run."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ MOST = 200  # commands or cases in the table
 
 
 class LoadCases:
-    """Section with the load cases of an envelope, or with the load case of a run."""
+    """Section of a report with the load cases of an envelope, or with the commands of a run as its load case."""
 
     title = "Load cases"
     template = "load_cases.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Table of cases or commands."""
+        """Template data of the section: tables of cases, governing figures and commands."""
         governed = Counter(results.governing.values())
         return {
             "cases": [(one, governed[one.id]) for one in results.cases[:MOST]],

@@ -1,4 +1,4 @@
-"""Origin: intended use, inputs with sources, versions, and the command that made the report."""
+"""Section of a report on its origin: intended use, inputs with sources, versions, command."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class Origin:
-    """Section with what the results come from."""
+    """Section of a report with the origin of its results: inputs with sources, versions."""
 
     title = "Inputs, versions and use"
     template = "origin.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Inputs that are not assumed, sources and versions."""
+        """Template data of the section: inputs that are not assumed, scenario file, sources and versions."""
         inputs = results.inputs
         return {
             "groups": grouped([one for one in inputs.rows if not one.assumed]),

@@ -1,4 +1,4 @@
-"""Line profile: terrain, towers, ropes at the start and where they hang lowest, sags and clearances."""
+"""Section of a report on the line profile: terrain, towers, ropes at the start and at lowest, sags, clearances."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ FOOT = 15.0  # m, drawn height of towers without terrain
 
 
 class LineProfile:
-    """Section with the profile of the line and the clearance below it."""
+    """Section of a report with the profile of the line and the clearance over the terrain."""
 
     title = "Line profile"
     template = "profile.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Drawings and tables of sags and clearances; None without any rope."""
+        """Template data of the section: charts, and tables of sags and clearances; None without a rope shape."""
         if not results.ropes:
             return None
         sags = [one for one in results.figures if one.id.quantity == "sag"]
@@ -79,7 +79,7 @@ def _profile(results: Results, sags: Sequence[KeyFigure], texts: Texts) -> Chart
 
 
 def _one_of_each(places: Mapping[str, tuple[float, float, float]]) -> dict[str, tuple[float, float, float]]:
-    """Towers of one rope at each x, named without the rope where several stand there."""
+    """One tower at each x of the line, with the common part of the names where several stand there."""
     by_x: dict[float, list[str]] = {}
     for name, place in places.items():
         by_x.setdefault(place[0], []).append(name)
@@ -87,7 +87,7 @@ def _one_of_each(places: Mapping[str, tuple[float, float, float]]) -> dict[str, 
 
 
 def _common(names: Sequence[str]) -> str:
-    """Common begin of names, without what joins it to the rest."""
+    """Common beginning of names of towers, without a trailing underscore or space."""
     first, last = min(names), max(names)
     count = next(
         (n for n, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(min(first, last, key=len))
@@ -96,7 +96,7 @@ def _common(names: Sequence[str]) -> str:
 
 
 def _mark_sags(chart: Chart, results: Results, sags: Sequence[KeyFigure], bottom: float) -> None:
-    """Write the sags at the bottom below their places, a row for each rope."""
+    """Write the sags at the bottom of the profile chart below their places, in a row for each rope."""
     names = [one.name for one in results.ropes[:MOST_ROWS]]
     for one in sags:
         rope = one.id.subject.removeprefix("ropes.").rpartition(".")[0]

@@ -1,4 +1,4 @@
-"""Rope life in counts: bending cycles over sheaves and bullwheels, and cycles of tension in classes of their range."""
+"""Section of a report on rope life: bending cycles over sheaves and bullwheels, tension cycles in classes of range."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class ClassRow(NamedTuple):
-    """Row of the table of cycles: a class of ranges (kN), and the counts in it."""
+    """Row of the table of tension cycles: a class of ranges (kN), and the counts of cycles in it."""
 
     range: str
     per_trip: float
@@ -24,7 +24,7 @@ class ClassRow(NamedTuple):
 
 
 class RopePart(NamedTuple):
-    """Part of the section about one loop or rope."""
+    """Part of the rope life section about one loop or rope: bending cycles of a trip, tension cycles by class."""
 
     life: RopeLife
     bullwheels: int  # bending cycles of a trip over bullwheels
@@ -33,13 +33,13 @@ class RopePart(NamedTuple):
 
 
 class RopeLifeCounts:
-    """Section with the counts that a judgement of rope life needs."""
+    """Section of a report with the counts from which rope life is judged: bends and tension cycles."""
 
     title = "Rope life"
     template = "rope_life.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Bends and cycles of each rope; None where nothing was counted."""
+        """Template data of the section: bends and tension cycles of each rope; None where nothing was counted."""
         parts = [_part(one) for one in results.lives]
         return {"parts": parts, "trips": results.trips, "diameters": _diameters(results)} if parts else None
 
@@ -51,12 +51,12 @@ def _part(life: RopeLife) -> RopePart:
 
 
 def _diameters(results: Results) -> dict[str, float | None]:
-    """Diameter (m) of the rope of each part; None where not given."""
+    """Rope diameter (m) of each loop or rope of the section, by name; None where not given."""
     return {one.name: results.scenario.cables[one.name.partition(" and ")[0]].diameter for one in results.lives}
 
 
 def classes_of(per_trip: Sequence[Cycle], in_run: Sequence[Cycle]) -> list[ClassRow]:
-    """Counts of cycles in classes of equal width of their range, about six, in kN."""
+    """Counts of tension cycles in about six classes of equal width of their range, in kN."""
     largest = 1e-3 * max((one.range for one in (*per_trip, *in_run)), default=0.0)
     if largest <= 0.0:
         return []

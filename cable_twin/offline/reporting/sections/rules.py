@@ -1,4 +1,4 @@
-"""Verdicts of rule profiles: document, clause, number, unit, verdict, and where several profiles differ."""
+"""Section of a report on rule verdicts: document, clause, number, unit, verdict, and differences of profiles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class ProfilePart(NamedTuple):
-    """Part of the section about one profile."""
+    """Part of the rules section about one rule profile: document, verdicts, undecided checks, summary."""
 
     name: str
     document: str
@@ -27,13 +27,13 @@ class ProfilePart(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """Verdict within the table of differences, with what its check asks for beside its limit.
+    """Rule verdict in the table of differences between profiles, with the demands of its check as text.
 
     Attributes:
         verdict: the verdict.
-        limit: limit in words, also where the run does not decide it.
-        of: name of its quantity, where it is not that of the row.
-        other: the rule in another quantity; empty without one.
+        limit: limit in words, also where the run does not decide the check.
+        of: name of the quantity of the check, where it differs from that of the row.
+        other: demands of the check on other quantities; empty without any.
     """
 
     verdict: RuleVerdict
@@ -43,7 +43,7 @@ class Verdict(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """Row of the table of differences: a quantity, and the verdicts of each profile on it."""
+    """Row of the table of differences between rule profiles: a quantity, its role, the verdicts of each profile."""
 
     quantity: str
     role: str
@@ -51,13 +51,13 @@ class Difference(NamedTuple):
 
 
 class Rules:
-    """Section with the verdicts of rule profiles."""
+    """Section of a report with the verdicts of rule profiles."""
 
     title = "Rules"
     template = "rules.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Verdicts of each profile, and differences; None without a profile."""
+        """Template data of the section: verdicts of each profile, differences, contradictions; None without any."""
         if not results.profiles:
             return None
         names = [one.name for one in results.profiles]
@@ -96,14 +96,14 @@ def _part(profile: Profile, verdicts: Sequence[RuleVerdict], texts: Texts) -> Pr
 
 
 def rules_summary(results: Results, texts: Texts) -> list[tuple[str, str]]:
-    """Each profile with the number of its checks by verdict."""
+    """Name of each rule profile, with a text of the number of its checks by verdict."""
     return [(one.name, _part(one, results.verdicts, texts).summary) for one in results.profiles]
 
 
 def _differences(
     verdicts: Sequence[RuleVerdict], names: Sequence[str], asked: Sequence[Asked], texts: Texts
 ) -> tuple[list[Difference], dict[str, str]]:
-    """Quantities on which profiles differ, and those on which one alone has a rule."""
+    """Rows of quantities on which rule profiles differ, and quantities with a rule of one profile alone."""
     rows: list[Difference] = []
     alone: dict[str, list[str]] = {}
     demands: dict[tuple[str, str], list[Asked]] = {}

@@ -1,4 +1,4 @@
-"""Section of a report: title, template, and what the template shows of the results."""
+"""Interface of the sections of a report, and cells and rows of tables of key figures."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class Section(Protocol):
-    """Section of a report."""
+    """Interface of a section of a report: title, template, and data for the template."""
 
     title: str  # in English
     template: str  # name of its file in `templates`
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Names and values for the template; None where the results have nothing for it."""
+        """Names and values for the template of the section; None where the results have nothing for it."""
 
 
 class Cell(NamedTuple):
-    """Number in a table: text in a readable unit, and the value in SI units."""
+    """Number in a table of a report: text in a readable unit, and the value in SI units."""
 
     text: str
     unit: str
@@ -34,7 +34,7 @@ class Cell(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Row of a table of key figures."""
+    """Row of a table of key figures in a report: value, limit, verdict, time, place, case."""
 
     name: str
     value: Cell
@@ -49,14 +49,14 @@ class Row(NamedTuple):
 
 
 def cell_of(figure: KeyFigure) -> Cell:
-    """Value of a key figure with the digits and the unit in which `review` prints it."""
+    """Table cell with the value of a key figure, in the digits and unit in which `review` prints it."""
     sizes = [abs(number) for number in (figure.value, figure.limit) if number is not None]
     unit, scale = shown_unit(figure.unit, max(sizes))
     return Cell(shown(figure.value, scale), "" if unit == "-" else unit, figure.value, str(figure.id))
 
 
 def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
-    """Row of a key figure, with limit, source and verdict."""
+    """Table row of a key figure in a report, with limit, source and verdict."""
     sizes = [abs(number) for number in (figure.value, figure.limit) if number is not None]
     unit, scale = shown_unit(figure.unit, max(sizes))
     limit = ""
@@ -81,11 +81,11 @@ def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
 
 
 def by_id(results: Results) -> dict[FigureId, KeyFigure]:
-    """Key figures by id."""
+    """Key figures of the results of a report, by id."""
     return {one.id: one for one in results.figures}
 
 
 def place_along(figure: KeyFigure, coordinate: str) -> float | None:
-    """Place (m) of a figure along a coordinate, as `x` or `arc length`, from its text; None without one."""
+    """Place (m) of a key figure along `x` or `arc length`, parsed from the text of its place; None if not in it."""
     found = re.search(rf"\b{coordinate} (-?\d+(?:\.\d+)?) m", figure.place)
     return float(found[1]) if found else None

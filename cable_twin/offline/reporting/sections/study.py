@@ -1,4 +1,4 @@
-"""Study: keys that were varied, the range of each key figure over all cases, and Sobol indices."""
+"""Section of a report on a study: varied keys, range of each key figure over all cases, Sobol indices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cable_twin.offline.reporting.texts import Texts
 
 
 class RangeRow(NamedTuple):
-    """Row of the table of ranges, numbers in a readable unit."""
+    """Row of the table of ranges of a study: range of a key figure in a readable unit, and its extreme cases."""
 
     name: str
     low: str
@@ -24,13 +24,13 @@ class RangeRow(NamedTuple):
 
 
 class Study:
-    """Section with the results of a study."""
+    """Section of a report with the results of a study."""
 
     title = "Study"
     template = "study.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Factors, ranges and indices; None without a study."""
+        """Template data of the section: varied keys, ranges and Sobol indices; None without a study."""
         if not results.factors:
             return None
         by_id = {str(one.extreme.id): texts.figure(one.extreme) for one in results.ranges}

@@ -1,4 +1,4 @@
-"""Tension diagram: lowest and highest tension along each rope, with the limit by its safety factor."""
+"""Section of a report on rope tension: lowest and highest tension along each rope, limit by its safety factor."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ QUANTITIES = "rope_tension", "rope_safety_factor", "dynamic_amplification"
 
 
 class TensionDiagram:
-    """Section with the tension along each rope."""
+    """Section of a report with the tension along each rope."""
 
     title = "Rope tension"
     template = "tension.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Drawing of each rope and table of its tensions; None without any."""
+        """Template data of the section: tension chart of each rope, table of tensions; None without tensions."""
         rows = [row_of(one, results, texts) for one in results.figures if one.id.quantity in QUANTITIES]
         if not rows:
             return None

@@ -1,4 +1,4 @@
-"""Plots of signals over time; of many objects the range of all, with the lines of its extremes."""
+"""Section of a report with plots over time; for many objects the range of all, with the lines of its extremes."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ POINTS = 300  # intervals of a line, each with its lowest and highest value
 
 
 class TimePlots:
-    """Section with plots over time of a run."""
+    """Section of a report with the plots of a run over time."""
 
     title = "Over time"
     template = "time_plots.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Drawings by plot; None without signals."""
+        """Template data of the section: charts by plot; None without signals."""
         if results.signals is None or not results.signals.series:
             return None
         groups = []
@@ -42,7 +42,7 @@ class TimePlots:
 
 
 def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
-    """Drawing of one quantity, with those beside it; None without a line."""
+    """Chart of one signal over time, with the signals drawn beside it; None without a line."""
     beside = [one for one in SIGNALS.values() if one.beside == signal.name]
     lines = {}
     for one in (signal, *beside):
@@ -70,7 +70,7 @@ def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
 
 
 def _draw_range(chart: Chart, lines: Mapping[str, tuple[FloatArray, FloatArray]], texts: Texts) -> None:
-    """Range of many lines, and the lines with the highest and the lowest value."""
+    """Draw the range of many lines over time, and the lines with the highest and the lowest value."""
     begin = min(float(times[0]) for times, _ in lines.values())
     end = max(float(times[-1]) for times, _ in lines.values())
     times = np.linspace(begin, end, 2 * POINTS)
@@ -95,7 +95,7 @@ def _lowest(values: FloatArray) -> float:
 
 
 def thinned(times: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Line with at most `POINTS` intervals, of each of which the lowest and the highest value stay."""
+    """Thin a line over time to at most `POINTS` intervals, each with its lowest and highest value."""
     if times.size <= 2 * POINTS:
         return times, values
     found: list[tuple[float, float]] = []

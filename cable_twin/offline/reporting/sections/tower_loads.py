@@ -1,4 +1,4 @@
-"""Tower loads as vectors, where they are highest, with their extremes in a table."""
+"""Section of a report on tower loads: each at its highest as an arrow, with extremes in a table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_MARKS = 24  # towers of a rope, above which the numbers are in the table al
 
 
 class TowerRow(NamedTuple):
-    """Row of the table of tower loads, with components in N at the highest load, NaN where not known."""
+    """Row of the table of tower loads: extremes, and components (N) of the highest load, NaN where not known."""
 
     tower: str
     highest: Row | None
@@ -30,13 +30,13 @@ class TowerRow(NamedTuple):
 
 
 class TowerLoads:
-    """Section with the forces of ropes on towers."""
+    """Section of a report with the forces of ropes on towers."""
 
     title = "Tower loads"
     template = "tower_loads.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Drawing of each rope and table; None without towers."""
+        """Template data of the section: chart of the tower loads of each rope, table; None without towers."""
         figures = by_id(results)
         rows = [_row(one, figures, results, texts) for one in results.towers]
         if not rows:
