@@ -79,7 +79,7 @@ def label_of(bend: tuple[float, float]) -> str:
     return f"F/T {bend[0]:g}, EA F²/T³ {bend[1]:g}"
 
 
-@case("load anywhere on an element", "two elastic catenaries that meet at it", needs_jit=True)
+@case("load anywhere on an element", "two elastic catenaries that meet at it", needs_jit=True, long=True)
 def load_on_an_element() -> Iterator[Result]:
     """Held by a drive at 13 places of an element of 20: the worst of them."""
     for bend in BENDS:

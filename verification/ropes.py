@@ -103,7 +103,7 @@ def tension_beside_clamp() -> Iterator[Result]:
         yield Result(f"gained along the {name} rope", "N", expected, got, 1e-3 * on_haul)
 
 
-@case("carriage pulled by a haul rope, balance of energy", "first law", needs_jit=True)
+@case("carriage pulled by a haul rope, balance of energy", "first law", needs_jit=True, long=True)
 def clamp_energy() -> Iterator[Result]:
     """Work of the drive of the haul rope beside the energy of both ropes and the carriage, over several nodes.
 

@@ -185,7 +185,7 @@ def oscillation(swing: float, speed: float) -> tuple[float, float, float, float]
     return time, turn, depth, other
 
 
-@case("spherical pendulum", "quadratures of energy and momentum about z", needs_jit=True)
+@case("spherical pendulum", "quadratures of energy and momentum about z", needs_jit=True, long=True)
 def spherical_pendulum() -> Iterator[Result]:
     """Swung out by 0.9 rad and sent across: after three oscillations it is as high again, turned about z."""
     swing, speed = 0.9, 1.5

@@ -342,7 +342,7 @@ def deflected_cantilever() -> Iterator[Result]:
             )
 
 
-@case("cantilever rolled into a half circle", "M = π EI / L")
+@case("cantilever rolled into a half circle", "M = π EI / L", long=True)
 def half_circle() -> Iterator[Result]:
     """An end moment bends the inextensible rod into an arc of radius EI / M."""
     for model, tolerance in (("continuum", 1e-5), ("element_frame", 4e-3)):
