@@ -342,7 +342,7 @@ def take_couplings(extremes, time, columns):
 
 @kernel
 def take_surroundings(extremes, constants, around, columns):
-    """Update the clearances of ropes and vehicles over the ground, and in space from masts of their rope."""
+    """Update the clearances of ropes and vehicles over the ground, and in space those beside the masts of towers."""
     time, least, wind = columns.time[0], around.lowest[0], extremes.wind
     for rope in range(constants.length.size if around.middle.shape[0] > 0 else 0):
         first, last = constants.first_sample[rope], constants.first_sample[rope + 1]

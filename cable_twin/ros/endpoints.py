@@ -63,7 +63,7 @@ class Endpoints:
         return TopicNames(self._node.get_fully_qualified_name(), self._remapped)
 
     def check_names(self, topics: Iterable[str]) -> None:
-        """Raise ParameterError if a topic of another scenario has an invalid full name, such as a too long one."""
+        """Raise ParameterError if a topic of a scenario to be loaded has an invalid full name, as one too long."""
         try:
             for topic in topics:
                 validate_full_topic_name(self.names.full(topic))

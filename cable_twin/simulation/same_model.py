@@ -74,7 +74,7 @@ def _differences(record: Any, like: Any, name: str = "") -> Iterator[str]:
 
 
 def _is_whole(record: Any) -> bool:
-    """Whether a field of a parameter record is a count or a compile-time constant, conditions excluded."""
+    """Whether a field of a parameter record holds an integer: a count or a compile-time constant, not True or False."""
     return isinstance(record, Known) or (isinstance(record, int) and not isinstance(record, bool))
 
 

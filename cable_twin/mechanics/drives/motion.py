@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.haul_rope import drum_force
 from cable_twin.mechanics.drives.moving_rope import move_rope
-from cable_twin.mechanics.drives.reference import advance_reference, follow, force_limit
+from cable_twin.mechanics.drives.speed_reference import advance_reference, follow, force_limit
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import scale, store
 from cable_twin.mechanics.on_rope.chain import move_chain

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import inf
 
-from cable_twin.mechanics.drives.reference import approach_target, follow
+from cable_twin.mechanics.drives.speed_reference import approach_target, follow
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, load

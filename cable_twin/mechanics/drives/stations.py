@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from math import floor
 
-from cable_twin.mechanics.drives.reference import follow
+from cable_twin.mechanics.drives.speed_reference import follow
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, scale
 from cable_twin.mechanics.on_rope.chain import hang_chain, move_chain

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
-from cable_twin.mechanics.drives.reference import force_limit
+from cable_twin.mechanics.drives.speed_reference import force_limit
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.declared import Of

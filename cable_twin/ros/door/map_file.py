@@ -189,7 +189,7 @@ def _unit_faults(tag: Tag) -> Iterator[str]:
 
 
 def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
-    """Faults of what a tag measures: object, axis, direction and heading."""
+    """Faults of a plant map in what a tag measures: object, axis, direction and heading."""
     quantity = QUANTITIES[tag.quantity]
     pattern = rf"{NAME}(/{NAME})?" if quantity.of == "body" else NAME
     known = names_of(quantity.of, scenario) if scenario is not None else None

@@ -13,7 +13,7 @@ from math import inf, nan, sqrt
 
 from cable_twin.mechanics.drives.motion import prescribe
 from cable_twin.mechanics.drives.moving_rope import carry_clamped
-from cable_twin.mechanics.drives.reference import approach_target, follow, ramp
+from cable_twin.mechanics.drives.speed_reference import approach_target, follow, ramp
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from systems import make_limits, make_system
 
-from cable_twin.mechanics.drives.reference import advance_reference, braking_speed
+from cable_twin.mechanics.drives.speed_reference import advance_reference, braking_speed
 from cable_twin.mechanics.parameters import SPEED
 from cable_twin.mechanics.state import allocate_state
 
