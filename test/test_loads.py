@@ -149,7 +149,7 @@ def test_a_haul_rope_that_would_have_to_push_is_named():
 
 
 def test_clearance_needs_a_terrain():
-    with pytest.raises(ValueError, match="no terrain"):
+    with pytest.raises(ValueError, match="given a scenario without terrain"):
         Simulation(scenario(), samples=5).clearance()
     found = Simulation(scenario(terrain=[[0.0, -10.0], [60.0, -2.0]]), samples=5).clearance()
     assert 0.0 < found.rope.height < 12.0

@@ -84,7 +84,7 @@ def test_scripts_and_python_refuse_it(tmp_path, capsys):
     arguments = ["seed_example", "--script", str(tmp_path / "script.yaml"), "--duration", "0.1", "--record", "off"]
     assert simulate.main(arguments) == 2
     fault = capsys.readouterr().err.splitlines()[-1]  # after what a first start says
-    assert fault.startswith(f"simulate: {tmp_path / 'script.yaml'}:2: gust x 3")
+    assert fault.startswith(f"simulate: {tmp_path / 'script.yaml'}:2: gust: given x 3")
     assert REASON in fault
     simulation = Simulation(load_scenario("seed_example"))
     with pytest.raises(CommandError, match="nothing feels the wind"):

@@ -244,5 +244,5 @@ class _ShapeError(ValueError):
 def _limited(count: int) -> int:
     """Check a count of numbers against the limit of one message; returns the count."""
     if not 0 <= count <= MOST:
-        raise _ShapeError(f"given {count} numbers; allowed: {MOST} at most")
+        raise _ShapeError(f"given {count} numbers; allowed: at most {MOST}")
     return count

@@ -6,7 +6,7 @@ from math import exp, inf, isfinite
 from typing import NamedTuple
 
 from cable_twin.basics.printable import printable
-from cable_twin.basics.units import rounded
+from cable_twin.basics.units import rounded, with_unit
 from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.schema import Scenario
 
@@ -55,7 +55,7 @@ def command_fault(scenario: Scenario, kind: str, unit: str, name: str, value: fl
     if (limits := limits_of(scenario, name)) is None:
         return _not_commanded(scenario, name)
     if (limit := limits.of(kind)) == 0.0:
-        return f"force of '{name}': given {value:g} N; allowed: none, as this drive takes speeds only (m/s)"
+        return f"force of '{name}': given {with_unit(value, 'N')}; allowed: none, as this drive takes speeds only (m/s)"
     if not isfinite(value):
         return f"{kind} of '{name}': given {value} {unit}; allowed: a finite number"
     if abs(value) > limit:

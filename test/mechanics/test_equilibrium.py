@@ -138,7 +138,7 @@ def test_a_problem_without_rest_says_so(monkeypatch):
         monkeypatch.setattr(module, "MAX_RELAXATIONS", 300)
     with pytest.raises(
         EquilibriumError,
-        match=r"after 300 iterations, .*: the last one moved a point by [0-9].* m, allowed are 1e-09 m",
+        match=r"after 300 iterations, .*: the last one moved a point by [0-9].* m; allowed: 1e-09 m",
     ):
         Simulation(load_scenario(CANTILEVER, bar_on_a_pin(9.0)))
     assert Simulation(load_scenario(CANTILEVER, bar_on_a_pin(4.0))).time == 0.0

@@ -259,7 +259,7 @@ def test_what_is_for_programs_is_alone_on_the_output(capsys):
         (["gondola", "--vehicle", "cabin_3"], 2, "allowed: cabin"),
         (["no_such"], 2, "no_such"),
         (["aerial_tramway", "--places", "2", "--csv", "/nowhere/line.csv"], 1, "line: /nowhere/line.csv: No such file"),
-        (["aerial_tramway", "--places", "2", "--plot", "/tmp/line.nothing"], 2, "--plot /tmp/line.nothing: allowed: "),
+        (["aerial_tramway", "--places", "2", "--plot", "/tmp/line.nothing"], 2, "--plot: given /tmp/line.nothing;"),
         (
             ["aerial_tramway", "--places", "2", "--set", "carriages.cabin.drive.haul_rope.pretension=0",
              "--set", "carriages.cabin.drive.haul_rope.station=start"],

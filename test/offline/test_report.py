@@ -346,7 +346,7 @@ def test_lines_differ_without_colours_and_gaps_stay():
         (["{run}", "--profile", "nothing"], "--profile: given 'nothing': no such profile"),
         (["{run}", "--scenario", "no.yaml"], "no.yaml: no such file"),
         (["{run}", "--trips", "0"], "given '0'; allowed: a number above 0 and at most"),
-        (["{empty}"], "not a log: 0 .mcap files in it"),
+        (["{empty}"], "not a log: given 0 .mcap files"),
     ],
 )
 def test_faults_are_a_line(run, tmp_path, capsys, arguments, told):

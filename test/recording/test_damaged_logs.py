@@ -182,7 +182,7 @@ def test_bags_of_others_and_of_other_versions_are_said(tmp_path):
         ("later", {**METADATA, "format_version": "6"}, "format version 6 is newer than this cable_twin reads (5)"),
         ("strange", {**METADATA, "format_version": "one"}, "format version 'one', this cable_twin reads 5; made by "),
         ("earlier", {**METADATA, "format_version": "4"}, "format version '4', this cable_twin reads 5; made by "),
-        ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns is '-1'"),
+        ("timeless", {**METADATA, "epoch_ns": "-1"}, "epoch_ns: given '-1'"),
         ("pointless", {**METADATA, "sample_count": "many"}, "sample_count: given 'many'; allowed: a whole number of"),
     ]:
         log = open_log(tmp_path / name, metadata=metadata)
