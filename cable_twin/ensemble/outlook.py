@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from bisect import bisect_left
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from cable_twin.simulation.command_handlers import GUST_DURATION, check_ahead
 HORIZON, LONGEST = 60.0, 3600.0  # s
 LOOK = 0.1  # s between two looks at the key figures of a future, as long as drives stop and what that stirs is new
 EARLY, SELDOM = 10.0, 2  # s from which on there are that many times fewer looks
-CHECK = 2.0  # s between two looks at limits, which take longer
+CHECK = 2.0  # s between two moments among which the time of an exceeded limit is found
 GUST = 10.0  # m/s, of the announced gust where nothing is announced; assumed: a squall that no wind alarm foretells
 WINDS = ("gust", "operating_gust", "wind")  # kinds of commands that can be announced
 NAMES = (EMERGENCY_STOP, AS_COMMANDED, ANNOUNCED)
@@ -99,7 +101,7 @@ class Forecaster:
             for member in going:
                 runs[member].take(snapshots[member])
                 if due:
-                    runs[member].check()
+                    runs[member].note()
         for member, line in ensemble.faults.items():
             runs[member].fault = line
         futures = tuple(run.future(run=member not in not_run) for member, run in enumerate(runs))
@@ -141,7 +143,7 @@ class _Run:
     def __init__(self, scenario: Scenario, name: str, assumed: str) -> None:
         self.name, self.assumed, self.fault = name, assumed, ""
         self.figures = KeyFigures(scenario)
-        self._passed: dict[FigureId, float] = {}
+        self._kept: list[FloatArray] = []  # extremes at some moments
         self._times: list[float] = []
         self._highest: list[FloatArray] = []
         self._lowest: list[FloatArray] = []
@@ -159,18 +161,38 @@ class _Run:
         self._lowest.append(snapshot.numbers[self._rows[1]])
         self._last = snapshot
 
-    def check(self) -> list[KeyFigure]:
-        """Key figures up to the present time; stores the times at which limits are exceeded."""
-        found = [one for one in self.figures.figures() if one.id.quantity != LEFT_OUT]
+    def note(self) -> None:
+        """Keep the extremes up to the present time, to find the times of exceeded limits among them later."""
+        self._kept.append(self.figures.extremes())
+
+    def _exceeded(self, found: Sequence[KeyFigure]) -> dict[FigureId, float]:
+        """Times (s) of the key figures in `found` that exceed their limits, by when they were first found to do so.
+
+        An extreme that exceeds its limit does so ever after, so that the first of the kept moments is found by halving.
+        """
+        moments: dict[int, dict[FigureId, KeyFigure]] = {}
+
+        def at(moment: int) -> dict[FigureId, KeyFigure]:
+            if moment not in moments:
+                moments[moment] = {one.id: one for one in self.figures.figures_with(self._kept[moment])}
+            return moments[moment]
+
+        def exceeds(moment: int, figure: FigureId) -> bool:
+            return figure in at(moment) and at(moment)[figure].kept is False
+
+        times = {}
         for one in found:
             if one.kept is False:
-                self._passed.setdefault(one.id, one.time)
-        return found
+                kept = range(len(self._kept))
+                first = bisect_left(kept, True, key=lambda moment, figure=one.id: exceeds(moment, figure))
+                times[one.id] = at(first)[one.id].time if first < len(kept) else one.time
+        return times
 
     def future(self, *, run: bool) -> Future:
         """Result of the future: key figures, times of exceeded limits, tensions; no figures where it was not run."""
-        found = self.check() if run else []
-        shown = tuple(one for one in found if one.id.quantity in SHOWN or one.id in self._passed)
+        found = [one for one in self.figures.figures() if one.id.quantity != LEFT_OUT] if run else []
+        passed = self._exceeded(found)
+        shown = tuple(one for one in found if one.id.quantity in SHOWN or one.id in passed)
         times, highest, lowest = (np.array(one) for one in (self._times, self._highest, self._lowest))
         last = self._last if run else None
-        return Future(self.name, self.assumed, shown, self._passed, times, highest, lowest, last, self.fault)
+        return Future(self.name, self.assumed, shown, passed, times, highest, lowest, last, self.fault)

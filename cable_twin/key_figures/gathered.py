@@ -143,6 +143,20 @@ class KeyFigures:
         """Return the last touch of each vehicle with a vehicle after it on its rope."""
         return [self._touch(row, touch) for row, touch in enumerate(self._extremes.touch) if not isnan(touch[0])]
 
+    def extremes(self) -> FloatArray:
+        """Copy of all extremes so far, for `figures_with`: much cheaper than key figures."""
+        return self._extremes.memory.copy()
+
+    def figures_with(self, extremes: FloatArray) -> list[KeyFigure]:
+        """Return the key figures of an earlier moment of this run, from the copy of `extremes` made then."""
+        memory = self._extremes.memory
+        present = memory.copy()
+        memory[:] = extremes
+        try:
+            return self.figures()
+        finally:
+            memory[:] = present
+
     def figures(self) -> list[KeyFigure]:
         """Return all key figures that have a value."""
         if self._layout is None:
