@@ -14,6 +14,7 @@ from cable_twin.key_figures.outlook import ANNOUNCED, AS_COMMANDED, EMERGENCY_ST
 
 GUST = Command("gust", {"x": 5.0, "z": 0.0, "duration": 1.0})
 DRIVEN = {"cabin": 3.0, "haul_rope": 2.0}  # m/s
+GROWING = "rope_tension", "swing", "support_load", "speed", "drive_force"
 
 
 def under_way(source: object, values: dict[str, object] | None = None, until: float = 1.5) -> Simulation:
@@ -94,3 +95,22 @@ def test_a_wind_that_cannot_come_is_refused(command, line):
 def test_a_horizon_that_is_none_is_refused():
     with pytest.raises(ValueError, match="outlook: horizon: given nan s; allowed: more than 0 to 3600 s"):
         Forecaster(load_scenario(TRAMWAY), horizon=float("nan"))
+
+
+def test_key_figures_of_an_earlier_moment_come_from_the_extremes_kept_then():
+    simulation = Simulation(load_scenario(TRAMWAY))
+    simulation.command("cabin", speed=3.0)
+    figures = KeyFigures(simulation.scenario)
+    seen = []
+    for _ in range(3):
+        simulation.advance_to(simulation.time + 2.0)
+        figures.update(simulation.snapshot)
+        seen.append((figures.extremes(), {one.id: one.value for one in figures.figures()}))
+    for extremes, values in seen:
+        then = {one.id: one.value for one in figures.figures_with(extremes)}
+        assert {key: then[key] for key in values if key.quantity in GROWING} == {
+            key: value for key, value in values.items() if key.quantity in GROWING
+        }
+    assert {one.id: one.value for one in figures.figures()} == seen[-1][1]
+    tensions = [max(value for key, value in values.items() if key.quantity == "rope_tension") for _, values in seen]
+    assert tensions[0] < tensions[-1]

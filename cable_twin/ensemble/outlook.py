@@ -13,6 +13,7 @@ from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, KeyFigures
 from cable_twin.key_figures.outlook import ANNOUNCED, AS_COMMANDED, EMERGENCY_STOP, LEFT_OUT, SHOWN, Future, Outlook
+from cable_twin.mechanics.language.declared import Memory
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.scenario import Scenario, wind_unfelt
 from cable_twin.simulation import SAMPLES, Simulation
@@ -137,13 +138,18 @@ class Forecaster:
         return (round(now / step) + np.append(clocks, total)) * step
 
 
+def _exceeds(figure: KeyFigure | None) -> bool:
+    """Whether a key figure is there and exceeds its limit."""
+    return figure is not None and figure.kept is False
+
+
 class _Run:
     """Future during its run: key figures, tensions over time, and the times at which limits are exceeded."""
 
     def __init__(self, scenario: Scenario, name: str, assumed: str) -> None:
         self.name, self.assumed, self.fault = name, assumed, ""
         self.figures = KeyFigures(scenario)
-        self._kept: list[FloatArray] = []  # extremes at some moments
+        self._kept: list[Memory] = []  # extremes at some moments
         self._times: list[float] = []
         self._highest: list[FloatArray] = []
         self._lowest: list[FloatArray] = []
@@ -177,15 +183,14 @@ class _Run:
                 moments[moment] = {one.id: one for one in self.figures.figures_with(self._kept[moment])}
             return moments[moment]
 
-        def exceeds(moment: int, figure: FigureId) -> bool:
-            return figure in at(moment) and at(moment)[figure].kept is False
+        def first_exceeding(figure: FigureId) -> int:
+            return bisect_left(moments_kept, True, key=lambda moment: _exceeds(at(moment).get(figure)))
 
-        times = {}
+        moments_kept, times = range(len(self._kept)), {}
         for one in found:
             if one.kept is False:
-                kept = range(len(self._kept))
-                first = bisect_left(kept, True, key=lambda moment, figure=one.id: exceeds(moment, figure))
-                times[one.id] = at(first)[one.id].time if first < len(kept) else one.time
+                first = first_exceeding(one.id)
+                times[one.id] = at(first)[one.id].time if first < len(moments_kept) else one.time
         return times
 
     def future(self, *, run: bool) -> Future:

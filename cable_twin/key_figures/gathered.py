@@ -38,6 +38,7 @@ from cable_twin.key_figures.measures import (
 )
 from cable_twin.key_figures.stops import CarriedStops, DriveStops, Group, SeatStops, groups_of
 from cable_twin.mechanics.language.by_reference import pack
+from cable_twin.mechanics.language.declared import Memory
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.drives import Limits
@@ -143,11 +144,11 @@ class KeyFigures:
         """Return the last touch of each vehicle with a vehicle after it on its rope."""
         return [self._touch(row, touch) for row, touch in enumerate(self._extremes.touch) if not isnan(touch[0])]
 
-    def extremes(self) -> FloatArray:
+    def extremes(self) -> Memory:
         """Copy of all extremes so far, for `figures_with`: much cheaper than key figures."""
         return self._extremes.memory.copy()
 
-    def figures_with(self, extremes: FloatArray) -> list[KeyFigure]:
+    def figures_with(self, extremes: Memory) -> list[KeyFigure]:
         """Return the key figures of an earlier moment of this run, from the copy of `extremes` made then."""
         memory = self._extremes.memory
         present = memory.copy()
