@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cable_twin import Ensemble
-from cable_twin.ensemble.estimate.follower import Follower
+from cable_twin.ensemble.estimate.follower import BOARDING, Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.quantities import readings
 from cable_twin.frame.records import AppliedCommand, Command
@@ -210,6 +210,21 @@ def test_a_payload_may_change_in_a_station_alone(measured):
         assert follower._boards(payload, numbers) == boards
         assert not follower._boards(rolling, numbers)
     follower.close()
+
+
+def test_estimates_are_without_the_doubt_of_the_next_window(measured):
+    """While a cabin stands in a station anybody may board in the next window; that is no doubt about this one."""
+    scenario, found = measured
+    follower, correction = Follower(scenario, threads=1), None
+    for time, group in found.items():
+        correction = follower.take(time, group)
+        if correction is not None:
+            break
+    assert correction is not None
+    capacity = scenario.carriages["cabin"].payload.capacity
+    said, next_one = correction.slow["cabin/payload"].deviation, np.sqrt(follower._belief.covariance[0, 0])
+    follower.close()
+    assert next_one**2 - said**2 == pytest.approx((BOARDING * capacity) ** 2 * correction.time, rel=1e-6)
 
 
 def test_swapped_sensors_are_named(measured):
