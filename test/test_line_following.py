@@ -86,7 +86,7 @@ def followed(under_way, changed):
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (lambda values: (20e3, 0.0, 0.0), "is stuck at 20000 N"),
+        (lambda values: (20e3, 0.0, 0.0), "is stuck at 20 kN"),
         (lambda values: tuple(1e3 * value for value in values), "another unit"),
         (lambda values: tuple(1.4 * value for value in values), "contradicts all others"),
     ],

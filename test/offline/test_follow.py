@@ -159,14 +159,14 @@ def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):
     assert not follower.left_out
     (alarm,) = [alarm for one in corrections for alarm in one.alarms]
     assert alarm.reason.startswith("cabin/payload is 4")
-    assert "6400 in the scenario" in alarm.reason
+    assert "6400 kg in the scenario" in alarm.reason
 
 
 @pytest.mark.parametrize(
     ("sensor", "spoil", "said"),
     [
         ("load_end", lambda values: tuple(1.03 * value for value in values), "contradicts all others"),
-        ("tilt_cabin", lambda _: (0.05,), "is stuck at 0.05 rad"),
+        ("tilt_cabin", lambda _: (0.05,), "is stuck at 2.86479 deg"),
         ("force_cabin", lambda values: tuple(1e3 * value for value in values), "another unit"),
         (
             "force_cabin",

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -29,6 +30,11 @@ class Alarm(NamedTuple):
 
     time: float  # s
     reason: str
+
+
+def with_deviation(value: float, deviation: float, unit: str) -> str:
+    """Text of an estimate and its standard deviation, both in SI units, in readable units."""
+    return f"{with_unit(value, unit)}, standard deviation {with_unit(deviation, unit, 2)}"
 
 
 class Doubts:
@@ -121,7 +127,7 @@ class Doubts:
                 before = self._moved.get(one.sensor, (time, size, 0.0))
                 self._moved[one.sensor] = time, size, (size - before[1]) / max(time - before[0], 1e-3)
             if same and count + 1 == most and abs(self._moved.get(one.sensor, (0.0, 0.0, np.inf))[2]) > SUDDEN:
-                text = f"sensor {one.sensor} is stuck at {size:.6g} {reading.unit} and is left out"
+                text = f"sensor {one.sensor} is stuck at {with_unit(size, reading.unit, 6)} and is left out"
                 alarms.append(self._leave_out(one.sensor, time, text))
         return alarms
 
@@ -136,6 +142,7 @@ class Doubts:
             size = abs(reading.measured(one))
             share = size / wanted if wanted > WELL_ABOVE * reading.noise else 1.0
             if any(THOUSANDFOLD[0] <= ratio <= THOUSANDFOLD[1] for ratio in (share, 1.0 / max(share, 1e-12))):
-                text = f"reads {size:.4g} {reading.unit} where {wanted:.4g} are expected: another unit? It is left out"
+                read, expected = with_unit(size, reading.unit), with_unit(wanted, reading.unit)
+                text = f"reads {read} where {expected} are expected: another unit? It is left out"
                 alarms.append(self._leave_out(one.sensor, time, f"sensor {one.sensor} {text}"))
         return alarms

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy  # loads `special` where it is used
 
+from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
 from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts
+from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts, with_deviation
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
@@ -385,12 +386,12 @@ class Follower:
         for one in self.slow:
             got = slow[one.name]
             sure = one.tolerance + CERTAIN * got.deviation
-            if abs(got.value - one.plan) < one.tolerance:
+            if abs(got.value - one.plan) + CERTAIN * got.deviation < one.tolerance:
                 self._told.pop(one.name, None)
             elif min(abs(got.value - known) for known in (one.plan, self._told.get(one.name, np.inf))) > sure:
                 self._told[one.name] = got.value
-                found = f"{got.value:.4g} {one.unit}, standard deviation {got.deviation:.2g}"
-                alarms.append(Alarm(time, f"{one.name} is {found}; {one.plan:.4g} in the scenario"))
+                found, plan = with_deviation(got.value, got.deviation, one.unit), with_unit(one.plan, one.unit)
+                alarms.append(Alarm(time, f"{one.name} is {found}; {plan} in the scenario"))
         return alarms
 
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:

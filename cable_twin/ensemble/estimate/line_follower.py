@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # loads `special` where it is used
 
+from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
-from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
+from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, with_deviation
 from cable_twin.ensemble.estimate.follower import CERTAIN, Correction, Estimate
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
@@ -272,8 +273,8 @@ class LineFollower:
             got, plan = slow[f"{name}/payload"], float(self._plan[row])
             if name not in self._told and abs(got.value - plan) > PLAN * self._capacity + CERTAIN * got.deviation:
                 self._told.add(name)
-                found = f"{got.value:.4g} kg, standard deviation {got.deviation:.2g}"
-                alarms.append(Alarm(time, f"{name}/payload is {found}; {plan:.4g} in the plan"))
+                found = with_deviation(got.value, got.deviation, "kg")
+                alarms.append(Alarm(time, f"{name}/payload is {found}; {with_unit(plan, 'kg')} in the plan"))
         for name, usual, tolerance in (
             ("towers/friction", 1.0, FRICTION_TOLERANCE),
             ("ropes/ice", self._ice, ICE_TOLERANCE),
@@ -281,8 +282,8 @@ class LineFollower:
             got = slow[name]
             if name not in self._told and abs(got.value - usual) > tolerance + CERTAIN * got.deviation:
                 self._told.add(name)
-                found = f"{got.value:.3g} {got.unit}, standard deviation {got.deviation:.2g}"
-                alarms.append(Alarm(time, f"{name} is {found}; {usual:.3g} in the scenario"))
+                found = with_deviation(got.value, got.deviation, got.unit)
+                alarms.append(Alarm(time, f"{name} is {found}; {with_unit(usual, got.unit)} in the scenario"))
         return alarms
 
     def _slow(self) -> dict[str, Estimate]:
