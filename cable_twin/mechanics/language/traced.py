@@ -284,12 +284,7 @@ class _Number:
         """Square root of a traced number, or of each of its lanes."""
         if self.place is None:
             return self
-        context, builder = self.place
-        kind, name = context.get_value_type(self.kind), "f64"
-        if isinstance(self.kind, LanesType):
-            name = f"v{self.kind.width}f64"
-        root = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]), f"llvm.sqrt.{name}")
-        return _Number(self.kind, builder.call(root, [self.value]), self.place)
+        return _call("llvm.sqrt", self.kind, [self.value], self.place)
 
     def __bool__(self) -> bool:
         raise TypeError("condition in a formula: given one on the value of a number; allowed: on lengths and types")
@@ -310,16 +305,24 @@ class _Number:
 
 def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number:
     """Fused multiply-add of a sum or difference with a product, the second or else the first number, rounded once."""
-    context, builder = one.place
+    builder = one.place[1]
     product, rest = (other, one) if other.factors is not None else (one, other)
     assert product.factors is not None
     a, b = (factor.cast(kind) for factor in product.factors)
     c = rest.cast(kind)
     if name == "sub":  # one - a b, or a b - other
         a, c = (builder.fneg(a), c) if product is other else (a, builder.fneg(c))
-    vector, suffix = context.get_value_type(kind), f"v{kind.width}f64" if isinstance(kind, LanesType) else "f64"
-    fma = cgutils.get_or_insert_function(builder.module, ir.FunctionType(vector, [vector] * 3), f"llvm.fma.{suffix}")
-    return _Number(kind, builder.call(fma, [a, b, c]), one.place)
+    return _call("llvm.fma", kind, [a, b, c], one.place)
+
+
+def _call(name: str, kind: types.Type, values: Sequence[Any], place: Any) -> _Number:
+    """Result of an intrinsic function of LLVM, of floats or of lanes, whose arguments have the type of its result."""
+    context, builder = place
+    of_lanes = f"v{kind.width}f64" if isinstance(kind, LanesType) else "f64"
+    llvm = context.get_value_type(kind)
+    function = ir.FunctionType(llvm, [llvm] * len(values))
+    called = cgutils.get_or_insert_function(builder.module, function, f"{name}.{of_lanes}")
+    return _Number(kind, builder.call(called, values), place)
 
 
 @functools.cache
