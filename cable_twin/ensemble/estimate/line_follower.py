@@ -225,16 +225,19 @@ class LineFollower:
             jacobian = np.vstack([one[1] for one in terms.values()])
             innovation = normalised_square(rows[0], jacobian, rows[1], self._belief.covariance) / len(terms)
             self._belief = update(self._belief, rows[0], jacobian, rows[1])
-        lasted, self._since, self._sums = time - self._since, time, {}
-        kept = np.exp(-lasted / FORGOTTEN)
-        known = self._known
+        slow, hidden = self._slow(), self._hidden(snapshot)  # of this window, before the doubt of the next one
+        alarms += self._against_plan(time, slow)
+        self._drift(time - self._since)
+        self._since, self._sums = time, {}
+        return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _drift(self, lasted: float) -> None:
+        """Let ice and slow errors of sensors become less certain by the doubt of a window (s)."""
+        kept, known = np.exp(-lasted / FORGOTTEN), self._known
         walks = np.zeros(known)
         walks[-1] = ICE_WALK**2 * lasted
         decay = np.concatenate([np.ones(known), np.full(self._bias.size, kept)])
         self._belief = predict(self._belief, decay, np.concatenate([walks, (1.0 - kept**2) * self._bias**2]))
-        slow = self._slow()
-        alarms += self._against_plan(time, slow)
-        return Correction(time, slow, self._hidden(snapshot), innovation, tuple(alarms))
 
     def _terms(self, name: str, measured: Sequence[_Sample], found: Sequence[_Sample]) -> Terms:
         """Innovation, derivatives and variance of a sensor's mean in a window: measured samples, predicted samples."""
