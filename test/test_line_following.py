@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.line_follower import FastErrors, LineFollower
+from cable_twin.ensemble.estimate.line_follower import FIRST_ICE, FastErrors, LineFollower
 from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
@@ -125,6 +125,14 @@ def test_ice_and_a_doubled_friction_of_towers_are_told_within_ten_seconds(faults
     follower, alarms = followed(lift(faults, 11.0), lambda one: one)
     assert [alarm.reason for alarm in alarms if alarm.reason.startswith(said) and alarm.time < 10.5]
     assert not follower.left_out
+
+
+def test_estimates_of_a_lift_are_without_the_doubt_of_the_next_window(under_way):
+    scenario, _, _ = under_way
+    follower = LineFollower(scenario)
+    first, second = follower.take(1.0, []), follower.take(2.0, [])
+    assert first.slow["ropes/ice"].deviation == FIRST_ICE
+    assert second.slow["ropes/ice"].deviation > FIRST_ICE
 
 
 def test_effects_of_payloads_on_the_loads_of_towers_are_those_of_two_rests():
