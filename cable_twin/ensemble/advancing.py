@@ -54,7 +54,9 @@ class Looks(NamedTuple):
 
 
 @kernel
-def advance_members(code, queue, order, first, budget, members, looks, bundles, *arguments):
+def advance_members(
+    code, queue, order, first, budget, members, looks, bundles, like, moving, good, before, scratch, system, state, work
+):
     """Advance members of an ensemble from a queue until the queue is empty or stopped, or a member needs Python.
 
     Args:
@@ -66,12 +68,20 @@ def advance_members(code, queue, order, first, budget, members, looks, bundles, 
         members: all members.
         looks: occasions on which steps are interrupted.
         bundles: (members,) addresses of the couplings of each, for the memory of this thread.
-        arguments: of the integrator before the number of steps, in the memory of this thread; one by one, as numba
-            finds the types of a tuple of records in Python, at each call.
+        like: couplings of any member, for their type.
+        moving: motion of the couplings, in the memory of this thread, as all that follows.
+        good: scratch for a copy of `moving`.
+        before: the same.
+        scratch: of the solver for couplings.
+        system: parameters of any of the ropes, for their type.
+        state: motion of any, likewise.
+        work: scratch of any, likewise.
 
     Returns:
         The member to begin with next, which may be asking for Python; `NONE_LEFT`, or `ANOTHER` after the budget.
     """
+    # One by one, as numba finds the types of a tuple of records in Python, at each call.
+    arguments = like, moving, good, before, scratch, system, state, work
     member = first
     while queue[STOP] == 0:
         if member < 0:
@@ -181,7 +191,7 @@ def note_stations(members, member, state):
 
 
 @kernel
-def observe_members(code, members, system, state, read, rests, lateral, columns, numbers, rows):
+def observe_members(code, members, system, state, sections, places, rests, lateral, columns, numbers, rows):
     """Compute the snapshot numbers of all members of an ensemble with one rope.
 
     Args:
@@ -189,14 +199,14 @@ def observe_members(code, members, system, state, read, rests, lateral, columns,
         members: all members.
         system: of any of them, for its type.
         state: memory of one member, which is overwritten.
-        read: sections and sample places.
+        sections: scratch of one member.
+        places: of the samples on the rope.
         rests: (members, towers, 2) N, tower loads at rest of each.
         lateral: position (m) of the rope beside the track, for pictures.
         columns: of a frame, in `numbers`.
         numbers: (n,) of one frame, which are overwritten.
         rows: (members, n) for the numbers of each.
     """
-    sections, places = read
     for member in range(rows.shape[0]):
         copy_array(members.states[member], state.memory)
         own = record_at(members.systems[member, 0], system)

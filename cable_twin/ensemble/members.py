@@ -137,7 +137,7 @@ class MemberStates:
             observe(*arguments)
             system, state, sections, places, _, lateral, columns = arguments
             code, arrays = address_of(observe, arguments, NOTHING), pack(self.arrays)
-            before = code, arrays, system, state, (sections, places)
+            before = code, arrays, system, state, sections, places
             self._reading = before, (lateral, columns, row)
         first, last = self._reading
         observe_members(*first, self._rest_loads, *last, numbers)
