@@ -439,7 +439,7 @@ class _Places(NamedTuple):
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products (n, 3) of the rows of two arrays (n, 3): those of `numpy.cross`, with less of Python around them."""
+    """Cross products (n, 3) of the rows of two arrays (n, 3): those of `numpy.cross`, with less Python around them."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.ensemble.estimate.quantities import Reading
+from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
 
@@ -68,7 +68,7 @@ class Doubts:
     def of_samples(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for stuck samples and wrong units, beside the twin's numbers (n,); their sensors are left out."""
         known = [one for one in measurements if one.sensor in self._readings]
-        return self._stuck(time, known) + self._of_another_unit(time, known, numbers)
+        return self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
 
     def contradicting(self, sensors: Sequence[str], squares: Squares) -> str:
         """Sensor that contradicts all others; ONE/OTHER for two swapped ones, `PLANT` for several, empty for none."""
@@ -110,7 +110,7 @@ class Doubts:
         self.left_out[sensor] = alarm = Alarm(time, reason)
         return alarm
 
-    def _stuck(self, time: float, measurements: Sequence[Measurement]) -> list[Alarm]:
+    def _stuck(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for sensors with noise that repeat one value, and for encoders that stop within a sample."""
         alarms = []
         for one in measurements:
@@ -121,7 +121,7 @@ class Doubts:
             if reading.unit == "m":
                 size, most = one.values[0], STANDING_SAMPLES
             value, count = self._last.get(one.sensor, (np.nan, 0))
-            same = abs(value - size) <= 1e-9 * abs(size)
+            same = abs(value - size) <= 1e-9 * abs(size) and not self._bears_nothing(reading, size, numbers)
             self._last[one.sensor] = size, count + 1 if same else 1
             if reading.unit == "m" and not same:
                 before = self._moved.get(one.sensor, (time, size, 0.0))
@@ -130,6 +130,10 @@ class Doubts:
                 text = f"sensor {one.sensor} is stuck at {with_unit(size, reading.unit, 6)} and is left out"
                 alarms.append(self._leave_out(one.sensor, time, text))
         return alarms
+
+    def _bears_nothing(self, reading: Reading, size: float, numbers: FloatArray) -> bool:
+        """Whether a load cell reads no force where the twin expects hardly any: the rope has lifted off its support."""
+        return reading.places.size > 1 and size == 0.0 and float(reading.of(numbers[None, :])[0]) < LEAST_FORCE
 
     def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for sensors that read about a thousand times more or less than the twin predicts."""

@@ -59,6 +59,7 @@ LOST = 0.1  # share of the force of a drive, from which on its sensor is not the
 BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
 SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
+FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
 RESTS = 8  # at most, that are tried for one window
 FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
@@ -267,11 +268,12 @@ class Follower:
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _rest_where_believed(self, time: float) -> bool:
-        """Restart all members of a standing plant at equilibria in a much different wind, as a window measures it.
+        """Restart all members of a standing plant at equilibria in a much different wind, or with other payloads.
 
         At rest the measurements of a window hold at any time, so that they can correct the restarted members again
         (iterated Kalman filter, Bell and Cathey 1993). Unlike a twin in which a wind sets in, one at rest in that wind
-        does not swing.
+        does not swing; members blended to a payload far from theirs would not be at rest either, by the second order of
+        its effects.
 
         Returns:
             Whether the members have been restarted.
@@ -279,7 +281,10 @@ class Follower:
         first, anew, count = (self._belief, self._points), False, len(self.slow)
         for _ in range(RESTS):
             before = self._belief
-            if not self._rows or not self._went_far(before, found := update(before, *self._linear(self._rows))):
+            if not self._rows:
+                break
+            found = update(before, *self._linear(self._rows))
+            if not self._went_far(before, found) and not self._loads_went_far(before, found):
                 break
             mean = before.mean.copy()
             mean[:count] = found.mean[:count]
@@ -320,6 +325,15 @@ class Follower:
         moved, deviations = after.mean - before.mean, np.sqrt(np.diag(before.covariance))
         far = np.maximum(FAR, FAR_SHARE * np.abs(after.mean))
         return bool(((np.abs(moved) > far) & (deviations > FAR))[number].any())
+
+    def _loads_went_far(self, before: Belief, after: Belief) -> bool:
+        """Whether a correction moves a little known payload beyond the range in which its effects are linear."""
+        moved, deviations = np.abs(after.mean - before.mean), np.sqrt(np.diag(before.covariance))
+        return any(
+            min(moved[row], deviations[row]) > FAR_LOAD * one.high
+            for row, one in enumerate(self.slow)
+            if one.payload_of
+        )
 
     def _stirred_up(self, before: Belief) -> FloatArray:
         """Covariance before a correction with larger variances of all swings, which a sudden other wind excites."""
