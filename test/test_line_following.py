@@ -13,6 +13,7 @@ from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from verification.faultless import hours_of
 from verification.following import follow as follow_carriages
 from verification.following_line import follow
 
@@ -192,3 +193,11 @@ def test_payloads_of_both_cabins_of_a_jig_back_are_found_once_its_drive_has_star
     assert len(found) >= 8
     assert sum(abs(one.error) > MOST for one in found) < 0.1 * len(found)
     assert all(abs(one.error) < 4.0 * one.deviation for one in found)
+
+
+@pytest.mark.long
+def test_a_jig_back_that_waits_and_leaves_in_a_side_wind_gives_no_alarm():
+    """Its members begin anew with payloads far from the prior; blended to them they swing, 180 kg of payload."""
+    told: list[str] = []
+    hours_of("jig_back", 11, 40.0 / 3600.0, lambda time, reason: told.append(f"{time:.1f} s: {reason}"), [])
+    assert told == []

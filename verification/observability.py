@@ -129,7 +129,7 @@ class Readings:
         rest = Simulation(self._twin).snapshot
         loads = rest.columns.support_force
         scale = {name: float(np.linalg.norm(loads[row])) for name, row in rest.layout.support_rows.items()}
-        for name, reading in readings(self._twin.sensors, rest.layout, scale).items():
+        for name, reading in readings(self._twin, rest.layout, scale).items():
             error, column = np.zeros_like(plain), self._columns[name]
             error[:, column] = reading.error / self._noise[column]
             found.append((f"error of {name}", error))

@@ -175,7 +175,7 @@ def prepare(options: argparse.Namespace) -> Job:
     simulation = twin_of(logs[0], options.scenario, dict(options.set))
     scenario, rest = simulation.scenario, simulation.snapshot
     scales = scales_of(scenario, rest)
-    known = {name: one for name, one in readings(scenario.sensors, rest.layout, _loads(rest)).items() if name in scales}
+    known = {name: one for name, one in readings(scenario, rest.layout, _loads(rest)).items() if name in scales}
     keys = [key for given in options.free for key in given]
     parameters = parameters_of(simulation, keys, dict(options.prior), scales)
     training = len(options.logs)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from cable_twin import Ensemble
+from cable_twin.ensemble.estimate.doubts import STUCK_SAMPLES, Doubts
 from cable_twin.ensemble.estimate.follower import BOARDING, Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
-from cable_twin.ensemble.estimate.quantities import readings
+from cable_twin.ensemble.estimate.quantities import Errors, Reading, readings, slow_quantities
 from cable_twin.frame.records import AppliedCommand, Command
-from cable_twin.frame.sensors import Sensors, standard_sensors
+from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.messages import ESTIMATE, statuses_of_message
 from cable_twin.offline import plant
 from cable_twin.offline.follow import main
@@ -142,14 +143,26 @@ def test_where_there_is_no_rest_the_twin_stays_as_it_was(measured, monkeypatch):
     follower.close()
 
 
-def test_roll_is_read_where_members_differ_in_it():
-    """With several ropes they do not, and a wind across the plant would have its roll called a lie."""
-    for name, axes in (("windy_tramway", {"pitch", "roll"}), ("jig_back", {"pitch"})):
+def test_roll_is_read_with_one_rope_and_with_several():
+    for name in ("windy_tramway", "jig_back"):
         bare = load_scenario(name)
         rest = Simulation(bare).snapshot
-        sensors = load_scenario(name, {"sensors": standard_sensors(bare, rest)}).sensors
-        found = readings(sensors, rest.layout, dict.fromkeys(rest.layout.support_rows, 1e6))
-        assert {sensors[one].axis for one in found if sensors[one].kind == "inclinometer"} == axes
+        scenario = load_scenario(name, {"sensors": standard_sensors(bare, rest)})
+        found = readings(scenario, rest.layout, dict.fromkeys(rest.layout.support_rows, 1e6))
+        sensors = [scenario.sensors[one] for one in found]
+        assert {one.axis for one in sensors if one.kind == "inclinometer"} == {"pitch", "roll"}
+        assert "wind/y" in [one.name for one in slow_quantities(scenario)]
+
+
+def test_a_load_cell_off_which_the_rope_has_lifted_is_not_stuck():
+    """A cabin that passes lifts its haul rope off the rollers: they read 0 N for as long as it is near."""
+    reading = Reading("load", "N", np.arange(3), 50.0, Errors(100.0, 100.0), 50.0)
+    for expected, stuck in ((1e3, False), (2e4, True)):
+        doubts, alarms = Doubts({"load": reading}), []
+        for sample in range(STUCK_SAMPLES + 5):
+            measured = [Measurement("load", 0.1 * sample, (0.0, 0.0, 0.0))]
+            alarms += doubts.of_samples(0.1 * sample, measured, np.array([0.0, 0.0, expected]))
+        assert ["stuck at 0 N" in one.reason for one in alarms] == [True] * stuck
 
 
 def test_payload_is_found_within_its_band_and_a_wrong_plan_is_told(measured):

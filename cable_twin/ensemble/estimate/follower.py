@@ -120,7 +120,7 @@ class Follower:
         self._layout = start.layout
         supports = start.layout.support_rows
         scale = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
-        self.readings: dict[str, Reading] = readings(scenario.sensors, start.layout, scale)
+        self.readings: dict[str, Reading] = readings(scenario, start.layout, scale)
         self._towers = np.array([one.position[0] for one in scenario.towers.values()])
         self._tracks = start.layout.places.joint_position[:, 0].astype(np.intp)
         self.hidden: tuple[Hidden, ...] = hidden_quantities(scenario, start.layout)

@@ -113,7 +113,7 @@ class LineFollower:
         start, layout = self._twin.snapshot, self._twin.layout
         supports = layout.support_rows
         self._rest = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
-        known = readings(scenario.sensors, layout, self._rest)
+        known = readings(scenario, layout, self._rest)
         self._of = {name: scenario.sensors[name].of for name in known}
         self._kinds = {name: scenario.sensors[name].kind for name in known}
         self.readings: dict[str, Reading] = {

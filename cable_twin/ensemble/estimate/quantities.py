@@ -13,7 +13,6 @@ from cable_twin.frame.sensors import ANGLES, Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.schema import Sensor
 
 # slow error of the model in what a sensor reads, a standard deviation beside its noise, assumed
 PLACE_ERROR, FORCE_ERROR, LOAD_ERROR, ANGLE_ERROR = 0.2, 0.15, 6e-5, 4e-4  # m, of the noise, of the load, rad
@@ -61,7 +60,9 @@ STRAND_ERRORS = Errors(6e-3, 1.5e-2, 3e-2)
 ROLLER_ERRORS = Errors(8e-3, 2e-2, 0.1)
 OF_ROPES = 6.0  # times as much as with one rope
 PITCH_OF_ROPES = Errors(2e-3, 6e-3, 2e-2)
-FAST_ANGLE_OF_ROPES, ANGLE_ERROR_OF_ROPES = FAST_ANGLE.scaled(4.0), 1e-3  # rad, of an inclinometer
+FAST_ANGLE_OF_ROPES = FAST_ANGLE.scaled(4.0)  # rad, of an inclinometer
+# of load cells of a haul rope, as shares of the load: strands swing along, and no node of their mesh follows a clamp
+STRAND_ERROR, FAST_STRAND, FAST_ROLLER = 6e-4, Errors(4e-3, 7e-3), Errors(2e-2, 3e-2)
 LEAST_FORCE = 3e3  # N, of which these errors are shares at least: a haul rope may lift off
 CURVATURE = 0.15  # of the step of a slow quantity, by which it may be wrong, as effects are not linear
 OF_SQUARE = 0.5  # the same of wind, whose effect is that of its square
@@ -123,8 +124,7 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
             tolerance = PAYLOAD_TOLERANCE * most
             found.append(payload._replace(tolerance=tolerance, change=0.3 * most, payload_of=name))
     found += _rolling(scenario)
-    across = scenario.dim == 3 and len(scenario.cables) == 1  # of several ropes no sensor tells it
-    for axis, speed in zip("xy" if across else "x", scenario.air.wind, strict=False):
+    for axis, speed in zip("xy" if scenario.dim == 3 else "x", scenario.air.wind, strict=False):
         key, most = f"air.wind.{axis}", 40.0
         wind = Slow(f"wind/{axis}", key, "m/s", speed, 5.0, -most, most, speed, most, WIND_WALK, OF_SQUARE)
         found.append(wind._replace(change=wind.deviation))
@@ -167,18 +167,17 @@ def _rolling(scenario: Scenario) -> list[Slow]:
     return found
 
 
-def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
-    """Quantities that the sensors measure, by name; without inertial sensors, and without roll with several ropes.
-
-    With several ropes the ensemble's members differ neither in wind across the track nor in roll.
+def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
+    """Quantities that the sensors measure, by name; without inertial sensors.
 
     Args:
-        sensors: of the scenario.
+        scenario: with the sensors.
         layout: of its frames.
         scale: load at rest (N) by support.
     """
     found, places, alone = {}, layout.places, len(layout.ropes) == 1
-    for name, sensor in sensors.items():
+    hauled = {name for rope in scenario.strands for name in (*scenario.end_names(rope), *scenario.of_rope(rope).towers)}
+    for name, sensor in scenario.sensors.items():
         noise = max(float(np.hypot(sensor.noise, QUANTISED * sensor.quantum)), NOISE)
         if sensor.kind in ("encoder", "drive_force"):
             encoder = sensor.kind == "encoder"
@@ -198,12 +197,14 @@ def readings(sensors: Mapping[str, Sensor], layout: Layout, scale: Mapping[str, 
             load, tower = scale[sensor.of], sensor.of not in layout.end_samples
             fast, error = (FAST_TOWER, TOWER_ERROR) if tower else (FAST_LOAD, LOAD_ERROR)
             fast, error = (fast, error) if alone else (fast.scaled(OF_ROPES), OF_ROPES * error)
+            if sensor.of in hauled:
+                fast, error = (FAST_ROLLER, error) if tower else (FAST_STRAND, STRAND_ERROR)
             found[name] = Reading(name, "N", columns, noise, fast.scaled(load), error * load)
-        elif sensor.kind == "inclinometer" and (alone or sensor.axis != "roll"):
+        elif sensor.kind == "inclinometer":
             column = places.body_angles[layout.bodies.index(body_of(sensor, layout)), ANGLES[sensor.axis]]
             place = np.atleast_1d(column).astype(np.intp)
-            fast, error = (FAST_ANGLE, ANGLE_ERROR) if alone else (FAST_ANGLE_OF_ROPES, ANGLE_ERROR_OF_ROPES)
-            found[name] = Reading(name, "rad", place, noise, fast, error)
+            fast = FAST_ANGLE if alone else FAST_ANGLE_OF_ROPES
+            found[name] = Reading(name, "rad", place, noise, fast, ANGLE_ERROR)
     return found
 
 
@@ -241,7 +242,7 @@ def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
         errors = beside if rope in scenario.strands else HIDDEN_FORCE_ERRORS[kind].scaled(share)
         found.append(Hidden(f"{name}/force", "N", vector, errors))
     for row, name in enumerate(layout.bodies):
-        for angle in ("pitch", "roll") if layout.space and alone else ("pitch",):
+        for angle in ("pitch", "roll") if layout.space else ("pitch",):
             place = np.atleast_1d(places.body_angles[row, ANGLES[angle]]).astype(np.intp)
             found.append(Hidden(f"{name}/{angle}", "rad", place, HIDDEN_PITCH_ERRORS if alone else PITCH_OF_ROPES))
     return tuple(found)

@@ -39,14 +39,14 @@ class Swing(NamedTuple):
 def swings(layout: Layout) -> tuple[Swing, ...]:
     """Swings of all bodies of carriages, angle and rate: pitch, and in space roll as well.
 
-    With several ropes, whose members are costly, only the pitch of the second body, or of an only one: all that hangs
-    from the carriage on the rope rotates as a whole.
+    With several ropes, whose members are costly, only those of the second body, or of an only one: all that hangs from
+    the carriage on the rope rotates as a whole.
     """
     places, found, alone = layout.places, [], len(layout.ropes) == 1
     for vehicle, name in enumerate(layout.carriages):
         bodies = range(layout.first_body[vehicle], layout.first_body[vehicle] + len(layout.vehicles[name]))
         for body in bodies if alone else bodies[:2][-1:]:
-            for axis in (PITCH, ROLL) if layout.space and alone else (PITCH,):
+            for axis in (PITCH, ROLL) if layout.space else (PITCH,):
                 for rate in (False, True):
                     column = (places.body_angular_velocity if rate else places.body_angles)[body, axis]
                     found.append(Swing(vehicle, body, axis, rate, int(column)))
