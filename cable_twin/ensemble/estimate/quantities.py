@@ -130,7 +130,8 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
         found.append(wind._replace(change=wind.deviation))
     if len(scenario.cables) == 1:
         ice = scenario.cable.ice
-        found.append(Slow("ice", "cable.ice", "kg/m", ice, ICE, 0.0, ice + 10.0, ice, ICE_TOLERANCE, ICE_WALK))
+        own = Slow("ice", "cable.ice", "kg/m", ice, ICE, 0.0, ice + 10.0, ice, ICE_TOLERANCE, ICE_WALK)
+        found.append(own._replace(change=ICE_TOLERANCE))
     for rope, end in product(scenario.cables, ("start", "end")):
         support = scenario.cables[rope].ends[end]
         if support.support == "counterweight":
