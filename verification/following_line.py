@@ -111,7 +111,8 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
             follower.command(AppliedCommand(time, command, "plant"))
         here = snapshot.columns.joint_position[:, 0]
         passed += [sum((a - x) * (b - x) <= 0.0 for x in places) for a, b in zip(before, here, strict=True)]
-        passed[snapshot.columns.payload != loads] = 0  # since it was filled or emptied
+        within = (here > min(ends) + NEAR) & (here < max(ends) - NEAR)
+        passed[(snapshot.columns.payload != loads) | ~within] = 0  # since it was filled or emptied, or may have been
         before, loads = here.copy(), snapshot.columns.payload.copy()
         waiting += sensors.take(snapshot)
         due = [one for one in waiting if one.time <= time - 0.1]
@@ -123,7 +124,6 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
             if correction is None:
                 continue
             said += [f"{seed}: {one.time:.0f} s: {one.reason}" for one in correction.alarms]
-            within = (here > min(ends) + NEAR) & (here < max(ends) - NEAR)
             for row, name in enumerate(follower.carriers):
                 if not within[row]:
                     continue
