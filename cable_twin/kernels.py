@@ -17,7 +17,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cable_twin.basics.cpu import VARIABLE, class_of, machine, this_cpu
+from cable_twin.basics.cpu import CLASSES, VARIABLE, class_of, machine, this_cpu
 from cable_twin.mechanics.language.kernel_cache import FROM_PYTHON, SHIPPED
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_names
 from cable_twin.terminal.bars import count_shown
@@ -56,9 +56,9 @@ def build(scenarios: Sequence[str], target: Path = SHIPPED) -> None:
         OSError: the directory cannot be written.
     """
     if class_of(machine(), this_cpu()) is None:
-        raise BuildError(
-            f"CPU: given {this_cpu().name}; allowed: one of a known class, as only its kernels run on other machines"
-        )
+        known = CLASSES.get(machine())
+        allowed = "x86_64 or aarch64" if known is None else f"with all instructions of {known.target.name}"
+        raise BuildError(f"CPU: given {this_cpu().name}; allowed: {allowed}, as others could not run its kernels")
     for scenario in scenarios:
         load_scenario(scenario)
     shutil.rmtree(target, ignore_errors=True)  # and nothing is taken from there

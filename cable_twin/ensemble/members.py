@@ -169,8 +169,8 @@ class MemberStates:
         """Reason for the end of a member, empty while it runs; `clock` counts the steps done before this call."""
         if self.arrays.counts[member, STATUS] != FAILED:
             simulation = self.enter(member)
-            pressed = penetration_of(simulation)
-            return f"{pressed}; the simulation keeps its state at {simulation.time:g} s" if pressed else ""
+            cause = penetration_of(simulation)
+            return f"{cause}; the simulation keeps its state at {simulation.time:g} s" if cause else ""
         counts, sums = self.arrays.counts[member], self.arrays.sums[member]
         outcome = Outcome(
             converged=False,

@@ -31,7 +31,7 @@ class Block(NamedTuple):
 
 
 class Dissipation:
-    """Numerical dissipation of a run: energy lost and moved in blocks of 5 s, and the block of highest relative loss.
+    """Numerical dissipation of a run: energy lost per change of kinetic energy, highest value of all blocks of 5 s.
 
     A shock loses its energy at once, before the motion that follows it. So a block is judged 10 s after its start, when
     the next block is complete, against the larger energy moved in either block. A judged block is not judged again, so

@@ -305,9 +305,9 @@ def _states(part: str, numbers: Sequence[str], arrays: Mapping[str, Any], name: 
         within, fields = f"{part}{number}", OWN_FIELDS if number else FIELDS
         given = {key.partition("/")[2] for key in arrays if key.startswith(f"{within}/")}
         if missing := [field for field in fields if field not in given]:
-            raise SnapshotError(f"{name}: no {', '.join(missing)} in its {within}; {made}")
+            raise SnapshotError(f"{name}: no array {', '.join(missing)} in its {within}; {made}")
         if unknown := sorted(given - set(fields)):
-            raise SnapshotError(f"{name}: unknown {', '.join(unknown)} in its {within}; {made}")
+            raise SnapshotError(f"{name}: unknown array {', '.join(unknown)} in its {within}; {made}")
         found.append({field: arrays[f"{within}/{field}"] for field in fields})
     return Kept(*with_arrays_together(State, found, VEHICLES))
 

@@ -431,8 +431,8 @@ class Simulation(Queries):
             self._show(NOTHING_DONE)
             raise
         self._show(report_of(outcome))
-        if pressed := penetration(self._parts, self._contacts):
-            raise SolverError(f"{pressed}; the simulation keeps its state at {self.time:g} s")
+        if cause := penetration(self._parts, self._contacts):
+            raise SolverError(f"{cause}; the simulation keeps its state at {self.time:g} s")
         if not outcome.converged:
             raise SolverError(step_failure(self.system.solver, clock, outcome))
         return self.snapshot

@@ -44,7 +44,7 @@ class VehicleSettings(NamedTuple):
 
 
 def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Sequence[System]) -> list[System]:
-    """Combine systems of ropes with their own vehicles into systems that each have the vehicles of all ropes.
+    """Return the system of each rope with the vehicles of all ropes, from systems with the vehicles of one rope each.
 
     Args:
         scenario: scenario of all ropes.

@@ -193,4 +193,4 @@ def test_snapshot_of_a_version_with_another_state_names_field_and_versions(runs,
     np.savez(tmp_path / "old.npz", **arrays)
     assert main(["--snapshot", str(tmp_path / "old.npz")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "no drives.target in its state; the snapshot was made by cable_twin 0.0.7, this is " in line
+    assert "no array drives.target in its state; the snapshot was made by cable_twin 0.0.7, this is " in line

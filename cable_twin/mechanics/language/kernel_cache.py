@@ -68,7 +68,9 @@ def cache_directory(folder: Path) -> Path | None:
         with tempfile.TemporaryFile(dir=directory):
             room = shutil.disk_usage(directory).free
         if room < ROOM and not filled:
-            raise OSError(errno.ENOSPC, f"given {room / 2**20:.0f} MB free; allowed: {ROOM / 2**20:.0f} MB or more")
+            raise OSError(
+                errno.ENOSPC, f"disk: given {room / 2**20:.0f} MB free; allowed: {ROOM / 2**20:.0f} MB or more"
+            )
     except (OSError, RuntimeError) as error:  # RuntimeError: ~ of a user without a home
         reason = getattr(error, "strerror", None) or error
         logging.getLogger("cable_twin").warning(

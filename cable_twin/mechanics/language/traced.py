@@ -543,7 +543,7 @@ def first_of(pairs: Any) -> Any:
 
 @formula
 def second_of(pairs: Any) -> Any:
-    """Second of the two tuples of numbers that `beside` has paired."""
+    """Second tuple of numbers of a pair made with `beside`, which holds two tuples in the lanes of SIMD registers."""
     return _lanes_of(pairs, 1)
 
 

@@ -271,7 +271,7 @@ def impedance_of(body, chain, hinge_by_turn, hinge_by_above, rotation, held):
 
 @kernel
 def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
-    """Eliminate all bodies of a vehicle; store D and b of its cable joint's impedance in row body_offset[carriage].
+    """Eliminate all bodies of a vehicle: its joint's force is D Δr + b, stored in row body_offset[carriage].
 
     Needs `joint_gap`, and the orientation of the cable at the joint, `above` (`hinge.Above`). From the last body
     upwards: its residuals and tangents, its equations with the chain below, and the impedance of both at its pivot.

@@ -66,7 +66,7 @@ class Check(NamedTuple):
 
     @property
     def told(self) -> list[int]:
-        """Numbers of the parameters that the data identify."""
+        """Indices of the parameters that the data identify."""
         return [number for number, one in enumerate(self.findings) if one.told]
 
     @property
