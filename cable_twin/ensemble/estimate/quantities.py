@@ -68,6 +68,7 @@ CURVATURE = 0.15  # of the step of a slow quantity, by which it may be wrong, as
 OF_SQUARE = 0.5  # the same of wind, whose effect is that of its square
 WIND_WALK = 0.2  # m/s after a second, as of gusts of 1 m/s that last 50 s; less would trust the square law too far off
 ICE, ICE_TOLERANCE, ICE_WALK = 0.5, 0.3, 5e-3  # kg/m: prior deviation, without an alarm, after a second
+ICING = 0.05  # kg/m, standard deviation of ice that comes or falls off within a window
 PAYLOAD_TOLERANCE = 0.015  # of the capacity, without an alarm
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
@@ -131,7 +132,7 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
     if len(scenario.cables) == 1:
         ice = scenario.cable.ice
         own = Slow("ice", "cable.ice", "kg/m", ice, ICE, 0.0, ice + 10.0, ice, ICE_TOLERANCE, ICE_WALK)
-        found.append(own._replace(change=ICE_TOLERANCE))
+        found.append(own._replace(change=ICING))
     for rope, end in product(scenario.cables, ("start", "end")):
         support = scenario.cables[rope].ends[end]
         if support.support == "counterweight":
