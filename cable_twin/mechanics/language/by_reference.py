@@ -145,7 +145,7 @@ class Packed:
         layout = "@"  # aligned as C, and LLVM, align a structure
         for name, field in zip(record._fields, fields, strict=True):
             try:
-                kinds.append(typeof(field))
+                kinds.append(_kind_of(field))
                 form, values = _words(field, kinds[-1])
             except (TypeError, ValueError, NumbaError):
                 raise TypeError(
@@ -154,9 +154,34 @@ class Packed:
                 ) from None
             layout += form
             words += values
-        self._numba_type_ = RecordType(type(record), tuple(kinds))
+        self._numba_type_ = _record_type(type(record), tuple(kinds))
         self._words = np.frombuffer(struct.pack(layout, *words), np.uint8)
         self.address = self._words.ctypes.data
+
+
+_ARRAYS: dict[tuple[Any, ...], types.Type] = {}  # numba finds the type of an array in 15 µs, anew each time
+_TYPES: dict[tuple[Any, ...], RecordType] = {}  # by the class and its kinds, which live as long as the type
+
+
+def _kind_of(field: Any) -> types.Type:
+    """Numba type of a field of a record, kept for arrays and inner records."""
+    if isinstance(field, Packed):
+        return field._numba_type_
+    if type(field) is not np.ndarray:
+        return typeof(field)
+    flags = field.flags
+    key = field.dtype, field.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable
+    if key not in _ARRAYS:
+        _ARRAYS[key] = typeof(field)
+    return _ARRAYS[key]
+
+
+def _record_type(record: Any, kinds: tuple[types.Type, ...]) -> RecordType:
+    """Numba type of the records of a class whose fields have these types."""
+    key = record, *map(id, kinds)
+    if key not in _TYPES:
+        _TYPES[key] = RecordType(record, kinds)
+    return _TYPES[key]
 
 
 @typeof_impl.register(Packed)
