@@ -146,7 +146,7 @@ def changed(**changes):
     [
         ({"clamped_to": {"rail": 1.0}}, "clamped_to.rail: given the rope 'rail'; allowed: track, haul"),
         ({"clamped_to": {"track": 1.0}}, "carriages.cabin_1.clamped_to.track: given 'track': the rope on which it sli"),
-        ({"clamped_to": {"haul": -1.0}}, "carriages.cabin_1.clamped_to: given -1 m: between the ends of no ropes"),
+        ({"clamped_to": {"haul": -1.0}}, "carriages.cabin_1.clamped_to: given -1 m: on no ropes"),
         ({"clamped_to": {"haul": "x"}}, "carriages.cabin_1.clamped_to.haul: given 'x'"),
         ({"joint": "fixed"}, "carriages.cabin_1.clamped_to: given a mapping: a joint or drive holds the carriage"),
         ({"drive": {"mode": "speed"}}, "carriages.cabin_1.clamped_to: given a mapping: a joint or drive holds"),

@@ -259,7 +259,7 @@ def test_a_loop_that_cannot_be_is_told_in_a_line(source, key, value, said):
             {"space": 3, "towers.tower_3.position": [290.0, 400.0, 66.0]},
             "given [290.0, 402.1, 66.0] m: there the line turns by",
         ),
-        (TWO_ROPES, {"connectors.one.to": ["lower", 70.0]}, "other: given across 'one'; allowed: one order on both"),
+        (TWO_ROPES, {"connectors.one.to": ["lower", 70.0]}, "other: given crossing 'one'; allowed: one order along bo"),
         ("jig_back", {"ropes.haul_1.lateral": 3.0}, "joins: given ends that are 12 m apart; allowed: at most the diam"),
         (
             "seed_example",

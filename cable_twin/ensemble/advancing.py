@@ -28,7 +28,7 @@ GOING, FAILED, PRESSED = range(3)  # STATUS: of a member whose step failed, or w
 
 @by_reference
 class Members(NamedTuple):
-    """States of all members of an ensemble, with clocks and outcomes beside each state, for kernels."""
+    """States of all members of an ensemble, with the clock and solver outcome of each, for kernels."""
 
     states: NDArray[np.uint8]  # (members, bytes) of all ropes and vehicles
     motions: NDArray[np.uint8]  # (members, bytes) of couplings
@@ -165,7 +165,7 @@ def are_pressed(looks, state):
 
 @kernel
 def changed_places(members, member, state):
-    """Vehicle changes between ropes and stations since the last look: `CAME` to one, else `LEFT` one, or `NOBODY`.
+    """Change of any vehicle since the last record: one `CAME` to a rope or station, else `LEFT` a station, or `NOBODY`.
 
     The integrator ends its call at the step of each change.
     """
@@ -192,7 +192,7 @@ def note_stations(members, member, state):
 
 @kernel
 def observe_members(code, members, system, state, sections, places, rests, lateral, columns, numbers, rows):
-    """Compute the snapshot numbers of all members of an ensemble with one rope.
+    """Compute the snapshot values of all members of an ensemble with one rope.
 
     Args:
         code: address of `columns.observe`.

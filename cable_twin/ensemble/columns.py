@@ -11,7 +11,7 @@ from cable_twin.mechanics.parameters import FloatArray
 
 
 class MemberColumns(Mapping[str, FloatArray]):
-    """Numbers of all members by name: `columns["cabin/speed"]` is (members,).
+    """Values of all members by name of the quantity: `columns["cabin/speed"]` is (members,).
 
     Attributes:
         names: of the columns, (n,).

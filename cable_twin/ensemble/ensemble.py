@@ -95,7 +95,7 @@ class Ensemble:
 
     @property
     def layout(self) -> Layout:
-        """Names and places of the numbers of a snapshot."""
+        """Names and indices of the values in the row of a snapshot."""
         return self._states.base.layout
 
     @property
@@ -105,7 +105,7 @@ class Ensemble:
 
     @property
     def faults(self) -> Mapping[int, str]:
-        """Reason for the end of each member, in a line: a failed step, or vehicles pressed through each other.
+        """Reason for each ended member, in a line: a failed step, or vehicles that have passed through each other.
 
         An ended member stays at its last good state, until it is forked or reset.
         """
@@ -217,7 +217,10 @@ class Ensemble:
             ValueError: members are not `alike`.
         """
         if not self.alike:
-            raise ValueError("blend: given members unlike in elements or drive modes; allowed: members that are alike")
+            raise ValueError(
+                "blend: given members with vehicles in different elements or drives in different modes; "
+                "allowed: members with the same elements and modes"
+            )
         blend(self._states, weights)
 
     def swing(self, member: int, turns: Sequence[Turn]) -> None:
@@ -313,7 +316,7 @@ class Ensemble:
         return MemberColumns(list(seen), [one.unit for one in seen.values()], numbers[:, columns])
 
     def numbers(self) -> FloatArray:
-        """Rows (members, n) of numbers of the present snapshots, in the order of `layout`."""
+        """Values (members, n) of the present snapshots of all members, in the order of `layout`."""
         return self._states.numbers()
 
     def snapshot(self, member: int) -> Snapshot:
@@ -498,7 +501,7 @@ class Ensemble:
         return alive
 
     def _rows(self, members: Chosen) -> list[int]:
-        """Numbers of the members selected by a number, a slice, a sequence of numbers, or None for all.
+        """Indices of the members selected by an index, a slice, a sequence of indices, or None for all.
 
         Raises:
             ValueError: there is no such member.
@@ -524,7 +527,7 @@ class Ensemble:
         return count_shown(Console(stderr=True), things, count)
 
     def _share_bar(self, what: str) -> Any:
-        """Progress bar over the share of a call, on a terminal only."""
+        """Progress bar over the completed share (0 to 1) of a call, on a terminal only."""
         if not self._progress:
             return nullcontext(lambda share: None)
         from rich.console import Console  # noqa: PLC0415 - for a terminal alone

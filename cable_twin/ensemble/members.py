@@ -110,7 +110,7 @@ class MemberStates:
         self.take([member], simulation.engine.settings())
 
     def take(self, rows: Sequence[int], settings: Settings) -> None:
-        """Store settings of a simulation beside the state of some members."""
+        """Store settings of a simulation as those of some members."""
         arrays, self._entered = self.arrays, (None, None, None)
         for member in rows:
             self.settings[member] = settings
@@ -124,7 +124,7 @@ class MemberStates:
         engine.memory[:], engine.moving.memory[:] = self.arrays.states[member], self.arrays.motions[member]
 
     def numbers(self) -> FloatArray:
-        """Rows (members, n) of numbers of the present snapshots, in the order of the layout."""
+        """Values (members, n) of the present snapshots of all members, in the order of the layout."""
         base = self.base
         numbers = np.empty((self.size, base.layout.size))
         if len(base.engine.parts) > 1:

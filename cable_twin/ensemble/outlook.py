@@ -36,7 +36,7 @@ def standard_gust(scenario: Scenario, speed: float = GUST) -> Command:
 
 
 class Forecaster:
-    """Futures of a twin from any of its states: emergency stop now, as commanded, and an announced gust or wind.
+    """Simulator of a twin's futures from any state: with an emergency stop now, as commanded, and with a gust or wind.
 
     Each future is bit-equal to a simulation that goes on from the same state with the same commands.
 
@@ -130,7 +130,7 @@ class Forecaster:
         return [*commands, (announced, f"as commanded, with a {kind} from now on: {values} (m/s, duration in s)")]
 
     def _moments(self, now: float, step: float) -> FloatArray:
-        """Times (n,) in s of the looks at the futures, the last one at the horizon."""
+        """Times (n,) in s at which the key figures of the futures are updated, the last one at the horizon."""
         steps = max(round(self._look / step), 1)
         total = max(round(self.horizon / step), 1)
         early = min(max(round(EARLY / step) // steps, 1) * steps, total)
@@ -139,7 +139,7 @@ class Forecaster:
 
 
 def _exceeds(figure: KeyFigure | None) -> bool:
-    """Whether a key figure is there and exceeds its limit."""
+    """Whether a key figure exists (is not None) and exceeds its limit."""
     return figure is not None and figure.kept is False
 
 
@@ -172,7 +172,7 @@ class _Run:
         self._kept.append(self.figures.extremes())
 
     def _exceeded(self, found: Sequence[KeyFigure]) -> dict[FigureId, float]:
-        """Times (s) of the key figures in `found` that exceed their limits, by when they were first found to do so.
+        """Times (s) at which key figures in `found` first exceeded their limits, for those that exceed them.
 
         An extreme that exceeds its limit does so ever after, so that the first of the kept moments is found by halving.
         """

@@ -21,7 +21,7 @@ TEMPERATURE = "sensor_msgs/msg/Temperature"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Kind of command, such as speed, wind or reset: its quantity by vehicle, drive or axis, its topic or service.
+    """Kind of command, such as speed, wind or reset: quantity with unit and axes, topic or service, and message fields.
 
     Attributes:
         name: in records, bags and scripts.
@@ -60,16 +60,16 @@ class Kind:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def unit_of(self, name: str) -> str:
-        """Unit of a command's number for a carriage, drive or axis, by name."""
+        """Unit of a command's value for a carriage, drive or axis, by name."""
         return self.units.get(name, self.unit)
 
     def by_axis(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Complete a command's numbers by axis with 0 for each required axis without a number."""
+        """Complete a command's values by axis with 0 for each required axis without a value."""
         return dict.fromkeys(self.needed, 0.0) | dict(given)
 
     @property
     def keys(self) -> Mapping[str, str]:
-        """Keys of a command's numbers in a script, by axis: the kind's name for the first axis, then KIND_AXIS."""
+        """Keys of a command's values in a script, by axis: as `wind` for the first axis, then `wind_z`, `wind_y`."""
         return {axis: f"{self.name}_{axis}" if number else self.name for number, axis in enumerate(self.axes or ("",))}
 
 

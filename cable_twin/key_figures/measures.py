@@ -18,7 +18,7 @@ SLACK = 1.0  # N, least tension of a strand in the ratio of both, so that it is 
 
 @inlined_kernel
 def store(extremes, index, value, time, place, rope):
-    """Write an extreme into its row: value, time (s), place and number of the rope."""
+    """Write an extreme into its row: value, time (s), place and index of the rope."""
     row = extremes[index]
     row[VALUE], row[TIME], row[PLACE], row[ROPE] = value, time, place, rope
 
@@ -87,7 +87,7 @@ def take_frame(extremes, constants, columns):
 
 @inlined_kernel
 def rope_of(constants, columns, vehicle):
-    """Number of the rope on which a vehicle is; NO_ROPE if the frame does not have it."""
+    """Index of the rope on which a vehicle is; NO_ROPE if it is unknown from scenario and frame."""
     rope = constants.vehicle_rope[vehicle]
     if rope != NO_ROPE or isnan(columns.vehicle_rope[vehicle]):
         return rope
@@ -227,7 +227,7 @@ def begin_look(extremes, time, columns):
 
 @kernel
 def take_acceleration(extremes, vehicle):
-    """Update a vehicle's acceleration: difference of mean velocities over two successive times `MEAN`."""
+    """Update a vehicle's acceleration: difference of its mean velocities in two successive periods of `MEAN` (s)."""
     newest = extremes.passed_last[0]
     middle = latest(extremes, extremes.passed_time[newest] - MEAN)
     if middle < 0:

@@ -418,7 +418,7 @@ class SeatStops:
 
 
 class _Places(NamedTuple):
-    """Columns in a frame of the numbers from which the travel of n points is calculated."""
+    """Indices in a frame of the values from which the travel of n points is calculated."""
 
     layout: Layout | None = None
     points: Rows = np.zeros((0, 3), np.intp)  # (n, 3) m, of the points or of the centres of their bodies

@@ -66,13 +66,13 @@ def header(stamp_ns: int, frame_id: str = FRAME_ID) -> Header:
 
 
 def marks(count: int, kind: str = "<f8") -> NDArray[Any]:
-    """Placeholder numbers (count,) for a template, in increasing order."""
+    """Placeholder values (count,) for a message template, in increasing order."""
     word, first = _MARKS[kind]
     return (np.arange(count, dtype=word) + word(first)).view(kind)
 
 
 class Template:
-    """CDR message template: laid out once, with only stamps and numbers filled in place.
+    """CDR message template: laid out once, then only its stamps and numeric values are overwritten.
 
     The message is given with `STAMP` for every stamp and `marks` for the numbers; their positions are read from its
     bytes, so nothing here knows the layout of any message.
@@ -136,7 +136,7 @@ class Template:
                 self._scattered.append((numbers, own, source))
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encode the message with a stamp (ns) and the present numbers of its sources."""
+        """Encode the message with a stamp (ns) and the present values of the source arrays."""
         second, nanosecond = divmod(stamp_ns, SECOND)
         if self._stamped is not None:
             _PAIR.pack_into(self._bytes, self._stamped, second, nanosecond)
@@ -153,7 +153,7 @@ _PAIR = struct.Struct("<2I")
 
 
 def _strided(numbers: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any] | None:
-    """Strided view of the numbers at `places`, where evenly spaced along each axis; else None."""
+    """Strided view of the array elements at the indices `places`, if evenly spaced along each axis; else None."""
     if places.size == 0:
         return numbers[:0].reshape(places.shape)
     steps = []

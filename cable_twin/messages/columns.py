@@ -1,4 +1,4 @@
-"""Message `columns`: every number of a frame, bit for bit, as a std_msgs/Float64MultiArray for the log.
+"""Message `columns`: all values of a frame, bit for bit, as a std_msgs/Float64MultiArray for the log.
 
 Columns are in groups, each group is logged at its own rate, and a message has the groups that are due: the label of
 its only dimension names them, and their columns follow one after the other. `columns_metadata` describes groups and
@@ -59,7 +59,7 @@ MOST_KINDS = 64  # sets of groups whose messages are kept in mind; a run has 31 
 
 
 class Row(NamedTuple):
-    """Numbers of a frame that one message `columns` holds."""
+    """Frame decoded from one message `columns`: its values, the indices of those present, and the solver report."""
 
     numbers: FloatArray  # (size of a frame,) NaN outside the groups of the message
     places: IntArray  # (n,) indices in a frame of the numbers in the message
@@ -75,7 +75,7 @@ def groups_due(due: Collection[str]) -> tuple[str, ...]:
 
 
 def _columns(layout: Layout) -> dict[str, dict[str, IntArray]]:
-    """Indices of all numbers, by group and column: in the row of a frame, with the solver's report appended to it."""
+    """Indices of all values, by group and column, in the vector of a frame followed by the solver report."""
     groups = {column: group for group, columns in COLUMNS_OF.items() for column in columns}
     found: dict[str, dict[str, IntArray]] = {group: {} for group in GROUPS}
     for name, places in layout.places._asdict().items():
@@ -178,7 +178,7 @@ class RowDecoder:
             raise ValueError(f"{COLUMNS} are unreadable: {fault}") from error
 
     def _places(self, column: Mapping[str, Any]) -> IntArray:
-        """Indices in the row of a frame of the numbers of a column described in a log; -1 for an unknown column."""
+        """Indices in a frame's vector of the values of a column described in a log; -1 for an unknown column."""
         name, shape = str(column["name"]), tuple(column["shape"])
         if name not in self._shapes:
             return np.broadcast_to(np.intp(-1), _limited(math.prod(map(int, shape))))
@@ -187,7 +187,7 @@ class RowDecoder:
         return self._shapes[name].ravel()
 
     def decode(self, data: bytes) -> Row:
-        """Decode a message `columns` into the numbers of its frame.
+        """Decode a message `columns` into the values of its frame.
 
         Raises:
             ValueError, KeyError, struct.error: No such message, or with other columns than the log describes.
@@ -219,7 +219,7 @@ class RowDecoder:
         return parts
 
     def name(self, place: int) -> str:
-        """Name of the number at an index of a frame, such as body_angles[cabin/hanger, 1] for the pitch of a hanger."""
+        """Name of the value at an index of a frame, such as body_angles[cabin/hanger, 1] for the pitch of a hanger."""
         for name, places in self._layout.places._asdict().items():
             for row, *component in np.argwhere(places == place).tolist():
                 names = getattr(self._layout, str(DECLARED[name].shape[0]) if name in DECLARED else "", ())
@@ -228,7 +228,7 @@ class RowDecoder:
 
 
 class _Parts(NamedTuple):
-    """Arrangement of the numbers in messages `columns` with one set of groups."""
+    """Positions of the values in messages `columns` that contain one set of column groups."""
 
     head: bytes  # of the message, up to its numbers
     size: int  # number of numbers
@@ -242,7 +242,7 @@ class _ShapeError(ValueError):
 
 
 def _limited(count: int) -> int:
-    """Check a count of numbers against the limit of one message; returns the count."""
+    """Check a number of values against the limit of one message; returns the number."""
     if not 0 <= count <= MOST:
         raise _ShapeError(f"given {count} numbers; allowed: at most {MOST}")
     return count

@@ -167,7 +167,7 @@ def _goal(names: Sequence[str], fields: Mapping[str, Collection[float]]) -> Goal
         counts = ", ".join(f"{len(numbers)} of {field}" for field, numbers in fields.items())
         raise CommandError(f"joint command with {len(names)} names and {counts}; give one value for each name")
     if len(fields["effort"]):
-        raise CommandError("joint command with position and effort; give with a position (m) a velocity (m/s), or none")
+        raise CommandError("joint command with position and effort; give position (m), optionally with velocity (m/s)")
     _check_once("joint command", names)
     places = dict(zip(names, map(float, fields["position"]), strict=True))
     for name, place in places.items():

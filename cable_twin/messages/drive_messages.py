@@ -63,7 +63,7 @@ class ReferencesMessage:
 
 
 def _sources(layout: Layout) -> IntArray:
-    """Indices (3, names, rows) in a frame of the numbers of `joint_references`: place, speed, force; 0 if empty."""
+    """Indices (3, names, rows) in a frame of the values of `joint_references`: place, speed, force; 0 for no value."""
     c = layout.places
     limits = layout.of_commanded(c.force_limit, np.zeros_like(c.drive_position))
     kinds = layout.of_commanded(c.command_kind, c.drive_command_kind)
@@ -76,7 +76,7 @@ def _sources(layout: Layout) -> IntArray:
 
 
 class _Rows:
-    """Rows of message `sheaves`: their names, and the row numbers of wheels, strands and tensioning carriages."""
+    """Rows of message `sheaves`: names, and the row indices of wheels, strands and tensioning carriages."""
 
     def __init__(self, layout: Layout) -> None:
         self.names: list[str] = []

@@ -28,7 +28,7 @@ def figures_message(figures: Iterable[KeyFigure], stamp_ns: int) -> bytes:
 
 
 def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
-    """Diagnostic statuses of an outlook: a summary, then each figure of each future; a warning for a passed limit.
+    """Diagnostic statuses of an outlook: a summary, then each key figure of each forecast; a warning beyond its limit.
 
     Args:
         outlook: outlook of a twin.

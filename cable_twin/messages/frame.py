@@ -332,7 +332,7 @@ def joint_names(layout: Layout) -> list[str]:
 
 
 def hung_rows(layout: Layout) -> NDArray[np.intp]:
-    """Row numbers (n,) of bodies that hang from another body, which is in the row before."""
+    """Row indices (n,) of bodies that hang from another body, which is in the previous row."""
     return np.array([row for row in range(len(layout.bodies)) if row not in layout.first_body], dtype=np.intp)
 
 

@@ -185,7 +185,7 @@ def support_force_topic(support: str) -> str:
 
 
 class Due(NamedTuple):
-    """Topics that are due at one frame, for each taker such as publisher or log."""
+    """Topics that are due at one frame, for each consumer of messages, such as publisher or log."""
 
     names: tuple[str, ...]  # topics due for any taker
     taken: tuple[tuple[int, ...], ...]  # for each taker, indices in `names`
@@ -193,7 +193,7 @@ class Due(NamedTuple):
 
 
 class Schedule:
-    """Schedule of the topics due at each frame, counted from the start of the run, for one or more takers.
+    """Schedule of the topics due at each frame of a run, for one or more consumers such as publisher and log.
 
     Args:
         table: the topics; topics without a group come at events and are in no schedule.
@@ -211,7 +211,7 @@ class Schedule:
         self._known: dict[tuple[bool, ...], Due] = {}
 
     def listen(self, taker: int, group: str, listening: bool) -> None:
-        """Start a group of topics at its rate for a taker, by number, or stop the group while nobody listens."""
+        """Start a group of topics at its rate for a consumer given by index, or stop it without subscribers."""
         if group in self._groups:
             row = self._groups.index(group)
             self._periods[taker][row] = self._given[taker][row] if listening else self._never

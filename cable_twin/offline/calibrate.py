@@ -153,7 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class _FailedError(ValueError):
-    """Failure of a calibration whose input is valid: one line."""
+    """Failure of a calibration with valid input; the message is one line."""
 
 
 class Job(NamedTuple):
@@ -224,7 +224,7 @@ def _run(job: Job, options: argparse.Namespace, console: Console) -> int:
 
 
 def _check_units(predictor: Predictor, prior: Evaluation) -> None:
-    """Refuse a sensor whose readings are a thousandfold or a thousandth of the twin's: in another unit."""
+    """Refuse a sensor whose readings differ from the twin's by a factor near 1000, as of another unit."""
     for name, ratio in predictor.ratios(prior).items():
         if any(THOUSANDFOLD[0] < one < THOUSANDFOLD[1] for one in (ratio, 1.0 / max(ratio, 1e-300))):
             raise CalibrationError(

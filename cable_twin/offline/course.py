@@ -31,7 +31,7 @@ class Scripted(Protocol):
 
     @property
     def layout(self) -> Layout:
-        """Layout of a snapshot: names and indices of its numbers."""
+        """Layout of a snapshot: names and array indices of the values in it."""
 
     @property
     def step(self) -> float:

@@ -242,7 +242,7 @@ def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
 
 
 def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
-    """Add the id of a load case to the place of the figure of each of its verdicts.
+    """Add the id of a load case to the place text of the key figure in each verdict of the case.
 
     Args:
         case: id of the case.
@@ -259,7 +259,7 @@ def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
 
 
 def worst_verdicts(of_cases: Sequence[Sequence[RuleVerdict]]) -> list[RuleVerdict]:
-    """Worst verdict of each rule check over load cases; undecided for want of a figure or case counts least.
+    """Worst verdict of each rule check over load cases; verdicts undecided for lack of a figure or case rank last.
 
     Args:
         of_cases: verdicts of each case, of equal profiles.

@@ -64,7 +64,7 @@ class RunTable:
         return (line.rstrip("\n") for line in self._lines)
 
     def _lay_out(self, first: Snapshot) -> None:
-        """Define the columns of the table from the first frame, without partial signals that have no value in it."""
+        """Define the columns of the table by the first frame, without those of optional signals that are NaN in it."""
         self.columns = ["time [s]"]
         for signal in SIGNALS.values():
             names, values = signal.names(first.layout), signal.values(first.layout, first.columns)

@@ -135,7 +135,7 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
-    """Text of the verdict on a key figure of one or more runs: kept, or exceeded by which; uncertainty where known."""
+    """Text of the verdict on a key figure of one or more runs: kept, or exceeded by which run; uncertainty if any."""
     lone = figures[0] if len(figures) == 1 else None
     if lone is not None and lone.uncertainty is not None:
         word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict

@@ -51,7 +51,7 @@ examples:
 
 
 class FollowError(ValueError):
-    """Fault of a recorded plant that the twin cannot follow: one line."""
+    """Error of a recorded plant that the twin cannot follow; the message is one line."""
 
 
 UNUSABLE_INPUT = (FollowError, LogError, ScenarioError, EquilibriumError)

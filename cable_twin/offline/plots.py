@@ -116,7 +116,7 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
 
 
 def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
-    """Lines of a plotted quantity that have any number, as run and name; for several runs only last bodies."""
+    """Lines of a plotted quantity with any finite value, as run index and name; of several runs, last bodies only."""
     lines = []
     for index, run in enumerate(runs):
         names = [
@@ -136,7 +136,7 @@ def _is_end(name: str) -> bool:
 
 
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
-    """Panels of a signal: one, or for supports one of rope ends and one of towers, with far smaller loads."""
+    """Panels of a signal: one; for supports two, rope ends and towers, as loads on towers are far smaller."""
     if signal.beside:
         return []
     lines = _lines(runs, signal)
@@ -151,7 +151,7 @@ def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
 
 
 def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float = 1.0) -> None:
-    """Write title and names of the runs above a plot, two in a row; axes get the rest, up to `right` of the width."""
+    """Write title and names of runs, two in a row, above a plot; axes fill the rest, up to `right` of the width."""
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
     names = [f"{run.label}: {run.scenario}, {run.run}" if run.label else f"{run.scenario}, {run.run}" for run in runs]
     rows = ["     ".join(names[first : first + 2]) for first in range(0, len(names), 2)]
@@ -224,13 +224,13 @@ def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, st
 
 
 def _reach(values: np.ndarray, word: str) -> float:
-    """Highest or lowest of values over time, without missing ones (NaN)."""
+    """Highest or lowest of values over time, ignoring NaN; an infinity that loses every comparison if all are NaN."""
     extreme = np.fmax.reduce(values) if word == "highest" else np.fmin.reduce(values)
     return float(extreme) if np.isfinite(extreme) else (-np.inf if word == "highest" else np.inf)
 
 
 def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float, ...]]:
-    """Colour and dash pattern of a plotted line, by number of its run and number in the run."""
+    """Colour and dash pattern of a plotted line, by the index of its run and its index within the run."""
     if runs > 2:  # a colour a run
         few = runs <= len(COLORS)
         color: Any = COLORS[run] if few else plt.get_cmap("viridis")(run / (runs - 1))
@@ -239,7 +239,7 @@ def _look(line: int, lines: int, run: int, runs: int) -> tuple[Any, tuple[float,
 
 
 def _rope_plot(runs: Sequence[PlottedRun]) -> Figure:
-    """Plot rope shapes of runs at several times, coloured by time: height, height above the chord, in space plan."""
+    """Plot rope shapes of runs at several times, coloured by time: height, height above chord, lateral place if any."""
     shapes = [run.signals.shapes() for run in runs]
     rows: list[tuple[str, Callable[[np.ndarray, np.ndarray], np.ndarray]]] = [
         ("z, height [m]", lambda points, _: points[:, 2]),
@@ -281,7 +281,7 @@ def _aside(rope: np.ndarray) -> float:
 
 
 def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
-    """Height (m) of points (n, 3) above the chord of the first rope; above the rope's start if that is vertical."""
+    """Height (m) of points (n, 3) above the chord of the first rope; if that chord is vertical, above its start."""
     rope = rope[: int(np.append(np.isnan(rope[:, 0]), True).argmax())]
     chord = rope[-1] - rope[0]
     slope = chord[2] / chord[0] if chord[0] else 0.0

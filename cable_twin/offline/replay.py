@@ -120,7 +120,7 @@ def _counted(counts: Counter[Any]) -> str:
 
 
 class Joint(Enum):
-    """Transition of a replay from one file of a log to the next: goes on, restarts from its state, or leaves it out."""
+    """Transition of a replay to the next log file: continue, restart from its attached state, or skip the file."""
 
     GOES_ON = auto()
     FROM_ITS_STATE = auto()
@@ -198,7 +198,7 @@ def _state_differences(logged: FullState, replayed: FullState) -> Iterator[Diffe
 
 
 def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress: Progress | None = None) -> Comparison:
-    """Simulate a log again and compare all numbers of each frame with the logged ones.
+    """Simulate a log again and compare all values of each frame with the logged ones.
 
     With tolerance 0, all other messages of a frame and the state attached to each file are compared, too. All files
     are simulated in one go; where data is lost before a file, the simulation goes on from the state attached to it.
@@ -276,7 +276,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
 
 
 def _compare_columns(result: Comparison, row: Row, snapshot: Snapshot, decoder: RowDecoder) -> None:
-    """Compare the numbers of a logged frame with those of the replayed snapshot; differences go to the result."""
+    """Compare the values of a logged frame with those of the replayed snapshot; differences go to the result."""
     logged, replayed = row.numbers[row.places], snapshot.numbers[row.places]
     differs = ~((logged == replayed) | (np.isnan(logged) & np.isnan(replayed)))
     if not differs.any():
@@ -331,12 +331,12 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
 
 
 def made_here(log: Log) -> bool:
-    """Whether a replay of a log can be expected to give its bits: equal versions, machine and arithmetic."""
+    """Whether a replay can be expected to be bit-identical to its log: equal versions, machine and arithmetic."""
     return not made_by_other(log)
 
 
 def made_by_other(log: Log) -> list[str]:
-    """Names of versions, machine or arithmetic that affect the bits of a log and differ here."""
+    """Names of what keeps a replay here from being bit-identical to its log: other versions, machine or arithmetic."""
     here = program_metadata()
     return [name for key, name in MADE_BY.items() if log.metadata.get(key) != here[key]]
 

@@ -1,4 +1,4 @@
-"""Scripted runs of scenarios in parallel, as members of ensembles; the members of an ensemble have one mesh."""
+"""Scripted runs of scenarios in parallel, as members of ensembles; the members of an ensemble share one mesh."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Member:
 
     @property
     def layout(self) -> Layout:
-        """Layout of a snapshot: names and indices of its numbers."""
+        """Layout of a snapshot: names and array indices of the values in it."""
         return self._ensemble.layout
 
     @property
@@ -168,7 +168,7 @@ def _begin(jobs: dict[int, Job], threads: int, bar: _Bar) -> _Begun:
 
 
 def _run_courses(begun: _Begun, bar: _Bar, stop: threading.Event) -> dict[int, SweptRun]:
-    """Carry out the scripted runs of an ensemble in step; returns their results by number."""
+    """Carry out the scripted runs of an ensemble in step; returns the result of each run by its index."""
     ensemble, jobs = begun.ensemble, begun.members
     assert ensemble is not None
     figures = {number: KeyFigures(job.scenario) for number, (job, _) in jobs.items()}
@@ -204,5 +204,5 @@ def _run_courses(begun: _Begun, bar: _Bar, stop: threading.Event) -> dict[int, S
 
 
 def _go_on(times: Generator[float, None, Outcome], fault: str | None) -> float:
-    """Next time (s) of the course of a run, after the simulation has reached the last one or has a fault."""
+    """Continue the generator of a run's times, or raise a fault of the simulation in it; returns the next time (s)."""
     return next(times) if fault is None else times.throw(SolverError(fault))

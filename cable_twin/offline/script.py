@@ -307,7 +307,7 @@ def _phase(time: float, duration: float, first: float, last: float) -> float:
 
 
 def _command(row: Mapping[str, Any], place: str) -> Command:
-    """Command of a row of a script: an event, numbers by axis, or a number by name."""
+    """Command of a row of a script: an event, values by axis, or the value for a named object."""
     given = [key for key in NUMBERS if key in row]
     if "event" in row:
         event = str(row["event"])

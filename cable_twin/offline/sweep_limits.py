@@ -77,7 +77,7 @@ class SweptFigure:
                 first = None
 
     def crossing(self, gap: int) -> float:
-        """Interpolated swept value at which the key figure meets its limit, between a run by number and the next one.
+        """Interpolated swept value at which the key figure meets its limit, between run `gap` and the next one.
 
         The curve through all runs is a monotone cubic, as wind loads grow with the square of the speed. Where a run
         beside the gap lacks the figure, the value of the run that keeps the limit is returned.
@@ -184,7 +184,7 @@ def windows_of(runs: Sequence[SweptRun], figures: Sequence[SweptFigure]) -> list
 
 
 def edge(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], inside: int, outside: int) -> Edge:
-    """End of a window of a sweep between a run inside and its neighbour outside, both by number."""
+    """End of a window of a sweep between a run inside and its neighbour outside, both given by index."""
     value = runs[inside].value
     if not 0 <= outside < len(runs) or runs[outside].fault:
         return Edge(value, None, value)

@@ -179,7 +179,7 @@ Frames = Iterator[tuple[float, Mapping[str, float]]]
 
 
 def compare(first: Frames, *others: Frames) -> list[Comparison]:
-    """Compare the signals of a run with those of other runs at frames of equal time, within `SAME`.
+    """Compare the signals of a run with those of other runs at frames of equal time, within the tolerance `SAME`.
 
     Args:
         first: Time (s) and values by signal of each frame of the run.

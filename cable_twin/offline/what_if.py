@@ -59,7 +59,7 @@ examples:
 
 
 class BranchError(ValueError):
-    """Faults of a branch of a run that cannot be made: lines with given and allowed values."""
+    """Error of a branch of a run that cannot be made; each line of the message has the given and the allowed value."""
 
 
 UNUSABLE_INPUT = (BranchError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)
@@ -217,7 +217,7 @@ def _duration(log: Log, start: float, period: float, given: float | None) -> flo
 
 
 def _from_nearest_state(log: Log, at: float) -> Log:
-    """Log from its last file on whose attached full state is not after a time (s)."""
+    """Log from the last file on whose attached full state is at or before a time (s); else the whole log."""
     for first in range(len(log.files) - 1, 0, -1):
         try:
             state = read_full_state(BytesIO(log.files[first].snapshot() or b""), log.files[first].path.name)

@@ -90,7 +90,7 @@ class FrameOutput:
         self.encoder.frame(self._simulation.snapshot, self._schedule.due(0, everything=True).names)
 
     def listen(self, group: str, listening: bool) -> None:
-        """Start a group of topics at its rate for the first taker, or stop the group while nobody listens."""
+        """Start publishing a group of topics at its rate, or stop the group while it has no subscribers."""
         self._schedule.listen(0, group, listening)
 
     def prepare(self, snapshot: Snapshot) -> Prepared:

@@ -153,7 +153,7 @@ class LogFile:
             return _attached(stream, self.index)
 
     def declared(self) -> tuple[dict[int, Channel], dict[int, Schema]]:
-        """MCAP channels and schemas of the log file by number, from the index or else in one pass."""
+        """MCAP channels and schemas of the log file by ID, from the index or else in one pass over the file."""
         if self.index is not None and self.index.channels:
             return dict(self.index.channels), dict(self.index.schemas)
         channels: dict[int, Channel] = {}

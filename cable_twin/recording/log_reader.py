@@ -29,7 +29,7 @@ class Log:
 
     @property
     def source(self) -> Path:
-        """Path after which copies of the log are named: directory of the run, or a file of several, without suffix."""
+        """Path from which copies get their names: directory of the run, or one of several files, without suffix."""
         path = self.path.resolve()
         if path.is_dir():
             return path
@@ -123,7 +123,7 @@ class Log:
     def files_in_turn(
         self, on_position: Callable[[int], None] | None = None
     ) -> Iterator[tuple[LogFile, Callable[[int], None] | None]]:
-        """Iterate over the files of the log; yields each with a callback that adds its offset for `on_position`."""
+        """Iterate over the files of the log; yields each with `on_position` offset by the size of previous files."""
         before = 0
         for file in self.files:
             yield file, None if on_position is None else partial(_add_and_tell, on_position, before)

@@ -207,7 +207,7 @@ def chunk_messages(data: bytes, names: dict[int, str]) -> Iterator[tuple[int, in
             declared = parsed(Channel, data[position : position + length])
             names[declared.id] = declared.topic
         elif opcode != SCHEMA:
-            raise McapError(f"a record of kind {opcode} in a chunk")
+            raise McapError(f"kind of a record in a chunk: given {opcode}; allowed: schema, channel or message")
         position += length
 
 

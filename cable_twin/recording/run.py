@@ -161,7 +161,7 @@ def _open_logs(
 
 
 def open_view(scenario: Scenario, path: Path | None, *, live: bool = False, **options: Any) -> RerunView:
-    """Open a rerun view of a scenario, with bodies drawn from their pivots.
+    """Open a rerun view of a scenario, written to a file, served live, or both.
 
     Args:
         scenario: Scenario of the run.

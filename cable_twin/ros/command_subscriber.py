@@ -74,7 +74,7 @@ class CommandSubscriber:
         self._accepted = 0  # commands since then
 
     def take(self, topic: str, data: bytes) -> None:
-        """Accept or refuse a message of a topic of `INPUTS`."""
+        """Submit the command in a message of a command topic to the frame loop, or refuse the message."""
         try:
             if len(data) > self._limits.size:
                 raise CommandError(f"message: given {len(data)} bytes; allowed: up to {self._limits.size} bytes")

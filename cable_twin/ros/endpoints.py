@@ -34,7 +34,7 @@ class Endpoints:
     """
 
     def __init__(self, node: Node, table: Sequence[Topic]) -> None:
-        """Create the publishers; topics of `INPUTS` are left to `subscribe`."""
+        """Create the publishers; subscriptions to the command topics are only created by `subscribe`."""
         self._node = node
         self._topics = {topic.name: topic for topic in table}
         self._remapped: dict[str, str] = {}

@@ -158,7 +158,7 @@ class Markers:
         return max(scenario.cable.diameter or 0.0, 5e-4 * self._span)
 
     def _marks(self) -> list[FloatArray]:
-        """Placeholder numbers of the message template for all source arrays, in the shape of each."""
+        """Placeholder values of the message template: for each source array, an array of the same shape."""
         numbers = marks(sum(source.size for source in self._sources))
         ends = np.cumsum([source.size for source in self._sources])[:-1]
         return [part.reshape(source.shape) for part, source in zip(np.split(numbers, ends), self._sources, strict=True)]

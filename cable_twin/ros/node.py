@@ -69,7 +69,7 @@ READY_TIMEOUT = 2.0  # s that simulated time waits for the logs to be ready
 
 
 class SecondTwinError(RuntimeError):
-    """Error of a second twin of one name in a ROS domain: both would publish and take commands on the same topics."""
+    """Error of starting a second twin of the same name in a ROS domain, as both would use the same topics."""
 
     def __init__(self, node: Node) -> None:
         name, domain = node.get_fully_qualified_name(), node.context.get_domain_id()
@@ -101,7 +101,7 @@ def claim_single_instance(node: Node) -> socket.socket:
 
 
 def check_single_instance(node: Node) -> None:
-    """Refuse the name of a twin on another machine; called before the node publishes its scenario.
+    """Refuse a node name that a twin on another machine uses; called before the node publishes its scenario.
 
     Raises:
         SecondTwinError: there is a twin of this name.
@@ -222,7 +222,7 @@ class TwinNode(Node):
         self.emergency.serve(self._loop)
 
     def _make_outlook(self) -> LiveOutlook:
-        """Outlook beside the frame loop, with the parameters of the node."""
+        """Make the publisher of outlooks (forecasts of the running twin) from the parameters of the node."""
         return LiveOutlook(
             self.simulation,
             self._loop,

@@ -216,5 +216,5 @@ PARAMETERS = (
 
 
 def splitting_of(values: Mapping[str, Any]) -> Splitting:
-    """Splitting of the log, from parameters of the corresponding names."""
+    """Options for splitting the log into files, from the node parameters of the same names."""
     return Splitting(**{field.name: values[field.name] for field in fields(Splitting)})

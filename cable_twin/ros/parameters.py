@@ -90,7 +90,7 @@ def changes_of(values: Mapping[str, Any]) -> dict[str, Any]:
         raise ParameterError(f"parameter 'set': {error}") from None
     if changes and values["snapshot"]:
         names = ", ".join(changes)
-        raise ParameterError(f"parameter 'set': given changes of {names}; allowed: none beside 'snapshot'")
+        raise ParameterError(f"parameter 'set': given changes of {names}; allowed: none together with 'snapshot'")
     return changes
 
 
@@ -169,7 +169,7 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
 
 
 class LiveParameterService(ParameterService):
-    """Parameter services of the node, for parameters of `CHANGING`; another `scenario` restarts the twin.
+    """Parameter services of the node, for the parameters changeable at run time; another `scenario` restarts the twin.
 
     A new scenario is read before the parameter is set, without blocking the executor.
 

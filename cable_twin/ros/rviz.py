@@ -69,7 +69,7 @@ class RvizTopics:
         self._sent = self._sent_before = 0  # messages of markers, in all and until the last check
 
     def counted_senders(self, endpoints: Endpoints) -> dict[str, Callable[[bytes], None]]:
-        """Senders of topics by name; the sender of the markers counts its messages."""
+        """Functions that publish the bytes of a message, by topic name; the one of `markers` counts its messages."""
         if MARKERS not in self.makers:
             return dict(endpoints.senders)
         self._listeners, send = partial(endpoints.listeners, MARKERS), endpoints.senders[MARKERS]

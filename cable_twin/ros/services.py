@@ -106,7 +106,7 @@ class SnapshotWriter:
 
 
 class Services:
-    """Services of a frame loop below the name of a node: commands without values, pause, step and snapshots.
+    """ROS services of a twin for commands without values, pause, step and saved snapshots.
 
     Args:
         node: node of the twin.

@@ -44,7 +44,7 @@ def receive(stream: IO[bytes]) -> Any:
 
 
 class Companion:
-    """Companion process of a running twin, as the twin starts, restarts and ends it.
+    """Manager of a companion process of a running twin: starts it, restarts it after a failure, and ends it.
 
     Attributes:
         stopping: set as soon as the twin ends the process.

@@ -1,4 +1,4 @@
-"""Following of a plant beside a running twin: messages of the plant to a process, and estimates published.
+"""Following of a plant by a running twin: plant messages go to a separate process, whose estimates are published.
 
 The frame loop gets nothing from here but commands of speeds, as from any other source. All else is done by a process at
 the lowest priority. Where that process is behind, estimates come later, and each has the time for which it holds.
@@ -47,7 +47,7 @@ class Estimated(NamedTuple):
 
 
 class LiveFollowing:
-    """Follower of a plant beside a running twin, with a process for the estimates.
+    """Follower of a plant for a running twin, with a separate process that computes the estimates.
 
     Attributes:
         shut: topics whose messages are left out at present, as two plants publish there.

@@ -188,7 +188,7 @@ class FrameLoop:
         self._asked.set()
 
     def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
-        """Compute frames while paused, as fast as possible; the future gives the number, fewer on a fault or pause.
+        """Compute frames while paused, as fast as possible; gives the number done, fewer after a fault or pause.
 
         After each frame `on_frame` takes the number of frames so far, and returns whether to continue.
         """

@@ -1,4 +1,4 @@
-"""Outlook beside a running twin: its state is copied between two steps, and a process's forecasts are published.
+"""Outlook of a running twin: copies of its state go to a separate process, whose forecasts are published.
 
 The frame loop only gives a copy of its memory at a frame boundary. All else is done by a process at the lowest
 priority. Where that takes longer than the period, the next outlook is later; each outlook has its age.
@@ -50,7 +50,7 @@ class Answer(NamedTuple):
 
 
 class LiveOutlook:
-    """Outlook of a running twin, published about once a period.
+    """Publisher of outlooks (forecasts) of a running twin, computed in a separate process about once a period.
 
     Args:
         simulation: running simulation.
@@ -94,7 +94,7 @@ class LiveOutlook:
         self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
 
     def _look(self, questions: IO[bytes], answers: IO[bytes]) -> None:
-        """Request outlooks from the present state of the process, again and again, until either side ends."""
+        """Send the twin's state to the process every period and publish the returned outlook, until either ends."""
         send(questions, self._options)
         while not self._companion.stopping.is_set():
             begun = time.monotonic()

@@ -117,7 +117,7 @@ def _or_none(limit: float | None) -> float:
 
 
 class TravelRange(NamedTuple):
-    """Travel of a haul rope from the start on, with a carriage at the end stops of its track."""
+    """Range of travel of a haul rope, from its initial position, that keeps its carriage between the end stops."""
 
     low: float  # m
     high: float  # m

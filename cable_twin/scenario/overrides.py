@@ -177,7 +177,7 @@ OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, the key that exists
 
 
 class _Place(NamedTuple):
-    """Key path in the scenario file of a drive, or of a tower with one rope."""
+    """Key paths in the scenario file of one drive, or of one tower for a single one of its ropes."""
 
     own: KeyPath
     keys: frozenset[str]  # given in the file
@@ -253,7 +253,7 @@ class Written:
         return len(self.path(tuple(key.split("."))))
 
     def expanded(self, key: str) -> list[str]:
-        """Scenario keys of one key of the file: for a tower of several ropes, the key of each of its towers."""
+        """Keys of the scenario that one key of its file stands for: for a tower of several ropes, one key per rope."""
         parts = tuple(key.split("."))
         ropes = [place for place, where in self._places().items() if where.common == parts[:2]]
         keys = [".".join((*map(str, place), *parts[2:])) for place in ropes]

@@ -233,7 +233,7 @@ class Scenario(Section):
 
     @property
     def joint(self) -> Literal["paper", "node"]:
-        """Joint of vehicles on the one rope of this scenario: as given, else at nodes where possible and accurate.
+        """Kind of joint of vehicles with the rope: as given, else at mesh nodes where possible and accurate.
 
         A rope that begins straight, or has a free end, may lack the tension beside which its bending moment at a
         vehicle, which a node with two slopes does not pass on, counts for little. Carriers that are closer than two

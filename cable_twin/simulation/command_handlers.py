@@ -203,7 +203,7 @@ def take_effect(engine: Engine, scenario: Scenario, command: Command) -> None:
 
 
 def _share(command: Command, part: Ropeway) -> Command:
-    """Share of a command for one rope: values for its vehicles and drives, all of a command without names."""
+    """Part of a command for one rope: values of vehicles and drives on it; a command without names stays whole."""
     kind = KINDS[command.kind]
     if kind.axes or not kind.quantity:
         return command

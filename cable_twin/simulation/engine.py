@@ -64,7 +64,7 @@ class Start(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """Settings of an engine beside its state: parameters with payloads, commands in force, loading, start."""
+    """Data of an engine that are not in its state: parameters with payloads, commands in force, loading, start."""
 
     parameters: tuple[tuple[System, Any], ...]  # of each rope, and packed
     stopped: bool
@@ -361,7 +361,7 @@ class Engine:
         give_forces(bundle, moving, system, state, self._sections)
 
     def observe(self, columns: Columns) -> None:
-        """Fill the columns of connectors, pantographs, bullwheels and opened clamps."""
+        """Fill the columns of a snapshot for connectors, pantographs, bullwheels and opened clamps."""
         if not self._coupled:
             return
         moving = self.moving
@@ -377,7 +377,7 @@ class Engine:
         self.loop.observe(columns)
 
     def acting(self) -> bytes:
-        """Bytes of drive modes and forces, payloads, wind and temperatures, which commands change at once."""
+        """Bytes, for comparison, of what commands change at once: drive modes, forces, payloads, wind, temperatures."""
         state, wheels = self._states[0], self.moving.sheaves.drives
         own = [(part.state.wind, part.state.temperature) for part in self.parts]
         drives = state.drives.mode, state.drives.force, wheels.mode, wheels.force
@@ -482,7 +482,7 @@ class Engine:
         self.carry_loads()
 
     def settings(self) -> Settings:
-        """Settings of the engine beside its present state, as `take_over` restores them."""
+        """Data of the engine that are not in its state, such as parameters, for a later restoration by `take_over`."""
         return Settings(
             tuple((part.system, part.packed_system) for part in self.parts),
             self.parts[0].stopped,

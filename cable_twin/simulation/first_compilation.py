@@ -126,7 +126,7 @@ def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel
 
 
 def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel, ...]]]:
-    """Kernels of a start with callers in other kernels, with their argument types and their callees in this table.
+    """Kernels called by other kernels at a start, each with its argument types and those of its callees listed here.
 
     Kernels of the integrator come first, and callees before callers. Argument types are known by parameter name; a
     kernel with other parameters is compiled with its caller.
@@ -276,7 +276,7 @@ class _Watch(event.Listener):
         self._kernels: list[Kernel] = []
 
     def share(self, since: float) -> float:
-        """Share (0 to 1) of the compilation done by this process, by the second one, or before."""
+        """Share (0 to 1) of the compilation that is complete, by this process, a second one or earlier ones."""
         if _expected and not self._ahead:  # once: asked for some times a second, for which what compiles has to wait
             (engine,) = _expected
             called = called_at_start(engine)

@@ -264,7 +264,7 @@ class Loop:
         motion.rim.acceleration[:] = 0.0
 
     def observe(self, columns: Columns) -> None:
-        """Fill the columns of bullwheels and their drives."""
+        """Fill the columns of a snapshot for bullwheels and their drives."""
         if self._names:
             observe_bullwheels(*self._packed, columns)
 
@@ -302,7 +302,7 @@ def _move_along(part: Ropeway, moved: FloatArray, share: FloatArray, end: int) -
 
 
 def _take_load_nodes_along(part: Ropeway) -> None:
-    """Move nodes with the loads that they follow after small moves of these, so that the bend at a load is kept."""
+    """Move mesh nodes that follow loads to their slightly displaced loads, so that the bend at a load is kept."""
     state, mesh = part.state, part.state.mesh
     nodes = np.flatnonzero(state.node_load >= 0)
     nodes = nodes[state.node_follows[state.node_load[nodes]]]
@@ -328,7 +328,7 @@ def _points(part: Ropeway) -> FloatArray:
 def settle_near(
     sheaves: Bullwheels, motion: BullwheelMotion, relax: Callable[[], None], slopes: FloatArray | None
 ) -> FloatArray:
-    """Find the equilibrium of strands over their bullwheels near that of similar strands, as `settle_loop` does.
+    """Find the equilibrium of strands over their bullwheels, starting from the equilibrium under similar loads.
 
     One set of derivatives serves for all loads; each search corrects it in its iterations by Broyden's method.
 
@@ -411,7 +411,7 @@ class LoopLayout:
                     raise EquilibriumError(f"{'.'.join(map(str, fault.path))}: {fault.text}")
 
     def lay_out(self, motion: BullwheelMotion) -> None:
-        """Place bullwheels near their equilibrium: at that with vehicles spread evenly over their strands.
+        """Place bullwheels near their equilibrium: where they rest with the vehicles' mass spread evenly over strands.
 
         Without such an equilibrium they stay as the strands lie by themselves; the later search reports the reason.
         """
@@ -441,7 +441,7 @@ class LoopLayout:
         return ends
 
     def _bare(self) -> dict[int, System]:
-        """Mechanical systems of the strands, by number of the rope."""
+        """Mechanical systems of the strands, by index of the rope."""
         return {row: self._parts[row].system for row in self._rows}
 
     def _rest(

@@ -200,7 +200,7 @@ class Observer:
         self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], tuple[Any, ...]]] = []
 
     def _prepare(self) -> None:
-        """Find the sample places on ropes; at the first reading, so that checks of the start come before kernels."""
+        """Find the sample places on ropes; at the first reading, as a start is checked before kernels compile."""
         for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
             places = places_on(part.system.cable, part.state, self.layout.arc_lengths[samples])
             read = pack(part.state), pack(part.sections), pack(places)
@@ -208,7 +208,7 @@ class Observer:
             self._of_ropes.append((part, read, (lateral, pack(self.layout.columns_of(number, self._columns)))))
 
     def arguments(self) -> tuple[tuple[Any, ...], FloatArray]:
-        """Arguments of the kernel `observe` for the first rope, and its output row of numbers (n,)."""
+        """Arguments of the kernel `observe` for the first rope, and the row (n,) of values that the kernel writes."""
         if not self._of_ropes:
             self._prepare()
         part, read, written = self._of_ropes[0]

@@ -24,7 +24,7 @@ LOADS: Mapping[str, frozenset[str]] = {  # keys that change in place, by the sec
 
 
 class Rests(Simulation):
-    """Simulation that finds static equilibria of its line under other loads, each searched for from its own.
+    """Finder of static equilibria of a line under many loads; each search starts from the first scenario's equilibrium.
 
     For a scenario that differs only in payloads, wind and tensioning devices nothing is rebuilt: an equilibrium costs
     its iterations. Each search begins at the same state, so that no result depends on earlier ones.

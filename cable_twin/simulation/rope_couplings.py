@@ -81,7 +81,7 @@ def note_clamps(parts: list[Ropeway], clamps: Clamps) -> None:
 
 
 def observe_clamps(parts: list[Ropeway], clamps: Clamps, moving: BundleState, columns: Columns) -> None:
-    """Fill the columns of clamp pulls: zero for opened clamps, and without the share carried by station rails."""
+    """Fill a snapshot's columns of clamp pulls: zero for opened clamps, without the share carried by station rails."""
     rows = clamps.carriage.tolist()
     held = {row for row, other in zip(rows, moving.clamp_rope.tolist(), strict=True) if other >= 0}
     for clamp, row in enumerate(rows):

@@ -35,7 +35,7 @@ DRIVE_MODES = {"free": FREE, "force": FORCE, "speed": SPEED}
 
 
 class Ropeway:
-    """One rope with its vehicles, before its equilibrium is found; after that, at its start.
+    """One rope with its vehicles: parameters, motion, start for resets, and drive commands in force.
 
     Attributes:
         scenario: scenario of the rope alone.
@@ -283,7 +283,7 @@ def brake(system: System, state: State, index: int) -> None:
 
 
 def hang_in_ropes(system: System, state: State, rows: Mapping[str, int]) -> None:
-    """Initialise the haul rope of each vehicle, of `rows` by name, with the force that holds the vehicle.
+    """Initialise the haul ropes of vehicles with the forces that hold them; `rows`: row of each vehicle by name.
 
     Raises:
         EquilibriumError: a haul rope would have to push; the message names the carriage.

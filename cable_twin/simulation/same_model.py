@@ -31,7 +31,7 @@ def check_same_parts(scenario: Scenario, like: Scenario) -> None:
     if scenario.solver != like.solver:
         raise OtherModelError("another solver")
     if scenario.dim != like.dim:
-        raise OtherModelError("a plane beside space")
+        raise OtherModelError("another dimension (a plane, or space)")
     for own, other in zip(scenario.cables.values(), like.cables.values(), strict=True):
         if own.elements != other.elements or own.unstrained_length != other.unstrained_length:
             raise OtherModelError("another mesh")

@@ -168,7 +168,7 @@ class FullState:
                 raise SnapshotError(f"loading of {name}: given {mass:g} kg; allowed: a finite number from 0 on")
 
     def _numbered(self) -> Iterator[tuple[str, str, State]]:
-        """States with their part and the number of their rope, empty for the first rope."""
+        """Saved states of all ropes: "state" or "start", number of the rope (empty for the first), and the state."""
         for part in PARTS:
             for number, state in enumerate(getattr(self, f"{part}s")):
                 yield part, str(number + 1) if number else "", state
@@ -324,7 +324,7 @@ def _check_shapes(given: Mapping[str, Any], own: Mapping[str, Any]) -> None:
 
 
 def _sizes(system: System, ropes: int) -> dict[str, float]:
-    """Values of the symbolic limits that the ranges of a state's numbers use."""
+    """Values of the symbolic bounds, such as the last vehicle's index, used in the allowed ranges of state arrays."""
     length = system.cable.unstrained_length
     return {
         "last element": system.cable.element_count - 1,

@@ -27,21 +27,21 @@ def check_pressure(system: System, rope: CableSamples) -> None:
     """Refuse a start with compression beyond rounding errors and beyond elements that fold under the cable's weight.
 
     Raises:
-        EquilibriumError: the cable is pressed, and has no bending stiffness.
+        EquilibriumError: the cable is under compression, and has no bending stiffness.
     """
     cable = system.cable
     weight = cable.mass_per_length * cable.unstrained_length * float(np.linalg.norm(cable.gravity))
     pressure = -float(rope.tensions.min())
     if cable.bending_stiffness == 0.0 and pressure > max(ROUNDING * cable.axial_stiffness, weight):
         raise EquilibriumError(
-            "cable.bending_stiffness: given 0, but the cable starts under a pressure of "
+            "cable.bending_stiffness: given 0, but the cable starts under a compression of "
             f"{with_unit(pressure, 'N')}, which only "
             "a strut bears; allowed: a number above 0 in N m^2, a shorter cable, or gravity"
         )
 
 
 def warn_of_frames(system: System, rope: CableSamples) -> None:
-    """Warn of elements turning so far in their chord frame that their false strain counts beside the tension.
+    """Warn of elements so curved relative to their chord frame that spurious strain is not small against the tension.
 
     An element that turns by φ = w l / T over its length l, under its weight w, has slopes up to φ/2 aside of its chord,
     which shortens them there by φ²/24 on average: EA φ²/24 beside T.

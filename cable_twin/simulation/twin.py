@@ -254,7 +254,7 @@ class Simulation(Queries):
 
     @property
     def layout(self) -> Layout:
-        """Names and places of the numbers of a snapshot."""
+        """Names and indices of the values in the row of a snapshot."""
         return self._observer.layout
 
     @property
@@ -366,7 +366,7 @@ class Simulation(Queries):
     def outlook(
         self, *, horizon: float = 60.0, announced: Command | None = None, threads: int | None = None
     ) -> Outlook:
-        """Futures from the present state: emergency stop now, as commanded, and an announced gust or wind.
+        """Simulate futures from the present state: with an emergency stop now, as commanded, and with a gust or wind.
 
         The first call makes members of an ensemble, which takes as long as a start; the simulation stays as it is.
 
@@ -504,13 +504,13 @@ def _joined(before: Outcome, last: Outcome) -> Outcome:
 
 
 def penetration(parts: Sequence[Ropeway], contacts: Sequence[VehicleContacts]) -> str:
-    """Message about two vehicles pressed through each other, empty without such a pair."""
+    """Message about two vehicles that have passed through each other, empty without such a pair."""
     lines = (watch.found(part.state) for part, watch in zip(parts, contacts, strict=True))
     return next((line for line in lines if line), "")
 
 
 def penetration_of(simulation: Simulation) -> str:
-    """Message about two vehicles of a simulation pressed through each other, empty without such a pair."""
+    """Message about two vehicles of a simulation that have passed through each other, empty without such a pair."""
     return penetration(simulation._parts, simulation._contacts)
 
 

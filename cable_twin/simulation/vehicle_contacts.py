@@ -1,4 +1,4 @@
-"""Vehicles that can meet on one rope: buffers between them, and detection of vehicles pressed through each other."""
+"""Vehicles that can meet on one rope: buffers between them, and detection of vehicles that pass through each other."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class VehicleContacts:
         return self._before, self._after
 
     def found(self, state: State) -> str:
-        """Message about two vehicles pressed through each other, empty without such a pair."""
+        """Message about two vehicles that have passed through each other, empty without such a pair."""
         if not self.possible:
             return ""
         places, push = state.joints.position, state.push[:, 0]
@@ -98,7 +98,7 @@ def with_buffers(system: System, scenario: Scenario) -> System:
 
 
 def _pairs(scenario: Scenario) -> Iterator[Pair]:
-    """Pairs of vehicles that can meet: neighbours on the rope, also beyond points, which vehicles may pass.
+    """Pairs of vehicles that can meet: neighbours on the rope, and those with only vehicles of no length between.
 
     Bodies count as they hang upright; two points, of a `size` of 0, do not meet. Vehicles that are clamped to a moving
     cable or ride a loop keep their distance.

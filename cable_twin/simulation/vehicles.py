@@ -28,14 +28,14 @@ from cable_twin.simulation.ropeway import Ropeway
 
 
 class Home(NamedTuple):
-    """First rope of a vehicle, by number, and its row among the vehicles of that rope."""
+    """Index of the first rope of a vehicle, and row of the vehicle among the vehicles of that rope."""
 
     rope: int
     row: int
 
 
 class VehicleSettings(NamedTuple):
-    """Settings of vehicles beside their state: payloads in the parameters, loading, last stations and ropes."""
+    """Data of vehicles that are not in their state: payloads in the parameters, loading, last stations and ropes."""
 
     carried: FloatArray | None  # (vehicles,) kg, payloads in the parameters
     loading: dict[str, float]  # kg, payload at the end of loading, by name
@@ -203,7 +203,7 @@ class Vehicles:
         self.carry(self._state.payload)
 
     def settings(self) -> VehicleSettings:
-        """Settings of vehicles beside their state: payloads in the parameters, loading, stations at the last look."""
+        """Data of vehicles that are not in their state: payloads in the parameters, loading, stations last recorded."""
         return VehicleSettings(self._carried, dict(self.loading), self._stations, self._ropes)
 
     def take_over(self, settings: VehicleSettings) -> None:
@@ -216,12 +216,12 @@ class Vehicles:
         self._stations, self._ropes = self._stations_now(), self._state.vehicle_rope.copy()
 
     def _stations_now(self) -> FloatArray:
-        """Place (m) on its rope of the present station of each vehicle, NaN on the rope."""
+        """Arc length (m) of the station that each vehicle is in, NaN for a vehicle on the rope."""
         return np.where(self._state.attached, np.nan, self._state.joints.position)
 
     @property
     def awaited(self) -> bool:
-        """Whether a vehicle has changed its rope or station since the last look, so that `exchange` is due."""
+        """Whether a vehicle has changed its rope or station since the last record, so that payloads may change."""
         if not self.exchanges:
             return False
         same = np.array_equal(self._stations_now(), self._stations, equal_nan=True)

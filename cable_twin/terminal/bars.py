@@ -41,7 +41,7 @@ SCROLL_ALL, ERASE_ROW, ERASE_BELOW = "\x1b[r", "\x1b[2K", "\x1b[J"
 
 @contextmanager
 def count_shown(console: Console, things: str, count: int) -> Iterator[Callable[[], None]]:
-    """Show a progress bar over a long series of runs or other items; yields the callback for each one done."""
+    """Show a progress bar over a long series of items; yields a function to call after each finished item."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task, began, done = progress.add_task(things, total=count, visible=False), time.monotonic(), 0
@@ -59,7 +59,7 @@ def count_shown(console: Console, things: str, count: int) -> Iterator[Callable[
 
 @contextmanager
 def share_shown(console: Console, what: str) -> Iterator[Callable[[float], None]]:
-    """Show a progress bar over one long call; yields the callback for the share done."""
+    """Show a progress bar over one long call; yields a function that takes the finished fraction, 0 to 1."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task, began = progress.add_task(what, total=1.0, visible=False), time.monotonic()

@@ -177,7 +177,7 @@ def tell(command: str, text: object) -> None:
 
 
 def fail(command: str, text: object, code: int) -> int:
-    """Print the lines of a fault for the user as `tell` does; returns the exit code of the command."""
+    """Print the lines of a fault on stderr; returns the given exit code of the command."""
     tell(command, text)
     return code
 
@@ -233,7 +233,7 @@ class OneLineParser(argparse.ArgumentParser):
         self.add_argument("--list", action=_PrintLines, lines=listing, help="print the scenarios, a line each, and end")
 
     def given_scenario(self, options: argparse.Namespace) -> str | None:
-        """Given scenario from either form; ends with an error line where both are given."""
+        """Scenario given as argument or by `--scenario`; ends the process with an error line where both are given."""
         plain, named = options.plain_scenario, options.scenario
         if plain is not None and named is not None:
             self.error(f"SCENARIO: given '{plain}' and --scenario '{named}'; allowed: one of both")

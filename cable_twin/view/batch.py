@@ -71,7 +71,7 @@ def time_column(times: Sequence[float] | FloatArray) -> rr.TimeColumn:
 def send(
     stream: rr.RecordingStream, path: str, times: FloatArray, columns: Iterable[rr.ComponentColumn], count: int = 0
 ) -> None:
-    """Send the columns of a rerun entity at times (frames,) in s, then let the frame loop have the interpreter.
+    """Send the columns of a rerun entity at times (frames,) in s, then yield the interpreter lock to other threads.
 
     Args:
         stream: stream of the recording.
@@ -86,13 +86,13 @@ def send(
 
 
 def rows_without_gaps(*arrays: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Return a mask (frames,) of frames with all numbers of arrays (frames, ...) known."""
+    """Return a mask (frames,) of the frames in which no array (frames, ...) has a NaN."""
     complete = [~np.isnan(array.reshape(len(array), -1)).any(axis=1) for array in arrays]
     return np.logical_and.reduce(complete)
 
 
 class Batch:
-    """Buffer for the numbers of a number of frames, which rerun draws together."""
+    """Buffer for the values of several frames, which are sent to rerun together."""
 
     def __init__(self, frames: int) -> None:
         self._frames = frames
@@ -101,7 +101,7 @@ class Batch:
         self._last: dict[str, FloatArray] = {}  # last row of each column in the previous batch
 
     def add(self, snapshot: Snapshot) -> bool:
-        """Add the numbers of a snapshot, always of one layout; returns whether the batch is full."""
+        """Add the values of a snapshot, with the same layout in all calls; returns whether the batch is full."""
         if not self._numbers.size:
             self._numbers = np.empty((self._frames, snapshot.layout.size))
         self._numbers[self._count] = snapshot.numbers
@@ -128,7 +128,7 @@ def frame_of(c: Columns, row: int) -> Columns:
 
 
 def first_known(c: Columns) -> Columns:
-    """Return the first frame of a batch, with each missing number (NaN) replaced by its first known one."""
+    """Return the first frame of a batch, with each NaN replaced by the next valid value of the same quantity."""
     return Columns(*(_first_known(column) for column in c))
 
 
@@ -143,7 +143,7 @@ def _first_known(column: FloatArray) -> FloatArray:
 
 
 def _hold(column: FloatArray, before: FloatArray | None) -> None:
-    """Fill missing numbers (NaN) in (frames, k) with the last known one, starting from the row `before` (k,)."""
+    """Fill each NaN in (frames, k) with the last valid value of its column, starting from the row `before` (k,)."""
     with np.errstate(invalid="ignore", over="ignore"):
         gaps = np.flatnonzero(np.isnan(column.sum(axis=0)))
     if not gaps.size:

@@ -62,7 +62,7 @@ def shared_names(
     ropes: Collection[str] = (),
     near: float = 1e-3,
 ) -> dict[str, Place]:
-    """Give each place one name: of several objects there the bullwheel, their common prefix, or all names.
+    """Give each place one name: if objects share it, the name of a bullwheel, their common prefix, or all names.
 
     Args:
         places: name -> place (m), x first.

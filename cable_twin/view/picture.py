@@ -63,7 +63,7 @@ class Sizes(NamedTuple):
         return self.main / (2 if self.space else 1), self.row - TITLE
 
     def cell(self, number: int) -> tuple[float, float]:
-        """Width and height in pixels of a plot with legend, or of a close-up, by its number from the first row on."""
+        """Width and height in pixels of a plot with legend, or of a close-up, by index, counted row by row."""
         for count in self.rows:
             if number < count:
                 return self.main / count, self.row - TITLE
@@ -81,7 +81,7 @@ def divided(cells: int, *, space: bool, table: tuple[int, int]) -> Sizes:
 
 
 def describe_moment(layout: Layout, c: Columns, title: str, scale: float, unit: str) -> str:
-    """Return the readout of a frame, its known numbers, as Markdown; forces times `scale` in `unit`."""
+    """Return the readout of a frame as Markdown, without NaN values; forces are multiplied by `scale`, in `unit`."""
     lines: list[tuple[str, float, str]] = []
     movers = driven(layout, c)
     at = "by" if layout.drives else "at"
@@ -410,7 +410,7 @@ class Picture:
             send(stream, "readout", times[rows], rr.TextDocument.columns(text=texts))
 
     def send_ahead(self, stream: rr.RecordingStream, ahead: Sequence[TensionAhead]) -> None:
-        """Draw the tensions that outlooks foresee into the plot of tensions, each at the time of its look."""
+        """Draw the tension ranges forecast by outlooks into the plot of tensions, each at the start of its forecast."""
         self._plots.send_ahead(stream, ahead, self._scale)
 
 

@@ -101,7 +101,7 @@ class LiveAxis:
         return axis
 
     def _span(self, kept: deque[tuple[float, float, float]], time: float) -> tuple[float, float]:
-        """Return the lowest and the highest kept number of the shown last seconds, after dropping older ones."""
+        """Return the lowest and the highest kept value within the displayed time window, after dropping older ones."""
         while not time - self._window <= kept[0][0] <= time:
             kept.popleft()
         return min(low for _, low, _ in kept), max(high for _, _, high in kept)
@@ -292,7 +292,7 @@ Maker = Callable[[Signal, Layout, Collection[str], float], Iterator[Plot]]
 
 
 def _together(signal: Signal, layout: Layout, _: Collection[str], scale: float) -> Iterator[Plot]:
-    """Yield all lines of a signal in one plot."""
+    """Yield one plot with all lines of a signal."""
     if names := signal.names(layout):
         titles = signal.legend if len(signal.legend) == len(names) and len(layout.ropes) == 1 else names
         titles = signal.legend if signal.legend and signal.whose != "rope" else titles
@@ -329,7 +329,7 @@ def _of_name(signals: Sequence[Signal], layout: Layout, name: str, c: Columns) -
 
 
 def _swings(signal: Signal, layout: Layout, carriers: Collection[str], _: float) -> Iterator[Plot]:
-    """Yield the swing plot of each vehicle; for carriers least and most on the rope, and the first carrier.
+    """Yield a swing plot for each vehicle but carriers, and one for all carriers: range, and the first carrier's swing.
 
     Roll and lateral swing of bodies are plotted in this way too.
     """
@@ -360,7 +360,7 @@ def _titles(layout: Layout, name: str) -> list[str]:
 
 
 def _spread(signal: Signal, layout: Layout, rows: Sequence[int], first: int, c: Columns) -> FloatArray:
-    """Least and most swing (frames, 2 + first) of bodies on the rope, and the swing of the `first` ones."""
+    """Lowest and highest swing of bodies on the rope, then swings of the `first` bodies: (frames, 2 + first)."""
     swings = signal.values(layout, c)[:, rows]
     return np.column_stack([np.fmin.reduce(swings, axis=1), np.fmax.reduce(swings, axis=1), swings[:, :first]])
 

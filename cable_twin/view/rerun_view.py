@@ -278,7 +278,7 @@ class RerunView:
             self._send()
 
     def log_command(self, applied: AppliedCommand) -> None:
-        """Log a command as a text line, unless repeated or a small change of the air.
+        """Log a command as a text line, unless it is a repetition or a small change of wind or temperature.
 
         Raises:
             RuntimeError: the view is closed.

@@ -98,7 +98,7 @@ class RopeColors:
         return np.fmin(np.fmax(scaled, 0.0), COLOR_COUNT - 1.0).astype(np.intp)
 
     def rgba(self, tensions: FloatArray, ropes: NDArray[np.intp]) -> FloatArray:
-        """Return the colour (n, 4), channels from 0 to 1, of points with tensions (n,) of ropes (n,) by number."""
+        """Return the colour (n, 4), channels from 0 to 1, of points with tensions (n,) on the ropes of indices (n,)."""
         low, width = (part[ropes] for part in self._ranges())
         share = np.fmin(np.fmax((tensions - low) / width, 0.0), 1.0)
         return np.column_stack([np.interp(share, _PLACES, channel) for channel in _CHANNELS])

@@ -50,7 +50,7 @@ def scene_of(
     support_positions: Mapping[str, FloatArray],
     ground: FloatArray | None,
 ) -> Scene:
-    """Return the scene around a cable (n, 2) m, gaps (NaN) allowed, with its end samples by name."""
+    """Return the scene around a cable (n, 2) m, NaN allowed, with named cable ends given by sample index."""
     cable = cable[~np.isnan(cable).any(axis=1)]
     if len(cable) < 2:  # unknown
         cable = np.vstack([(0.0, 0.0), (1.0, 0.0), *support_positions.values()])
@@ -187,9 +187,9 @@ class Outlines:
         self.lengths = [len(lines[body]) for body in self.bodies]
 
     def placed(self, positions: FloatArray, pitches: FloatArray) -> NDArray[np.float32]:
-        """Return the points (frames, all lines, 2) in m of bodies at (frames, bodies, 2) m, turned by (frames, bodies).
+        """Return the outline points (frames, points, 2) in m of bodies at given positions and pitch angles.
 
-        Angles are in rad.
+        Positions (frames, bodies, 2) are in m, pitch angles (frames, bodies) in rad.
         """
         frames = len(positions)
         points = np.empty((frames, sum(self.lengths), 2), dtype=np.float32)
@@ -250,7 +250,7 @@ class Vehicles:
         ]
 
     def points(self, c: Columns) -> list[FloatArray]:
-        """Return known points (n, 2) m of each vehicle in a frame, its joint and then its bodies, x and z."""
+        """Return the points (n, 2) m, x and z, of each vehicle in a frame: joint, then bodies; without NaN."""
         outlines = Outlines([np.zeros((1, 2)) if line is None else line for line in self._lines])
         bodies, pitches = plane(planar(c.body_position))[None], c.body_angles[None, :, 1]
         points = plane(outlines.placed(bodies, pitches)[0])
@@ -367,7 +367,7 @@ class Vehicles:
 
 
 def _colors(table: Sequence[int], numbers: Iterable[int]) -> NDArray[np.uint32]:
-    """Return colours of a table by number as an array, as rerun takes three or four plain integers for one colour."""
+    """Return colours of a table by index as an array, as rerun takes three or four plain integers for one colour."""
     return np.array([table[number % len(table)] for number in numbers], dtype=np.uint32)
 
 

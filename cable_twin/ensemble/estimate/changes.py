@@ -12,7 +12,7 @@ SURELY_CHANGED = 10.0  # logarithm of how much likelier measurements are with a 
 
 
 class Change(NamedTuple):
-    """Sudden change of a quantity or sensor that explains measurements best: number, size and log-likelihood ratio."""
+    """Sudden change of a quantity or sensor that explains measurements best: index, size and log-likelihood ratio."""
 
     number: int  # among those that were tried
     size: float

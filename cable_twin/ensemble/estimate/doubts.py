@@ -66,7 +66,7 @@ class Doubts:
         self._suspected.clear()
 
     def of_samples(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
-        """Alarms for stuck samples and wrong units, beside the twin's numbers (n,); their sensors are left out."""
+        """Alarms for stuck sensors and wrong units, which are then left out; `numbers` (n,): frame of the twin."""
         known = [one for one in measurements if one.sensor in self._readings]
         return self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
 

@@ -299,7 +299,7 @@ class Follower:
         return anew
 
     def _rest(self, time: float, points: FloatArray) -> bool:
-        """Restart all members at static equilibria at points of the slow quantities; False where there is none."""
+        """Restart all members at static equilibria for given values of the slow quantities; False if there are none."""
         before, self._points = self._points, points
         try:
             self._change(rest=True)
@@ -351,7 +351,7 @@ class Follower:
         self._belief = self._belief._replace(covariance=covariance)
 
     def _go_on(self, lasted: float, numbers: FloatArray) -> None:
-        """Begin the next window, after one of some seconds: predict the belief, and blend alike members to it."""
+        """Begin the next window: predict the belief over the last one (s), and blend members to it if all are alike."""
         count, swinging = len(self.slow), len(self._fast)
         kept = np.exp(-lasted / FORGOTTEN)
         self._stirred = 1.0 if self._at_tower else self._stirred * float(np.exp(-lasted / CALMED))
@@ -441,7 +441,7 @@ class Follower:
             self._belief = self._belief._replace(covariance=covariance)
 
     def _boards(self, one: Slow, numbers: FloatArray) -> bool:
-        """Whether a quantity is the payload of a carriage that stands in a station, by the numbers (n,) of a frame."""
+        """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame."""
         if not one.payload_of:
             return False
         row, places = self._layout.vehicle_rows[one.payload_of], self._layout.places
@@ -453,7 +453,7 @@ class Follower:
         return near and abs(speed) <= max(carriage.payload.station_speed, SLOW)
 
     def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
-        """Rows of a window by sensor, and the contradicting sensors as `Doubts.contradicting` returns them."""
+        """Measurements of a window by sensor, and the sensor or swapped pair of sensors that contradicts all others."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:

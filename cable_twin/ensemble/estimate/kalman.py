@@ -47,6 +47,6 @@ def update(belief: Belief, innovation: FloatArray, jacobian: FloatArray, varianc
 def normalised_square(
     innovation: FloatArray, jacobian: FloatArray, variance: FloatArray, covariance: FloatArray
 ) -> float:
-    """Square of an innovation over its covariance: chi-square distributed with as many degrees as measurements."""
+    """Normalised innovation squared: chi-square distributed with one degree of freedom per measurement."""
     total = jacobian @ covariance @ jacobian.T + np.diag(variance)
     return float(innovation @ np.linalg.solve(total, innovation))

@@ -232,7 +232,7 @@ class LineFollower:
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _drift(self, lasted: float) -> None:
-        """Let ice and slow errors of sensors become less certain by the doubt of a window (s)."""
+        """Kalman prediction over a window (s): ice gets less certain, and slow errors of sensors decay to zero."""
         kept, known = np.exp(-lasted / FORGOTTEN), self._known
         walks = np.zeros(known)
         walks[-1] = ICE_WALK**2 * lasted
@@ -240,7 +240,7 @@ class LineFollower:
         self._belief = predict(self._belief, decay, np.concatenate([walks, (1.0 - kept**2) * self._bias**2]))
 
     def _terms(self, name: str, measured: Sequence[_Sample], found: Sequence[_Sample]) -> Terms:
-        """Innovation, derivatives and variance of a sensor's mean in a window: measured samples, predicted samples."""
+        """Innovation, derivatives and variance of a sensor's mean in a window, from measured and predicted samples."""
         values, predicted = ([one.value for one in measured], [one.predicted for one in found])
         jacobian = np.mean([one.effects for one in found], axis=0)[None, :]
         innovation = np.array([np.mean(values) - np.mean(predicted)]) - jacobian @ self._belief.mean

@@ -94,7 +94,7 @@ class Slow(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """Quantity that a sensor measures, by its place in the numbers of a frame."""
+    """Quantity that a sensor measures: index of the value in the row of a frame, noise, and error of the model."""
 
     name: str
     unit: str
@@ -104,12 +104,12 @@ class Reading(NamedTuple):
     error: float  # slow error of the model
 
     def of(self, numbers: FloatArray) -> FloatArray:
-        """Values (members,) of the sensor in rows (members, n) of numbers."""
+        """Values (members,) that the sensor would read without errors, from frame rows (members, n)."""
         found: FloatArray = numbers[:, self.places]
         return found[:, 0] if self.places.size == 1 else np.linalg.norm(found, axis=1)
 
     def measured(self, measurement: Measurement) -> float:
-        """Value of a measurement by the sensor, the length of a vector."""
+        """Scalar value of a measurement by the sensor; for a vector, its length."""
         values = measurement.values
         return values[0] if self.places.size == 1 else float(np.linalg.norm(values))
 
@@ -211,7 +211,7 @@ def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> 
 
 
 class Hidden(NamedTuple):
-    """Estimated quantity that no sensor need measure: its place in a frame, and error of the model."""
+    """Estimated quantity that no sensor need measure: index in the row of a frame, and error of the model."""
 
     name: str
     unit: str

@@ -72,7 +72,7 @@ def find_saturated(system, state, before, work):
 
 @kernel
 def hold_at_limits(state, work):
-    """Switch the saturated drives that `find_saturated` has found to force mode at their limit."""
+    """Switch the drives beyond their force limit, as stored in `saturation`, to force mode at that limit."""
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
             state.drives.mode[carriage] = FORCE

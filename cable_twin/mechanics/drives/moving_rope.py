@@ -23,7 +23,9 @@ from cable_twin.mechanics.rope.point import point_at, slope
 
 @kernel
 def moving_rope_force(system, state):
-    """Force (N) of the drive on a moving rope: d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
+    """Force (N) of the drive on a moving rope: rate of axial momentum, plus vehicles' forces, less tower friction.
+
+    It is d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
 
     λ and m are joint force and hinge moment of clamped vehicles, F the force of a tower contact on the cable, of which
     only friction counts, since the normal force is across r_x. This is the equation of motion of the rope travel. Times

@@ -1,4 +1,4 @@
-"""Action of a vehicle's drive on its joint in the equations of motion: the only place with the drive mode.
+"""Action of a vehicle's drive on its joint in the equations of motion, which depend on the drive mode here only.
 
 A joint follows a reference, or it is free along the cable under a given force or the pull of a haul rope. The reaction
 to a drive on the joint acts on the cable, the reaction to a haul rope on its station.

@@ -34,13 +34,13 @@ STEPS_AT_END = 2.0  # from an end of the mesh, within which a vehicle has come f
 
 @kernel
 def loop_coordinate(system, state, carriage):
-    """Arc length (m) of a clamped vehicle along mesh and loop, from the start of the mesh."""
+    """Arc length (m) of a clamped vehicle on the closed rope loop, counted from the start of the mesh."""
     return loop_coordinate_after(system, state, carriage, 0.0)
 
 
 @inlined_kernel
 def loop_coordinate_after(system, state, carriage, way):
-    """Arc length (m) of a clamped vehicle along mesh and loop after a further rope travel `way` (m)."""
+    """Arc length (m) of a clamped vehicle on the closed rope loop after a further rope travel `way` (m)."""
     length = system.moving_cable.loop_length
     along = system.carriages.loop_place[carriage] - system.moving_cable.loop_offset
     place = along - state.loop_start[0] + state.rope.position[0] + way

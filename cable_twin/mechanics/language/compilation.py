@@ -60,7 +60,7 @@ class Kernel:
 
     @property
     def kinds_loaded(self) -> set[tuple[str, str]]:
-        """Kind of call and title of this kernel's code that this process has loaded from the cache."""
+        """Kind of call (from Python or kernels) and title of all code of this kernel loaded from the cache so far."""
         both = {FROM_PYTHON: self._from_python, FROM_KERNELS: self._from_kernels}
         return {(kind, self.title) for kind, compiled in both.items() if any(compiled.stats.cache_hits.values())}
 

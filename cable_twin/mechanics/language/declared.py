@@ -18,7 +18,7 @@ LATEST = 2**53  # solver steps, of which a float still counts each
 
 
 class Range(NamedTuple):
-    """Allowed least and greatest value of an array; a text names a size that is given at the check."""
+    """Least and greatest allowed value of an array; a string as bound names an array size, known at the check."""
 
     least: float | str
     most: float | str

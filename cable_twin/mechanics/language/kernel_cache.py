@@ -186,7 +186,7 @@ class KernelCache(FunctionCache):
             yield self._own
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code of the kernel, unless a source was edited since the start: the cache is of the old one."""
+        """Save compiled code of the kernel; not after an edit of a source, as the cache is that of the old sources."""
         if self._own is not None and self._sources.are_unchanged() and self._impl.check_cachable(data):
             os.makedirs(self._own._cache_path, exist_ok=True)
             self._own.save(self._index_key(sig, data.codegen), self._impl.reduce(data))

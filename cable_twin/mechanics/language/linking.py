@@ -113,7 +113,7 @@ class _Library(JITCodeLibrary):
                 passes.run(function, builder)
 
     def _optimize_final_module(self) -> None:
-        """Optimise the linked module in one round, with neighbouring numbers of vectors and matrices as SIMD lanes.
+        """Optimise the linked module in one round, with adjacent entries of vectors and matrices vectorised (SLP).
 
         numba has a round before, for the counts of references that kernels do not have, and no such lanes.
         """

@@ -1,4 +1,4 @@
-"""Rotations and orientations of bodies: one angle about y in a plane, three in space, by length of the tuple.
+"""Rotations and orientations of bodies: a tuple of one angle about y in a plane, or of three angles in space.
 
 A rotation is a tuple of 1 or 3 angles in rad about the axes of the world; so are an angular velocity in rad/s and a
 moment in N m. The coordinates of a body are its centre of mass and, in a plane, its pitch; in space its unit quaternion
@@ -239,7 +239,7 @@ def make_unit(positions: Any, like: Vector) -> None:
 
 @kernel
 def grow_turn(turned, turn):
-    """Update a rotation vector Δ (3,) by a further rotation θ about the axes of the world; returns its growth.
+    """Update a rotation vector Δ (3,) by a further rotation θ about the axes of the world; returns the growth of Δ.
 
     exp(Δ + δ) = exp(θ) exp(Δ): quaternions are multiplied, and the logarithm taken of the product.
     """

@@ -41,12 +41,12 @@ def gather(coordinates: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
 
 @formula
 def gather_listed(coordinates: Any, elements: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
-    """Nodal vectors (dim,) of `WIDTH` elements in a list (n,) from entry `first` on, own slopes, as SIMD lanes."""
+    """Nodal vectors (dim,), one-sided slopes, of `WIDTH` elements in a list (n,) from `first` on, as SIMD lanes."""
     return of_elements(coordinates, [elements[first + lane] for lane in range(WIDTH)], 2, like)
 
 
 def of_elements(coordinates: Any, elements: Sequence[Any], after: int, like: Vec) -> tuple[Vec, ...]:
-    """Nodal vectors of `elements` as SIMD lanes, with slopes of first nodes from row `after`; for formulas."""
+    """Nodal vectors of `elements` as SIMD lanes; slope of a first node in its row `after`; for traced formulas."""
     dim = len(like)
     vectors: list[Vec] = []
     for end in range(2):
@@ -120,7 +120,7 @@ def add_diagonal(value: Any, rows: Any, first: Any, dim: int) -> None:
 
 @formula
 def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
-    """Transpose the lanes of a group of elements, `rows` (n, WIDTH), into `numbers` (WIDTH, n): a row an element."""
+    """Transpose the lanes of a group of elements, `rows` (n, WIDTH), into `numbers` (WIDTH, n), one row per element."""
     dim = len(like)
     for first in range(0, 4 * dim + 16 * dim * dim, WIDTH):
         lanes = transposed([read_lanes(rows, (first + k, 0), WIDTH) for k in range(WIDTH)])
@@ -129,7 +129,7 @@ def turn_lanes(rows: Any, numbers: Any, like: Vec) -> None:
 
 
 def transposed(rows: Sequence[Any]) -> list[Any]:
-    """Transpose a square matrix of `WIDTH` rows in SIMD registers; for formulas."""
+    """Transpose a square matrix of `WIDTH` rows in SIMD registers; for traced formulas."""
     a, b, c, d = rows
     even, odd = (0, 4, 2, 6), (1, 5, 3, 7)
     halves = shuffled(a, b, even), shuffled(a, b, odd), shuffled(c, d, even), shuffled(c, d, odd)
@@ -138,7 +138,7 @@ def transposed(rows: Sequence[Any]) -> list[Any]:
 
 
 def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
-    """Read `WIDTH` arrays of one shape as SIMD lanes, one lane an array, one register an entry; for formulas.
+    """Read `WIDTH` arrays of one shape as SIMD lanes: a lane per array, a register per entry; for traced formulas.
 
     Numbers are read in the order of memory and then transposed into lanes.
     """
@@ -151,7 +151,7 @@ def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
 
 
 def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int, ...]) -> None:
-    """Write SIMD lanes as read by `read_beside` to as many arrays of one shape; for formulas."""
+    """Write SIMD registers, one per entry with a lane per array, to `WIDTH` equal arrays; for traced formulas."""
     whole = len(numbers) - len(numbers) % WIDTH
     for k in range(0, whole, WIDTH):
         for own, array in zip(transposed(numbers[k : k + WIDTH]), arrays, strict=True):
@@ -162,7 +162,7 @@ def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int
 
 
 def _place(shape: tuple[int, ...], number: int) -> tuple[int, ...]:
-    """Index tuple of the entry `number`, in the order of memory, of an array of a shape."""
+    """Index tuple of the entry with row-major flat index `number` in an array of a shape."""
     return tuple(number // prod(shape[axis + 1 :]) % size for axis, size in enumerate(shape))
 
 

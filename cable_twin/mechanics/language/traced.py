@@ -145,7 +145,7 @@ class Mat(tuple[Vec, ...]):
 
 
 def _shaped(value: Any) -> Any:
-    """Convert a tuple of numbers to a vector, of vectors of one length to a matrix, parts of others likewise."""
+    """Convert a tuple of numbers to a vector, of vectors of one length to a matrix; other tuples recursively."""
     if not isinstance(value, tuple) or isinstance(value, Vec | Mat):
         return value
     parts = [_shaped(part) for part in value]
@@ -219,7 +219,7 @@ class _Number:
 
     @property
     def value(self) -> ir.Value | None:
-        """Value of a traced number in the compiled code; None while types are found."""
+        """Value of a traced number in the compiled code; None during type inference."""
         if self._value is None and self.factors is not None and self.place is not None:
             self._value = self.place[1].fmul(*(factor.cast(self.kind) for factor in self.factors))
         return self._value
@@ -304,7 +304,7 @@ class _Number:
 
 
 def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number:
-    """Fused multiply-add of a sum or difference with a product, the second or else the first number, rounded once."""
+    """Fused multiply-add, rounded once: sum or difference of two numbers, of which one, or the second, is a product."""
     builder = one.place[1]
     product, rest = (other, one) if other.factors is not None else (one, other)
     assert product.factors is not None
@@ -443,7 +443,7 @@ def square_root(value: Any) -> Any:
 
 
 def least(one: Any, other: Any) -> Any:
-    """Lesser of two integers, for formulas."""
+    """Lesser of two integers, for traced formulas."""
     if not isinstance(one, _Number):
         return min(one, other)
     if one.place is None:
@@ -454,7 +454,7 @@ def least(one: Any, other: Any) -> Any:
 
 
 def size_of(array: Any, axis: int) -> Any:
-    """Size of an array along an axis, for formulas."""
+    """Size of an array along an axis, for traced formulas."""
     if not isinstance(array, _Array):
         return array.shape[axis]
     if array.place is None:
@@ -465,7 +465,7 @@ def size_of(array: Any, axis: int) -> Any:
 
 
 def as_lanes(numbers: Sequence[Any]) -> Any:
-    """Numbers as the lanes of one SIMD register, for formulas."""
+    """Numbers as the lanes of one SIMD register, for traced formulas."""
     if not isinstance(numbers[0], _Number):
         return np.array(numbers)
     kind, place = LanesType(len(numbers)), numbers[0].place
@@ -486,7 +486,7 @@ def lane_of(lanes: Any, number: int) -> Any:
 
 
 def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
-    """SIMD lanes picked by number from two registers, those of the second numbered after the first one's.
+    """SIMD register of lanes chosen by index from two registers, with indices that count on into the second one.
 
     For formulas: one instruction, which with `lane_of` and `as_lanes` the compiler would have to find.
     """
@@ -500,7 +500,7 @@ def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
 
 
 def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
-    """Read `count` numbers of an array as SIMD lanes, consecutive in memory from entry `index` on; for formulas."""
+    """Read `count` adjacent numbers of an array in memory as SIMD lanes, from entry `index` on; for traced formulas."""
     if not isinstance(array, _Array):
         first = np.ravel_multi_index(index, array.shape)
         return array.reshape(-1)[first : first + count]
@@ -513,7 +513,7 @@ def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
 
 
 def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
-    """Write SIMD lanes to consecutive numbers of an array in memory, from the entry `index` on; for formulas."""
+    """Write SIMD lanes to consecutive numbers of an array in memory, from the entry `index` on; for traced formulas."""
     if not isinstance(array, _Array):
         first = np.ravel_multi_index(index, array.shape)
         array.reshape(-1)[first : first + LANES.width] = lanes
@@ -524,12 +524,12 @@ def write_lanes(lanes: Any, array: Any, index: tuple[Any, ...]) -> None:
 
 @formula
 def beside(one: Any, other: Any) -> Any:
-    """Pair the numbers of two tuples of equal structure as SIMD lanes, for formulas on both at once."""
+    """Pair the numbers of two tuples of equal structure as SIMD lanes, so that a formula evaluates both at once."""
     return together([one, other])
 
 
 def together(parts: Sequence[Any]) -> Any:
-    """Join the numbers of several tuples of equal structure as SIMD lanes, for formulas on all at once."""
+    """Join the numbers of several tuples of equal structure as SIMD lanes, so that a formula evaluates all at once."""
     if isinstance(parts[0], tuple):
         return tuple(together(each) for each in zip(*parts, strict=True))
     return as_lanes(parts)
@@ -537,7 +537,7 @@ def together(parts: Sequence[Any]) -> Any:
 
 @formula
 def first_of(pairs: Any) -> Any:
-    """First of the two tuples of numbers that `beside` has paired."""
+    """First tuple of numbers of a pair made with `beside`, which holds two tuples in the lanes of SIMD registers."""
     return _lanes_of(pairs, 0)
 
 

@@ -71,7 +71,7 @@ def product(a: Vec | Mat, b: Vec | Mat) -> Vec | Mat:
 
 @formula
 def less_product(c: Vec | Mat, a: Mat, b: Vec | Mat) -> Vec | Mat:
-    """Difference c - a b of a matrix a with vectors or matrices b, c, by one fused multiply-add a product."""
+    """Difference c - a b of a matrix a with vectors or matrices b, c, by one fused multiply-add per product."""
     if isinstance(b, Mat):
         columns = b.T
         return Mat(

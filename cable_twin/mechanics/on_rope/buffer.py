@@ -42,7 +42,7 @@ CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they
 
 @kernel
 def buffer_force(stiffness, toe, damping, depth, depth_rate):
-    """One-sided contact force (N), its derivatives by depth (N/m) and rate (N s/m); k in N/m, c in s/m, d_0 in m."""
+    """One-sided contact force (N), its derivatives by depth (N/m), rate (N s/m); stiffness N/m, damping s/m, toe m."""
     hysteresis = 1.0 + damping * depth_rate
     if not (depth > 0.0 and hysteresis > 0.0):
         return 0.0, 0.0, 0.0
@@ -95,7 +95,7 @@ def place_and_velocity(cable, state, carriage):
 
 
 class Contact(NamedTuple):
-    """Buffer contact of two vehicles: compression d = room - |b|, b from joint to joint, its rate and direction."""
+    """Buffer contact of two vehicles: compression d = contact distance - |b|, its rate, and b from joint to joint."""
 
     depth: float  # d (m), -inf where they are far from each other
     rate: float  # ḋ (m/s)
@@ -263,7 +263,7 @@ def with_neighbours(system, state, carriage, force, impedance, work):
 
 @kernel
 def couple_neighbours(system, state, carriage, by_force, work):
-    """Add the buffer coupling of a vehicle with neighbours at the adjacent following nodes to their common patch.
+    """Add the buffer coupling between a vehicle and neighbours, with joints at adjacent nodes, to their common patch.
 
     Args:
         system: parameters.

@@ -106,7 +106,7 @@ def hang_chain(carriages, state, carriage, place, along):
 
 @kernel
 def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
-    """Give all bodies of a vehicle one velocity (m/s) and acceleration (m/s²), (dim,), and its joints their forces."""
+    """Give all bodies of a vehicle one velocity (m/s) and acceleration (m/s²), (dim,), and store their joint forces."""
     force, still = scale(0.0, gravity), no_turn(gravity)
     dim = len(gravity)
     for body in range(carriages.body_offset[carriage + 1] - 1, carriages.body_offset[carriage] - 1, -1):
@@ -162,7 +162,7 @@ def joint_acceleration(above, pivot, arm, spin, feedback):
 
 
 class ChainImpedance(NamedTuple):
-    """Impedance of a chain of bodies at a pivot: Δ(λ, m) = D Δ(p, θ) + b, with θ the rotation of the body above."""
+    """Impedance of a chain: Δ(force, moment) = D Δ(p, θ) + b, p place of its pivot, θ rotation of the body above."""
 
     pp: Any  # (dim²) N/m, force by displacement
     pt: Any  # (dim turns) N, force by rotation
@@ -173,7 +173,7 @@ class ChainImpedance(NamedTuple):
 
 
 class Rotation(NamedTuple):
-    """Rotation of a body, -(by_place p + by_above θ + least), by displacement p of its upper pivot and turn θ above."""
+    """Rotation of a body, -(by_place p + by_above θ + least): p displaces its upper pivot, θ rotates the body above."""
 
     by_place: Any  # (turns dim) rad/m
     by_above: Any  # (turns²)
@@ -247,7 +247,7 @@ def condense_body(mass, drag_turning, arms, gap, residuals, stiff, chain):
 
 @formula
 def free_rotation(body, hinge_by_turn, hinge_by_above):
-    """Rotation of a body without constraints, θ = -(S + η)⁻¹ (row p - η_above θ_above + h), and (S + η)⁻¹."""
+    """Rotation of a body (`Rotation`) without rotational constraints, and its rotational compliance in rad/(N m)."""
     inverse = inverse_of(body.stiff + hinge_by_turn)
     return Rotation(inverse @ body.row, -(inverse @ hinge_by_above), inverse @ body.right), inverse
 
@@ -327,7 +327,7 @@ def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate
 
 @inlined_kernel
 def keep_impedance(chain, body, work):
-    """Store impedance D and b of the chain from a body downwards in the workspace."""
+    """Store the impedance (`ChainImpedance`) of the chain from a body downwards in the workspace."""
     store(chain.pp, work.impedance[body])
     store(chain.pt, work.impedance_turning[body])
     store(chain.tp, work.impedance_moment[body])
@@ -385,7 +385,7 @@ def carriage_mass(carriages, carriage):
 
 
 def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> FloatArray:
-    """Shift (bodies, dim) in m of the bodies' centres of mass from empty to payloads (carriages,) in kg."""
+    """Shift (bodies, dim) in m of the bodies' centres of mass due to payloads (carriages,) in kg."""
     offsets = np.zeros(carriages.upper_pivot.shape)
     for body, position, mass in zip(payloads.body, payloads.position, masses, strict=True):
         if mass > 0.0:
@@ -394,7 +394,7 @@ def centre_offsets(carriages: Carriages, payloads: Payloads, masses: FloatArray)
 
 
 def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) -> Carriages:
-    """Vehicles with payloads (carriages,) in kg: mass, inertia about the common centre, pivots from that centre."""
+    """Parameters of vehicles with payloads (carriages,) in kg: mass, inertia and pivots from the common centre."""
     offsets = centre_offsets(carriages, payloads, masses)
     mass, inertia = carriages.mass.copy(), carriages.inertia.copy()
     for body, position, added in zip(payloads.body, payloads.position, masses, strict=True):
@@ -416,7 +416,7 @@ def load_bodies(carriages: Carriages, payloads: Payloads, masses: FloatArray) ->
 
 
 def shift_centres(state: State, change: FloatArray) -> None:
-    """Refer the motion of bodies to centres of mass moved by `change` (bodies, dim), m in body axes; bodies stay."""
+    """Refer the motion of bodies to centres of mass moved by `change` (bodies, dim), m in body axes; no body moves."""
     for body in np.flatnonzero(np.any(change != 0.0, axis=1)):
         dim = change.shape[1]
         axes = np.array(orientation(state.bodies.position[body], tuple(change[body]))).reshape(dim, dim)

@@ -138,7 +138,7 @@ def _hinge_in_space(carriages, state, body, topmost, above, stiffness_factor, ra
 
 @formula
 def hinge_tangents(axes, moments, stiffness, damping, relative, stiffness_factor, rate_factor):
-    """Moment m_a a + m_c c of a hinge; its derivatives by the rotations of the body (negative) and of the part above.
+    """Moment m_a a + m_c c of a hinge with axes a, c; its derivatives by rotations of body (negative) and part above.
 
     Args:
         axes: a of the part above and c of the body, unit vectors (3,).
@@ -160,7 +160,7 @@ def hinge_tangents(axes, moments, stiffness, damping, relative, stiffness_factor
 
 @formula
 def with_constraint(moment, by_body, by_above, a, c, axis, holding, stiffness_factor):
-    """Hinge moment and its derivatives with a constraint moment λ c x a added, of the present moment `holding` (3,)."""
+    """Hinge moment and derivatives, with a constraint moment λ c x a added, whose present value is `holding` (3,)."""
     size = holding @ axis / (axis @ axis)
     # δ(c x a) = c (a·θ) - (a·c) θ + (a·c) t - a (c·t)
     apart = stiffness_factor * size * (a @ c) * unit_matrix(a)
@@ -234,7 +234,7 @@ def hold(joint, inverse, by_place, by_above, least, gap):
 
 @formula
 def hold_axis(axis, gap, rotation, held, inverse, through):
-    """Add one constrained axis q to the rotation of a body: equation q·(turn - θ) = -Φ, constraint moment λ q."""
+    """Constrain a body's rotation φ about one axis q: q·(φ - θ) = -Φ, θ rotation above, constraint moment λ q."""
     by_place, by_above, least = rotation
     yields = inverse @ axis
     weight = 1.0 / (axis @ yields)
@@ -258,7 +258,7 @@ def add_held(a, held):
 
 @inlined_kernel
 def keep_held(held, body, work):
-    """Store the coefficients of a rotational constraint moment for `recover_held`."""
+    """Store the coefficients of a rotational constraint moment for its back substitution in `recover_held`."""
     store(held.by_place, work.held_by_place[body])
     store(held.by_above, work.held_by_above[body])
     store(held.least, work.held_right[body])

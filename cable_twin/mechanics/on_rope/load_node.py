@@ -122,7 +122,10 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work):
-    """Add the hinge of a vehicle at a following node to its patch, on the mean slope; as in `tangent_hinge`."""
+    """Add the hinge of a vehicle, on the mean slope of the node that follows the vehicle, to the patch of the node.
+
+    The terms are those of `tangent_hinge`.
+    """
     like, node = system.cable.gravity, state.joint_node[carriage]
     dim, still, patch, last = len(like), no_turn(like), work.patch[carriage], work.patch.shape[1]
     above = direction_at_node(state, node, like)
@@ -149,7 +152,7 @@ def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness
 
 @kernel
 def pull_along(system, state, carriage):
-    """Force (N) along the rope on a vehicle's joint at a node, of the elements beside it: Q_X over the mean |r_x|."""
+    """Force (N) along the rope on a vehicle's joint at a node: generalized force of both elements over mean |r_x|."""
     node = state.joint_node[carriage]
     return pull_at_node(system, state, node) / rope_passing(state.nodes.position, node, system.cable.gravity)
 
@@ -248,7 +251,7 @@ def hold_of(system, state, number, element):
 
 @kernel
 def pass_on(system, state, front, way):
-    """Hand a train of adjacent moving loads on to the next nodes, once its nodes have moved far from their homes."""
+    """Hand a train of adjacent moving loads on to the next nodes, once its nodes are far from home arc lengths."""
     homes, places, beyond, node = system.cable.node_arc_length, state.mesh.arc_length, 0.0, front
     room = LEAST * system.cable.cell_length
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:

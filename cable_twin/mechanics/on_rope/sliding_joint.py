@@ -274,7 +274,7 @@ def recover_joint(system, state, carriage, work):
 
 @kernel
 def recover_turn(system, state, carriage, work):
-    """Rotation increment (turns,) of the cable at a joint, damping included as in the hinge; needs that of s."""
+    """Rotation increment (turns,) of the cable at a joint, with the damping of the hinge; needs the increment of s."""
     like = system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):

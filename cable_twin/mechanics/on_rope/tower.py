@@ -306,7 +306,7 @@ def depth_in_groove(towers: Any, state: Any, contact: int, depth: float, like: V
 def with_groove(
     force: Vector, stiffness: float, friction: float, r_x: Vector, normal: Vector, apart: Vector, moving: Vector
 ) -> Vector:
-    """Force (dim,) in N of a tower contact with the lateral force of its groove added; in a plane without groove.
+    """Force (dim,) in N of a tower contact, in space with the lateral force of its groove added.
 
     Args:
         force: of the contact without it, N.

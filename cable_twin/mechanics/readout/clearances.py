@@ -220,7 +220,7 @@ def box_distance(centre, axes, half, corners):
 
 @kernel
 def turn_into(corners, corner, centre, axes, half, box):
-    """Write one corner of the other of two boxes in the axes of box number `box`, from its centre."""
+    """Write one corner of the other of two boxes in the axes of box `box` (0 or 1), relative to the centre of `box`."""
     other = 1 - box
     for axis in range(AXES):
         value = 0.0

@@ -158,7 +158,7 @@ def find_node_tensions(system, state, sections):
 
 @inlined_kernel
 def momentum_of(system, state):
-    """Momentum flux terms of a rope for `with_momentum`: whether it moves, ρA / λ (kg/m), u at start (m/s), du/ds."""
+    """Terms of a rope's momentum flux: whether it moves, mass ρA / λ (kg/m), speed u at the start (m/s), du/ds."""
     cable, speed = system.cable, state.rope.velocity
     if not (system.moving_cable.moving and flows(system, state)):
         return False, 0.0, 0.0, 0.0

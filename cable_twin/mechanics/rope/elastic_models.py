@@ -140,7 +140,7 @@ def continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffnes
 
 @kernel
 def whole_continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor):
-    """Elastic force and tangent of `continuum`, compiled as one shared kernel."""
+    """Elastic force and tangent of an element as in `continuum`, but compiled once for all callers, not inlined."""
     return continuum(cable, length, d, a, b, d_dot, a_dot, b_dot, rate_factor, stiffness_factor)
 
 
@@ -252,7 +252,7 @@ def across_of(i, vector):
 
 @formula
 def turned_block(c, i, y, z):
-    """Tangent block of chord d and a slope by rotation of the chord direction i: c (P y iᵀ + z P), P y given."""
+    """Tangent block of chord and a slope by rotation of chord direction i: c (y iᵀ + z P), P = I - i iᵀ, y = P y."""
     return subtract(outer(c, y, i), full(-c * z, symmetric(1.0, -1.0, i), 0.0))
 
 

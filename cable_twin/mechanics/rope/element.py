@@ -218,7 +218,7 @@ def along_element(system, state, strand, length, place, e, e_dot, e_ddot, wind, 
 
 @kernel
 def write_group(cable, length, elastic, inert, mass_factor, group):
-    """Write residual and tangent of `WIDTH` elements to `group`: a row a number, vectors first, then the blocks."""
+    """Write residual and tangent of `WIDTH` elements to `group`, one row per number: vectors first, then the blocks."""
     force_d, force_a, force_b, k_dd, k_da, k_db, k_aa, k_ab, k_bb = elastic
     on_r_a, on_a, on_r_b, on_b = inert
     like = force_d
@@ -263,7 +263,7 @@ def clear_element(element, like, work):
 
 @inlined_kernel
 def add_element(numbers, element, like, work):
-    """Add one element, of the `numbers` of a group, to the residual and tangent of the nodes at its ends.
+    """Add residual and tangent of one element, in `numbers` with the layout of a group, to the nodes at its ends.
 
     The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
     """

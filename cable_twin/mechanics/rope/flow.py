@@ -59,7 +59,7 @@ def flow_integrals(cable, state):
 
 @formula
 def flow_products(length, place, rate, acceleration):
-    """Integrals of `flow_integrals` over an element or a group, without ρA, from nodal vectors and their rates."""
+    """Integrals ∫r_x·r_t dx, ∫r_x·r_x dx, ∫r_x·r_tt dx, ∫r_x·r_tx dx over an element or a group, from nodal vectors."""
     d, a, b = subtract(place[2], place[0]), scale(length, place[1]), scale(length, place[3])
     by_velocity, squared, by_acceleration, by_rate = 0.0 * d[0], 0.0 * d[0], 0.0 * d[0], 0.0 * d[0]
     for i in range(4):

@@ -60,7 +60,7 @@ def place_by_flow(cable, state, end, arc_length):
 
 @kernel
 def elastic_change(cable, length, d, a, b, d_dot, a_dot, b_dot, longer, dilution):
-    """Change of elastic and viscous forces (dim,) in N on d, a, b of an element with rest length and dilution rate.
+    """Change of elastic and viscous forces (dim,) in N on chord and slopes with rest length and dilution rate.
 
     Takes the arguments of `continuum`, and the changes of its length, relative, and of the dilution rate, in 1/s: that
     of strains is -(longer + damping time · dilution) of the stretch; the curvature does not depend on the dilution.
@@ -96,7 +96,7 @@ def elastic_change(cable, length, d, a, b, d_dot, a_dot, b_dot, longer, dilution
 
 @formula
 def factors_change(mass, stretch, speed, change, share):
-    """Derivative of `flow_factors` by rope over an end, of which `share` passes a place of `speed` (m/s)."""
+    """Derivative of the transport force factors by rope over an end; `share` of it passes a place of `speed` (m/s)."""
     by_stretch, _, by_speed, by_rate = change
     on_slope = speed * (speed * by_stretch / stretch - 2.0 * by_speed * share)
     return 2.0 * mass * by_speed * share, mass * by_rate * share, mass / stretch * on_slope

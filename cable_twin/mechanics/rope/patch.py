@@ -208,7 +208,7 @@ def shift_vectors(end, e, length):
 
 @inlined_kernel
 def forces_by_motion(system, state, length, motion, wind):
-    """Nodal forces (dim,) on r_A, slope A, r_B, slope B of an element, or of lanes: elastic ones, and all others.
+    """Nodal forces (dim,) on r_A, slope A, r_B, slope B of an element, or of lanes: elastic ones, sum of all others.
 
     Those on positions are in N, those on slopes in N m. The others are inertia, weight, damping and drag.
 

@@ -94,7 +94,7 @@ def list_elements(work, count):
 
 @inlined_kernel
 def shifts(state, work, node):
-    """Return whether a Newton iteration moves a node along the rope, rope over the ends of the mesh left aside."""
+    """Return whether a Newton iteration moves a node along the rope, apart from rope over the ends of the mesh."""
     number = state.node_load[node]
     return follows(state, node) and not (work.along_held[number] and work.along_increment[number] == 0.0)
 
@@ -212,7 +212,7 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
 
 @inlined_kernel
 def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_factor, stiffness_factor, work):
-    """Linearise `WIDTH` elements beside loads: residual, tangent and their elastic part, in groups as of `element`.
+    """Linearise `WIDTH` elements beside loads: residual, tangent and their elastic part, laid out as by `write_group`.
 
     Takes the `nodal_motion` of `gather_motion`. Where the iteration moves any of their nodes (`shifted`), derivatives
     of the elastic energy by length are stored, too.
@@ -301,7 +301,7 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
 
 @formula
 def add_numbers(numbers, patch, right, last, like):
-    """Add an element's residual and tangent, `numbers` of a group, to a patch with its residual in column `last`."""
+    """Add an element's residual and tangent, `numbers` as in a group, to a patch with its residual in column `last`."""
     dim, square = len(like), outer(0.0, like, like)
     rows = [patch_row(right, i, dim) for i in range(4)]
     for i in range(4):
@@ -355,7 +355,7 @@ def total(terms):
 
 @formula
 def passing_speeds(length, k_a, k_b):
-    """Derivatives (4, 4) of the rope's velocities at the nodes of an element by its nodal coordinates; None for 0."""
+    """Derivatives (4, 4) of rope velocities at the nodes of an element by its nodal coordinates; None where zero."""
     per, square = 1.0 / length, 1.0 / (length * length)
     return (
         (None, k_a, None, None),

@@ -180,7 +180,7 @@ def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
 
 
 def tangent_blocks(by_place, by_slope, shape, shape_x):
-    """Yield the blocks (dim²) of a point load's tangent, see `add_tangent`, with coordinates i and j; for formulas."""
+    """Yield the blocks (dim²) of the tangent of `add_tangent`, by nodal coordinates i and j; for traced formulas."""
     for j in range(4):
         moved = shape[j] * by_place[0] + shape_x[j] * by_place[1]
         turned = shape[j] * by_slope[0] + shape_x[j] * by_slope[1]

@@ -1,4 +1,4 @@
-"""Cubic shape functions of the cable element (paper, eq. 2), their integrals, and rows of groups of elements.
+"""Cubic shape functions of the cable element (paper, eq. 2), their integrals, and array layout of element groups.
 
 The four functions S belong to the nodal coordinates (r_A, r_x of A, r_B, r_x of B). As S_1 + S_3 = 1, derivatives
 along the cable need only three: of the chord d = r_B - r_A and of the two slopes.

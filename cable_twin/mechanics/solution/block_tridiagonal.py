@@ -103,13 +103,13 @@ def store_pair(pair, array):
 
 @formula
 def load_both(one, other, like):
-    """Load the vectors or matrices of two nodes as SIMD pairs, see `load_pair`."""
+    """Load the vector or matrix pairs of two nodes, one node per SIMD lane, see `load_pair`."""
     return beside(load_pair(one, like), load_pair(other, like))
 
 
 @formula
 def store_both(both, one, other):
-    """Write SIMD pairs as loaded by `load_both` to the arrays of the two nodes."""
+    """Write the vector or matrix pairs of two nodes, one node per SIMD lane, to the arrays of the two nodes."""
     store_pair(first_of(both), one)
     store_pair(second_of(both), other)
 
@@ -256,7 +256,7 @@ def eliminate_one(diagonal, right_side, columns, count, node, inner, out, back, 
 
 @inlined_kernel
 def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor, like):
-    """Subtract an eliminated node, its solution less `factor` times that of `inner`, from the equations of `inner`."""
+    """Subtract an eliminated node, solution right side - `factor` x that of `inner`, from the equations of `inner`."""
     square = outer(0.0, like, like)
     on, by, known = load_node(coupling, square), load_node(factor, square), load_pair(right_side[node], like)
     subtract_node(diagonal, right_side, columns, count, node, inner, on, by, known, like)
@@ -276,7 +276,7 @@ def subtract_node(diagonal, right_side, columns, count, node, left, coupling, fa
 
 @inlined_kernel
 def substitute_ends(upper, lower, right_side, columns, count, first, kept_to, like):
-    """Back-substitute the nodes that `eliminate_ends` has eliminated; takes its arguments."""
+    """Back-substitute the nodes before `first` and after `kept_to`, which `eliminate_ends` has eliminated."""
     last, square = right_side.shape[0] - 1, outer(0.0, like, like)
     pairs = min(first, last - kept_to)
     for node in range(first - 1, pairs - 1, -1):

@@ -197,7 +197,7 @@ def lay_mesh(system: System, state: State) -> None:
 
 
 def nodes_for(homes: FloatArray, places: FloatArray) -> list[int]:
-    """Indices of different nodes, each near, to follow loads at rising arc lengths (m).
+    """Indices of distinct nodes, one near each load, to follow loads at rising arc lengths (m).
 
     Loads that compete for the same nodes get a train of adjacent nodes, centred on the middle of the loads.
     """
@@ -218,7 +218,7 @@ def nodes_for(homes: FloatArray, places: FloatArray) -> list[int]:
 def with_room(
     homes: FloatArray, riders: IntArray, places: FloatArray, nodes: list[int], room: float
 ) -> list[tuple[int, int, float]]:
-    """Loads (number, node, arc length in m) whose node keeps at least `room` (m) to both neighbouring nodes."""
+    """Loads (index, node, arc length in m) whose node keeps at least `room` (m) to both neighbouring nodes."""
     kept = [load for load in zip(riders.tolist(), nodes, places.tolist(), strict=True) if 0 < load[1] < homes.size - 1]
     while True:
         mesh = homes.copy()

@@ -93,7 +93,7 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
 
 @kernel
 def least_curvature(bundle, state):
-    """Least stored curvature (1/m) of Newton's method of all ropes; 0 if one has no known initial accelerations."""
+    """Least Newton error per squared increment (1/m) of all ropes; 0 if one has no known initial accelerations."""
     least = inf
     for rope in range(bundle.records.shape[0]):
         least = min(least, record_at(bundle.records[rope, STATE], state).newton_curvature[0])

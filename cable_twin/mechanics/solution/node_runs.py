@@ -127,13 +127,13 @@ def shortest_of(runs, number):
 
 @inlined_kernel
 def four(array, at, k):
-    """Entries of an array at `k` after each of four places."""
+    """Four entries of an array, `k` after each of four indices."""
     return array[at[0] + k], array[at[1] + k], array[at[2] + k], array[at[3] + k]
 
 
 @inlined_kernel
 def four_columns(columns, at, k, b):
-    """Blocks number `b` of the columns (nodes, blocks, 2, dim²) of four nodes, `k` after each of four places."""
+    """Column block `b` of four nodes, `k` after each of four node indices, from `columns` (nodes, blocks, 2, dim²)."""
     return columns[at[0] + k, b], columns[at[1] + k, b], columns[at[2] + k, b], columns[at[3] + k, b]
 
 

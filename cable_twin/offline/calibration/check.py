@@ -32,7 +32,7 @@ OTHERWISE = "a run in which this parameter matters more"
 
 
 class Finding(NamedTuple):
-    """Identifiability of one parameter of a calibration, in standard deviations of its prior."""
+    """Identifiability of one parameter: posterior standard deviations, relative to that of its prior."""
 
     parameter: Parameter
     alone: float  # standard deviation with all others known
@@ -42,7 +42,7 @@ class Finding(NamedTuple):
 
     @property
     def told(self) -> bool:
-        """Whether the data identify the parameter: its standard deviation is at most half of its prior's."""
+        """Whether the data identify the parameter: its posterior standard deviation is at most half the prior one."""
         return self.together <= TOLD
 
     def reason(self, moved: bool) -> str:
@@ -71,7 +71,7 @@ class Check(NamedTuple):
 
     @property
     def rank(self) -> int:
-        """Number of directions in parameter space in which the data narrow the priors most."""
+        """Number of directions in parameter space about which the data say more than the priors."""
         return int((self.singular_values > 1.0).sum())
 
 
@@ -101,6 +101,6 @@ def check(parameters: Sequence[Parameter], evaluation: Evaluation, rows: Rows) -
 
 
 def covariance_of(jacobian: FloatArray) -> FloatArray:
-    """Covariance (n, n) of parameters after data and priors, in deviations of their priors, from a scaled Jacobian."""
+    """Posterior covariance (n, n) of parameters, scaled by prior standard deviations, from a scaled Jacobian."""
     inverse = np.linalg.inv(jacobian.T @ jacobian + np.eye(jacobian.shape[1]))
     return np.asarray(inverse, dtype=np.float64)

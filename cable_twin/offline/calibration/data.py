@@ -48,7 +48,7 @@ class Package(NamedTuple):
         return bool(self.commands)
 
     def first(self, seconds: float) -> Package:
-        """Cut the data of the log after its first seconds (s)."""
+        """Copy with only the data of the first `seconds` (s) of the log."""
         series = []
         for one in self.series:
             there = one.times <= seconds
@@ -180,7 +180,7 @@ def package(
 
 
 def fingerprint(packages: Sequence[Package], *more: object) -> str:
-    """Fingerprint of all inputs of a calibration: data of its logs and further objects."""
+    """SHA-256 hash of all inputs of a calibration: data of its logs and further objects."""
     found = hashlib.sha256()
     for one in packages:
         for applied in one.commands:

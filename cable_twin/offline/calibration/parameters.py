@@ -38,7 +38,7 @@ ABSOLUTE = ((r"^air\.wind\.", 5.0), (r"temperature$", 15.0), (r"\.ice", 1.0))
 
 
 class CalibrationError(ValueError):
-    """Input that the command `calibrate` cannot use: one line."""
+    """Error of an input that the command `calibrate` cannot use; the message is one line."""
 
 
 class Parameter(NamedTuple):
@@ -197,7 +197,7 @@ def _absolute(key: str) -> float | None:
 
 
 def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
-    """Bounds of a free scenario key: of the sign of its prior's mean, and for a payload within its capacity."""
+    """Bounds of a free scenario key: values of the sign of the prior mean; for a payload, from 0 to the capacity."""
     low, high = mean - WIDEST * deviation, mean + WIDEST * deviation
     if _absolute(key) is None:
         low, high = (max(low, NARROWEST * mean), high) if mean >= 0.0 else (low, min(high, NARROWEST * mean))

@@ -53,7 +53,7 @@ def write_picture(title: str, solution: Solution, rows: Rows, path: Path) -> Non
 
 
 def _draw_estimates(panel: Axes, solution: Solution) -> None:
-    """Draw the 95 % intervals of the estimates in deviations of their priors, with the values as text."""
+    """Draw the 95 % intervals of the estimates, scaled by prior standard deviations, with the values as text."""
     number = np.arange(len(solution.estimates))
     labels = []
     for row, one in enumerate(solution.estimates):
@@ -83,7 +83,7 @@ def _draw_estimates(panel: Axes, solution: Solution) -> None:
 
 
 def _draw_correlation(figure: Figure, panel: Axes, solution: Solution) -> None:
-    """Draw the correlation matrix of the estimates with its numbers."""
+    """Draw the correlation matrix of the estimates as a coloured grid with the coefficients as text."""
     count = len(solution.estimates)
     image = panel.imshow(solution.correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for row in range(count):

@@ -1,4 +1,4 @@
-"""Prediction of measurements by an ensemble of twins: residuals at a point of parameters, and their Jacobian."""
+"""Prediction of measurements by an ensemble of twins: residuals at a point in parameter space, and their Jacobian."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FINEST_SHARE = 1e-4  # the same of others, of the load at rest or of the limit o
 
 
 class Evaluation(NamedTuple):
-    """Residuals at one point of parameters, in standard deviations of the sensors, with their Jacobian."""
+    """Residuals at one point in parameter space, in standard deviations of the sensors, with their Jacobian."""
 
     point: FloatArray  # (n,) of the parameters, in deviations of their priors from the mean
     residuals: FloatArray  # (rows,) of all measurements, those held out included
@@ -64,7 +64,7 @@ def scales_of(scenario: Scenario, rest: Snapshot) -> dict[str, float]:
 
 
 def deviations_of(scenario: Scenario, scales: Mapping[str, float]) -> dict[str, float]:
-    """Standard deviation of a sample of each sensor: noise, quantisation and a least value, added as squares."""
+    """Standard deviation of a sample of each sensor: root sum square of noise, quantisation and a least value."""
     found = {}
     for name, scale in scales.items():
         sensor = scenario.sensors[name]
@@ -77,7 +77,7 @@ MUCH_MORE = 1.5  # times as long
 
 
 class Predictor:
-    """Predictor of the measurements of logs: twins repeat their runs with varied parameters.
+    """Predictor of logged measurements: an ensemble of twins repeats the logged runs with varied parameters.
 
     Args:
         scenario: of the twin, with sensors.
@@ -130,11 +130,11 @@ class Predictor:
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the parameters, in deviations of their priors from the mean."""
+        """Lower and upper bounds of the parameters, as offsets from the prior means in prior standard deviations."""
         return (self._low - self._mean) / self._spread, (self._high - self._mean) / self._spread
 
     def values(self, point: FloatArray) -> FloatArray:
-        """Values of the parameters, in their units, at a point given in deviations of their priors."""
+        """Parameter values, in their units, at a point of offsets from the prior means in prior standard deviations."""
         found: FloatArray = np.clip(self._mean + self._spread * point, self._low, self._high)
         return found
 
@@ -148,7 +148,7 @@ class Predictor:
         return tuple(self._known.values())
 
     def evaluate(self, point: FloatArray, near: Evaluation | None = None) -> Evaluation:
-        """Evaluate residuals and Jacobian at a point by an ensemble: one member there, one beside it per scenario key.
+        """Evaluate residuals and Jacobian at a point by an ensemble: one member there, one perturbed per scenario key.
 
         Args:
             point: of the parameters, in deviations of their priors from the mean.
@@ -188,7 +188,7 @@ class Predictor:
         return found
 
     def _beside(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (n, parameters) for finite differences, one step off along each key of the scenario; steps (n,)."""
+        """Points (n, parameters) for finite differences, each perturbed in one scenario key, and their steps (n,)."""
         low, high = self.bounds
         beside = np.tile(point, (len(self._of_model), 1))
         steps = np.empty(len(self._of_model))
@@ -200,7 +200,7 @@ class Predictor:
         return beside, steps
 
     def _run(self, package: Package, values: FloatArray, share: Callable[[float], object]) -> list[FloatArray]:
-        """Run an ensemble over a log; returns predictions (samples, members) of each of its series."""
+        """Run an ensemble over a log; returns predictions (samples, members) for each time series of the log."""
         keys = {self.parameters[number].key: number for number in self._of_model}
         middle = load_scenario(self._scenario.resolved(), {key: float(values[0, row]) for key, row in keys.items()})
         parameters: dict[str, Any] = {key: values[:, row].tolist() for key, row in keys.items()}
@@ -250,7 +250,7 @@ class Predictor:
     def _linear(
         self, point: FloatArray, predicted: Sequence[FloatArray], steps: FloatArray, near: Evaluation | None
     ) -> Evaluation:
-        """Residuals and Jacobian in deviations of sensors and priors, from the ensemble's predictions of all series."""
+        """Residuals and Jacobian, scaled by sensor and prior standard deviations, from the ensemble's predictions."""
         values, residuals, slopes = self.values(point), [], []
         every = [series for one in self._packages for series in one.series]
         for series, of_members in zip(every, predicted, strict=True):
@@ -270,7 +270,7 @@ class Predictor:
     def _seen(
         self, series: Series, of_members: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, dict[int, FloatArray]]:
-        """Predicted readings (samples, members) with the sensor's errors, and slopes (samples,) along each error."""
+        """Predicted readings (samples, members) with the sensor's errors, and derivatives (samples,) by each error."""
         errors = {one.error: row for row, one in enumerate(self.parameters) if one.sensor == series.sensor}
         along: dict[int, FloatArray] = {}
         if "delay" in errors:
@@ -303,7 +303,7 @@ def _share_after(share: Callable[[float], object], before: float, duration: floa
 
 
 def _nothing(_share: float) -> None:
-    """Ignore the share done of an evaluation, where no progress is shown."""
+    """Progress callback of an evaluation that does nothing, for callers that show no progress."""
 
 
 def _name(point: FloatArray) -> str:

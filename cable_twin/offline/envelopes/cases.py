@@ -61,7 +61,7 @@ def case_columns(case: LoadCase) -> dict[str, Any]:
 
 
 def case_again(columns: Mapping[str, Any], base: Scenario) -> LoadCase:
-    """Load case at rest from its plain data in JSON, without points and figures of a search for the worst place.
+    """Load case at rest from its plain data in JSON; of a search for the worst place, grid and key figures are lost.
 
     Args:
         columns: as `case_columns` makes them; of earlier versions without `worst_place` and `stops`.
@@ -232,7 +232,7 @@ def _each_vehicle(base: Scenario, id_: str, one: Mapping[str, Any]) -> Iterator[
 
 
 def _worst_place(one: Mapping[str, Any], scenario: Scenario) -> WorstPlace | None:
-    """Search for the worst place that a load case asks for; None without one."""
+    """Settings of the search for the worst place that a load case requests; None without a request."""
     if "worst_place" not in one:
         return None
     if "dynamic" in one:

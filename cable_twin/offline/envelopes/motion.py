@@ -26,7 +26,7 @@ POINTS, SETTLE = 40, 15.0  # moments of the coarse grid, and s after each stop
 
 
 class Stop(NamedTuple):
-    """Search for the worst moment of an emergency stop within a run.
+    """Settings of the search for the worst moment of an emergency stop within a run.
 
     Attributes:
         first: s, earliest moment.
@@ -101,7 +101,7 @@ def read_dynamic(given: Any, directory: Path, scenario: Scenario) -> Dynamic:
     if last <= first or settle <= 0.0 or points != int(points):
         raise DynamicError(
             f"dynamic.stop: given from {first:g}, to {last:g} s, settle {settle:g} s, points {points:g}; allowed: from "
-            "below to, settle above 0 s, whole points"
+            "less than to, settle above 0 s, points a whole number"
         )
     return Dynamic(script, duration, Stop(first, last, int(points), settle, figures))
 
@@ -194,7 +194,7 @@ def _place(snapshot: Snapshot) -> float:
 
 
 def _at(figure: KeyFigure, course: Course, what: str) -> KeyFigure:
-    """Key figure of a run with the place (m) of the vehicle as its `time`, and its time in the text of its place."""
+    """Copy of a key figure of a run: `time` becomes the place (m) of the vehicle, the time part of the text `place`."""
     words = ", ".join(filter(None, (figure.place, f"at {figure.time:.2f} s", what)))
     return replace(figure, time=course.place(figure.time), place=words)
 

@@ -20,7 +20,7 @@ FINEST = 0.01  # m, between two places
 
 
 class WorstPlace(NamedTuple):
-    """Search for the worst place of the vehicle of a load case at rest.
+    """Settings of the search for the worst place of the vehicle of a load case at rest.
 
     Attributes:
         points: places of the coarse grid.
@@ -39,7 +39,7 @@ class WorstPlace(NamedTuple):
 
 
 def read_worst_place(given: Any, scenario: Scenario, *, one: bool) -> WorstPlace:
-    """Read the search for the worst place of a load case from the mapping `worst_place` in its file.
+    """Read the settings of the search for the worst place from the mapping `worst_place` of a load case file.
 
     Args:
         given: the mapping.
@@ -63,7 +63,7 @@ def read_worst_place(given: Any, scenario: Scenario, *, one: bool) -> WorstPlace
 
 
 def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
-    """Search the worst of wanted key figures of a line at rest over all places of its vehicle.
+    """Search all places of the vehicle of a line at rest for the worst value of each wanted key figure.
 
     A carrier that alone is loaded goes along its whole loop; else all carriers together go over one spacing.
 

@@ -43,7 +43,7 @@ class CaseResult:
 
 
 class Neighbours(NamedTuple):
-    """Part of the load cases for one process: all on one mesh, searched from the equilibrium of its first case.
+    """Part of the load cases for one process, on one mesh: each search starts from the equilibrium of the first case.
 
     Attributes:
         first: first case of the file with the mesh, from whose equilibria those of the others are searched for.
@@ -83,7 +83,7 @@ def mesh_key(changes: Mapping[str, Any]) -> str:
 
 
 def first_of_each_mesh(changes: Sequence[Mapping[str, Any]]) -> dict[str, int]:
-    """Number of the first load case of a file on each mesh, by `mesh_key`.
+    """Index of the first load case of a file on each mesh, by the key of the mesh.
 
     Args:
         changes: of each case, values by dotted key.
@@ -159,7 +159,7 @@ def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases
 
 
 def _find(case: LoadCase, first: LoadCase | None, places: int, bases: Bases) -> Find:
-    """Equilibrium search of a load case, from the equilibria of `first` on its mesh, or from scratch."""
+    """Function that finds equilibria of a load case, from those of case `first` on the same mesh or from scratch."""
 
     def find(scenario: Scenario, place: float) -> Simulation:
         if first is None or first.id == case.id or case.worst_place is not None:

@@ -30,7 +30,7 @@ class Search:
         self.tried: dict[float, Mapping[str, KeyFigure]] = {}
 
     def at(self, value: float) -> Mapping[str, KeyFigure]:
-        """Key figures by id at a value of the variable, rounded to the finest difference; each calculated once."""
+        """Key figures by id at a value of the variable, rounded to the search's resolution; cached for each value."""
         value = round(round(value / self._finest) * self._finest, 9)
         if value not in self.tried:
             self.tried[value] = self._at(value)
@@ -58,7 +58,7 @@ class Search:
         return max(tried, key=lambda item: _sense(figure) * item[1])
 
     def refine(self, figure: str, grid: Sequence[float]) -> None:
-        """Search the worst of a key figure by id between the neighbours of the worst points of a rising grid."""
+        """Search for the worst value of a key figure by id around the worst points of an ascending grid."""
         from scipy.optimize import minimize_scalar  # noqa: PLC0415 - a while
 
         values = [self._badness(figure, value) for value in grid]

@@ -28,11 +28,11 @@ FAR = 1e4  # m, of a travel without limits
 
 
 class TensioningError(ValueError):
-    """Fault of the tensioning of a load case: one line."""
+    """Error of the tensioning of a load case; the message is one line."""
 
 
 def tensioning(scenario: Scenario, given: Any) -> dict[str, Any]:
-    """Changes of a scenario, by dotted key, that hold all tensioning devices as a load case gives; none for `stops`.
+    """Changes of a scenario, by dotted key, that hold all tensioning devices as a load case states; empty for `stops`.
 
     Args:
         scenario: scenario with counterweights or cylinders.

@@ -86,7 +86,7 @@ class PlantLog:
             if abs(one.time - arrival) > OTHER_CLOCK:
                 raise LogError(
                     f"{self._log.path}: {topic} at {arrival:.3f} s: given a stamp of {one.time:.3f} s; allowed: "
-                    f"{OTHER_CLOCK:g} s apart, of one clock"
+                    f"at most {OTHER_CLOCK:g} s from that time, by the same clock"
                 )
         finite = [one for one in found if all(abs(value) < float("inf") for value in one.values)]
         self.invalid += len(found) - len(finite)

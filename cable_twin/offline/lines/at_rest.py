@@ -46,7 +46,7 @@ Find = Callable[[Scenario, float], Simulation]
 
 
 def from_scratch(scenario: Scenario, _place: float) -> Simulation:
-    """Simulation of a scenario at rest, its equilibrium found without a neighbouring one."""
+    """Simulation of a scenario at rest, its equilibrium found without another equilibrium as initial guess."""
     return Simulation(scenario, on_demand=True)
 
 
@@ -124,7 +124,7 @@ def calculate(
 
 
 def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
-    """Simulation of a line in equilibrium with its vehicle at a place (m), found by `find`."""
+    """Simulation of a line in equilibrium with its vehicle at a place (m), by the equilibrium search `find`."""
     scenario, moved = line.scenario, line.moved
     carriers = scenario.carriers
     changes: dict[str, float | None] = {f"carriages.{moved}.arc_length": place} if moved else {}

@@ -153,7 +153,7 @@ def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _loads(line: Line) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
-    """Yield each vehicle at which rope tension jumps: its rope, arc lengths (places,) in m, mask of places on it.
+    """Yield rope, arc lengths (places,) in m, mask of places on that rope for each vehicle at which tension jumps.
 
     A vehicle counts on the rope that carries it and on the haul ropes to which it is clamped.
     """

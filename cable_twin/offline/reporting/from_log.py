@@ -34,7 +34,7 @@ PERIOD = 0.1  # s between shapes that are looked at, as for clearances
 
 
 class Course:
-    """Collector of rope courses, rope life and highest tower loads over the snapshots of a run, as view of a `Reading`.
+    """Collector of rope courses, rope life and highest tower loads from the snapshots that a log reader passes to it.
 
     Args:
         scenario: of the run.

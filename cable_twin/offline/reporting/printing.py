@@ -22,7 +22,7 @@ Printer = Callable[[str, Path], None]
 
 
 class PrintError(RuntimeError):
-    """Failure to make the PDF of a report: one line."""
+    """Failure to make the PDF of a report; the message is one line."""
 
 
 def find_printer() -> Printer:

@@ -210,7 +210,7 @@ def _indent(line: str) -> int:
 
 
 def _group(lines: Sequence[str], row: int, step: int) -> str:
-    """Remark on comment lines of a YAML text: directly above a line, or from it on; empty at the top of the file."""
+    """Join the comment lines of a YAML text directly above a line or from it on; empty if they are the file's first."""
     rows = []
     row += min(step, 0)
     while 0 <= row < len(lines) and lines[row].lstrip().startswith("#"):

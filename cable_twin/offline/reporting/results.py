@@ -16,7 +16,7 @@ from cable_twin.scenario import Scenario
 
 
 class ResultsError(ValueError):
-    """Fault of a file without usable results for a report: one line."""
+    """Error of a file without usable results for a report; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ class Bend(NamedTuple):
 
     @property
     def cycles(self) -> int:
-        """Bending cycles of the most bent rope point there in a trip, straight to bent to straight."""
+        """Bending cycles (straight, bent, straight) of the most bent rope point at the bullwheel or tower in a trip."""
         return self.sheaves * self.passes
 
 

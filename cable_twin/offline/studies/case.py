@@ -79,7 +79,7 @@ Names = Mapping[str, tuple[str, str]]  # name and unit of key figures, by id
 
 @cache
 def program() -> str:
-    """Versions, sources and arithmetic of this process, on which the bits of results depend, as JSON."""
+    """JSON text of the versions, sources and arithmetic of this process, on which the bits of results depend."""
     return json.dumps({**program_metadata(), "sources": program_sources()}, sort_keys=True)
 
 
@@ -169,11 +169,11 @@ def _run(common: Inputs, case: Case) -> tuple[Sequence[KeyFigure], str, Sequence
 
 
 class OtherProgramError(RuntimeError):
-    """Fault of a study's worker with another version of the program or another arithmetic: one line."""
+    """Error of a study's worker with another version of the program or another arithmetic; the message is one line."""
 
 
 def difference(wanted: str, found: str) -> str:
-    """Line about the first difference between two results of `program`; empty for equal ones."""
+    """Line about the first difference between the versions, sources and arithmetic of two processes; empty if equal."""
     here, there = json.loads(wanted), json.loads(found)
     for key in here | there:
         if here.get(key) != there.get(key):

@@ -30,7 +30,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 
 class ClusterError(RuntimeError):
-    """Fault of a study's cluster, which is missing, has gone, or has another program: one line."""
+    """Error of a study's cluster: missing, lost, or with another program version; the message is one line."""
 
 
 @contextmanager
@@ -81,7 +81,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Any]:
 
 
 def _check(client: Any, scheduler: str) -> None:
-    """Refuse a Dask scheduler without workers, or with a worker of another program."""
+    """Refuse a Dask scheduler without workers, or with a worker of another program version or arithmetic."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:

@@ -22,7 +22,7 @@ Value = float | int | str | bool
 
 
 class DesignError(ValueError):
-    """Fault of the design of a study, which cannot be made: one line."""
+    """Error of a design of a study that cannot be made; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ RESULT = ("fault", "refused", "exceeded", "figures")  # what is the same on any 
 
 
 class StudyInUseError(ValueError):
-    """Fault of a directory of a study that another process is writing: one line."""
+    """Error of a directory of a study that another process is writing; the message is one line."""
 
 
 class Kept:
@@ -103,7 +103,7 @@ class Kept:
 
 @contextmanager
 def kept_in(directory: Path) -> Iterator[Kept]:
-    """Context with the finished cases in the directory of a study, which is made where missing, for one process.
+    """Context with the finished cases in the directory of a study, made where missing and locked for this process.
 
     Raises:
         StudyInUseError: another process uses the directory.
@@ -113,7 +113,7 @@ def kept_in(directory: Path) -> Iterator[Kept]:
     kept = Kept(directory)
     try:
         if not kept.lock():
-            raise StudyInUseError(f"{directory / CASES}: another study writes it; allowed: a directory of its own")
+            raise StudyInUseError(f"{directory / CASES}: in use by another study; allowed: another directory")
         kept.read()
         yield kept
     finally:

@@ -62,7 +62,7 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
         tension = float(scipy.optimize.brentq(miss, SLACKEST * strength, strength / factor, rtol=1e-9))
     except (ValueError, SpanError):
         raise DesignError(
-            f"tension: given a safety factor of {factor:.3g}, which none has; allowed: a stronger rope"
+            f"tension: given a safety factor of {factor:.3g}, which no tension keeps; allowed: a stronger rope"
         ) from None
     if tension < TRANSVERSE * model.cabin:
         raise DesignError(
@@ -74,7 +74,7 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
 
 
 def for_tension(model: LineModel, tension: float, why: str) -> Designed:
-    """Design counterweight and unstrained lengths for a tension (N) at the tensioned end, chosen for a reason."""
+    """Design counterweight and unstrained lengths for a tension (N) at the tensioned end, with its reason `why`."""
     scenario, changes, lines = model.scenario, {}, []
     if model.mass_keys:
         mass = float(round(model.pull_per_tension * tension / scenario.gravity, -1))
@@ -127,7 +127,7 @@ def design_sag(model: LineModel, span: int, sag: float) -> Designed:
 
 
 def _carrying(model: LineModel, strength: float) -> float:
-    """Lowest tension (N) with which a rope of a strength (N) hangs in all spans of a line, in closed form."""
+    """Lowest tension (N) at which a rope of given strength (N) can hang in all spans of a line, in closed form."""
     for share in np.geomspace(SLACKEST, TAUTEST, 40):
         try:
             model.spans(share * strength, 0)
@@ -138,7 +138,7 @@ def _carrying(model: LineModel, strength: float) -> float:
 
 
 def design_rope(model: LineModel, factor: float | None = None) -> Designed:
-    """Design the thinnest rope of equal construction with its safety factor, in whole millimetres.
+    """Design the thinnest rope of equal construction, in whole millimetres, that keeps the required safety factor.
 
     The counterweight stays; steel, weight, stiffness and strength go with the square of the diameter, the bending
     stiffness with its fourth power.
@@ -164,7 +164,8 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
             break
     else:
         raise DesignError(
-            f"rope: given a safety factor of {factor:g}, which none up to {LARGEST * diameter * 1e3:.0f} mm has"
+            f"rope: given a safety factor of {factor:g}, which no diameter up to {LARGEST * diameter * 1e3:.0f} mm "
+            "keeps; allowed: a smaller factor"
         )
     construction = f"assumed: construction of the rope of {1e3 * diameter:.3g} mm, scaled"
     why = f"{millimetres} mm, design: smallest in mm with a safety factor of {factor:g}, it has {has:.3f}"
@@ -192,7 +193,7 @@ class Conditions(NamedTuple):
 
 
 def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
-    """Design the heights of the rope on the towers, changed least to keep least loads and clearance.
+    """Design the heights of the rope on the towers: the smallest changes that keep minimum tower loads and clearance.
 
     The sum of squares of the changes is minimised (SLSQP), the tension stays.
 

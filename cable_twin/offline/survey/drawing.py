@@ -55,7 +55,7 @@ class RopeRange:
     """
 
     def __init__(self, line: Line, part: slice) -> None:
-        """Calculate the range of a rope, given by its part of the samples."""
+        """Calculate the range of a rope, given by its slice of the rope samples."""
         shapes = np.array([columns.rope_position[part] for columns in line.columns])
         low, high = shapes[..., 0].min(), shapes[..., 0].max()
         self.x: FloatArray = np.append(np.arange(low, high, EVERY), high)

@@ -237,7 +237,7 @@ def _sheaves(haul: HaulRope, track: TrackRope, forward: float) -> dict[str, Any]
 
 
 def haul_level(haul: HaulRope, track: TrackRope) -> float:
-    """Horizontal share of the haul rope's tension at the lower bullwheel of a jig-back."""
+    """Horizontal fraction of the haul rope's tension at the lower bullwheel of a jig-back: the cosine of its slope."""
     way = track.corner[0] - haul.ends[0]
     return float(way[0] / np.hypot(*way))
 

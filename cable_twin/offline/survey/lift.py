@@ -195,7 +195,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
 
 
 def tension_for(corner: FloatArray, rope: Mapping[str, float], weight: float, factor: float = FACTOR * MARGIN) -> float:
-    """Tension (N) at the lower end of a rope with which its largest tension has a safety factor.
+    """Tension (N) at the lower end of a rope at which its largest tension has exactly the given safety factor.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower end on.
@@ -231,7 +231,7 @@ class Assemblies(NamedTuple):
     empty: float = 0.0  # N, of an empty one
 
     def excess(self, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Most and least load (towers,) of vehicles of unit weight over all places, minus their evenly spread load."""
+        """Most and least load (towers,) from unit-weight vehicles over all places, minus that of their uniform load."""
         if self.spacing == 0.0:
             return np.zeros(len(self.names)), np.zeros(len(self.names))
         lengths = np.linalg.norm(np.diff(corner, axis=0), axis=1).tolist()
@@ -248,7 +248,7 @@ def choose_tension(
     towers: Assemblies,
     factor: float = FACTOR * MARGIN,
 ) -> tuple[float, str]:
-    """Choose the highest tension of a lift's rope with its safety factor and least loads on all towers.
+    """Choose the highest tension of a lift's rope that keeps its safety factor and the minimum loads on all towers.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower end on.
@@ -289,7 +289,7 @@ def choose_tension(
 
 @lru_cache(maxsize=4096)
 def _excess(before: float, after: float, spacing: float) -> tuple[float, float]:
-    """Most and least load on a tower from unit loads at a spacing (m), minus its mean, for both spans beside it."""
+    """Most and least load on a tower from unit loads at a spacing (m) on both adjacent spans (m), minus their mean."""
     first = np.linspace(0.0, spacing, PLACED)[:, None] - spacing * ceil(before / spacing)
     places = first + spacing * np.arange(ceil(before / spacing) + ceil(after / spacing) + 1)
     shares = np.where(places < 0.0, 1.0 + places / before, 1.0 - places / after).clip(min=0.0).sum(axis=1)

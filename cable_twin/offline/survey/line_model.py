@@ -22,7 +22,7 @@ STATION = 40.0  # m from both ends, within which vehicles may come down to the g
 
 
 class DesignError(ValueError):
-    """Fault of a line that cannot be designed as asked for: one line."""
+    """Error of a line that cannot be designed as requested; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class LineModel:
 
     @property
     def factor(self) -> float:
-        """Required safety factor of the rope: of the scenario's limits, else the usual one."""
+        """Required safety factor of the rope: from the scenario's limits, else the usual one."""
         limits = self.scenario.limits
         given = limits.rope_safety_factor
         usual = TRACK_FACTOR if self.cabin else HAUL_FACTOR
@@ -83,11 +83,11 @@ class LineModel:
 
     @property
     def clearance(self) -> float:
-        """Required clearance (m) of vehicles over the ground: of the scenario's limits, else 0."""
+        """Required clearance (m) of vehicles over the ground: from the scenario's limits, else 0."""
         return self.scenario.limits.vehicle_clearance or 0.0
 
     def spans(self, tension: float, which: int = 0) -> Spans:
-        """Spans of the rope under a tension (N) at its tensioned end: full vehicles (0), empty ones (1), bare (2)."""
+        """Spans of the rope for a tension (N) at its tensioned end; `which`: 0 full vehicles, 1 empty, 2 bare rope."""
         return spans_under_tension(
             self.corner, tension, self.weights[which], self.rope["axial_stiffness"], self.free_stretch
         )
@@ -197,7 +197,7 @@ def _lift(scenario: Scenario) -> LineModel:
     tensioned = [name for name, one in scenario.sheaves.items() if one.counterweight is not None]
     if carriers is None or carriers.kinds or len(tensioned) != 1 or len(scenario.ropes) != 2:
         raise DesignError(
-            "sheaves: given a lift without one counterweight, two strands and carriers of one kind; allowed: this"
+            "sheaves: given another lift; allowed: a lift with one counterweight, two strands and carriers of one kind"
         )
     first = next(iter(scenario.ropes))
     strand = scenario.strands[first]
@@ -306,7 +306,7 @@ def _unlike(one: Scenario, other: Scenario) -> str:
 
 
 def _supports(scenario: Scenario, first: Scenario, names: Sequence[str]) -> tuple[tuple[tuple[str, float], ...], ...]:
-    """For each tower of the first rope, supports of all ropes at its x, with their heights (m) over its saddle."""
+    """For each tower of the first rope, supports of all ropes at that x, with heights (m) over the tower's saddle."""
     places = scenario.tower_places
     return tuple(
         tuple(

@@ -19,7 +19,7 @@ OF_MANY = ("towers", "ropes", "carriages")  # sections of things by name, which 
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """Value of a scenario with its origin as text; `assumed` where only custom supports it."""
+    """Value of a scenario with its origin as text; `assumed` where it is only a customary value."""
 
     value: Any
     why: str

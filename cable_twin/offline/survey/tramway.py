@@ -98,7 +98,7 @@ class TrackRope:
         return np.asarray(pull / np.hypot(*pull))
 
     def saddle_bends(self, load: float) -> FloatArray:
-        """Angles (towers,) in rad by which the track rope bends on saddles, a cabin of weight `load` (N) beside."""
+        """Angles (towers,) in rad by which the track rope bends on saddles, next to a cabin of weight `load` (N)."""
         return bends(self.bare) + load / self.tension
 
 

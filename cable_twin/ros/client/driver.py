@@ -144,7 +144,7 @@ class Driver:
         return self._value * (1.0 if not options.ramp else min(elapsed / options.ramp, 1.0))
 
     def _is_refused(self) -> bool:
-        """Whether refusals concern commands of this driver: none of its commands was applied lately."""
+        """Whether the twin refuses this driver's commands: it has applied none for the last `REFUSING` seconds."""
         return time.monotonic() - self._answered >= REFUSING
 
     def _check_applied(self) -> None:

@@ -58,7 +58,7 @@ class _Twin:
         return f"{name} ({limit})" if limit else name
 
     def _named(self, section: str) -> Mapping[str, Any]:
-        """Section of the scenario that the twin publishes; empty unless a mapping."""
+        """Section of a given name in the scenario that the twin publishes; empty if it is no mapping."""
         found = self.scenario.get(section)
         return found if isinstance(found, dict) else {}
 
@@ -291,7 +291,7 @@ class TwinClient:
         )
 
     def _find(self, found: Callable[[], Any], name: str) -> None:
-        """Wait for the twin behind a topic or service; for an emergency stop only until other twins are known."""
+        """Wait until a twin offers a topic or service; for an emergency stop, give up early if others exist."""
         import rclpy  # noqa: PLC0415
 
         started, wait = time.monotonic(), self._wait

@@ -90,7 +90,7 @@ class Group:
         self._held.pop(name, None)
 
     def _leads_alone(self) -> bool:
-        """Whether the group has only tags that usually go along with others, as a speed without a place."""
+        """Whether the group has no tag that normally triggers a message, as with a speed but no position."""
         return not any(QUANTITIES[tag.quantity].lead for tag in self._tags.values())
 
     def _message(self, values: Mapping[str, float], stamp_ns: int) -> bytes:

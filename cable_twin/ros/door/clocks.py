@@ -18,7 +18,7 @@ DELAY = SECOND  # ns below which what is known one way only is taken for a delay
 
 
 class RoundTrips:
-    """Offset of another clock from this computer's, measured by round trips of questions for its time.
+    """Offset of a server's clock from this computer's clock, measured by round trips of time requests, as in NTP.
 
     Some servers renew their time only once a second. An answer counts where it differs from the answer before, so that
     the time was renewed in between, and half of that interval is the uncertainty. A clock of which three answers in a
@@ -31,11 +31,11 @@ class RoundTrips:
         self._steps = 0  # answers in a row that differed
 
     def begin(self) -> None:
-        """Begin a series of questions."""
+        """Begin a series of time requests to the other clock."""
         self._before, self._steps = None, 0
 
     def add(self, sent_ns: int, theirs_ns: int, received_ns: int) -> bool:
-        """Add a round trip: our times of sending and receipt, the other clock's answer; returns whether it counts."""
+        """Add a time request by local send and receive times and the server's time, ns; returns whether it was used."""
         before, self._before = self._before, (sent_ns, theirs_ns)
         if before is None:
             return False
@@ -63,7 +63,7 @@ class RoundTrips:
 
 
 class OneWay:
-    """Offset of another clock by the stamps of its messages: the quickest message counts as without delay."""
+    """Offset of another clock by the stamps of its messages, with the delay of the quickest message taken as zero."""
 
     def __init__(self) -> None:
         self._delays: deque[tuple[int, int]] = deque()  # receipt, delay; of rising delays, ns

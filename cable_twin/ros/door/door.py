@@ -155,7 +155,7 @@ class Door:
         return found
 
     def _held(self, now_ns: int) -> list[tuple[str, Measured]]:
-        """Last values that are to be repeated, of tags with `hold`, whose server tells changes only."""
+        """Last values due to be published again, of tags with `hold`, whose server only sends changed values."""
         found = []
         for link in self._links:
             for name, tag in self._tags_of(link.name).items() if link.connected else ():

@@ -1,4 +1,4 @@
-"""OPC UA server of `plant_door`: estimates and alarms of a twin as variables, whose status tells their age."""
+"""OPC UA server of `plant_door`: estimates and alarms of a twin as variables, whose status code reflects their age."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ OLD, GONE = ua.StatusCodes.UncertainLastUsableValue, ua.StatusCodes.BadNoCommuni
 
 
 class _Users(UserManager):
-    """Check of user name and password of OPC UA clients; without given ones, everybody may read."""
+    """Check of user name and password of OPC UA clients; if none are configured, every client may read."""
 
     def __init__(self, user: str | None, password: str | None) -> None:
         self._given = None if user is None or password is None else (user.encode(), password.encode())

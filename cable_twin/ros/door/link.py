@@ -118,7 +118,7 @@ class Link:
 
 
 def secrets_of(section: Connection, directory: Path) -> Iterable[str]:
-    """Texts of all secrets of a connection, for `without`."""
+    """Texts of all secrets of a connection (user name, passwords) that have to be masked in log lines."""
     for key in ("password", "private_key_password", "user"):
         secret = getattr(section, key)
         if secret is not None:

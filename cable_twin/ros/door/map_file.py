@@ -217,7 +217,7 @@ def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
 
 
 def _number_faults(tag: Tag) -> Iterator[str]:
-    """Faults of the numbers of a tag: sign, scale and range."""
+    """Faults in the numeric settings of a tag: sign, scale and range."""
     if tag.sign == 0:
         yield "sign: given 0; allowed: 1 or -1"
     if tag.scale == 0.0:

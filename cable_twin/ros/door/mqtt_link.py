@@ -215,7 +215,7 @@ def number(payload: bytes | bytearray) -> object:
 
 
 def at(content: Any, path: str) -> Any:
-    """Value at a dotted key of a JSON message, with numbers for places in a list; `NO_SUCH_KEY` without a value."""
+    """Value at a dotted key of a JSON message, whose list items are given by index; `NO_SUCH_KEY` if missing."""
     for key in path.split("."):
         if isinstance(content, dict) and key in content:
             content = content[key]

@@ -135,7 +135,7 @@ class OpcUaLink(Link):
                 sought = time.monotonic()
 
     def _parameters(self) -> ua.CreateSubscriptionParameters:
-        """Parameters of the OPC UA subscription, which is kept alive by an empty message every `KEPT_ALIVE`."""
+        """Parameters of the OPC UA subscription, with keep-alive messages every `KEPT_ALIVE` seconds."""
         found: Any = ua.CreateSubscriptionParameters()
         found.RequestedPublishingInterval = 1e3 * self._section.interval
         found.RequestedMaxKeepAliveCount = max(math.ceil(KEPT_ALIVE / self._section.interval), 1)

@@ -23,14 +23,14 @@ def _secret(description: str) -> Any:
 
 
 class Secret(Section):
-    """Name or password, kept out of the map: exactly one of the two."""
+    """Source of a user name or password kept out of the map: either an environment variable or a file."""
 
     environment: OneLine | None = Field(None, description="variable of the environment that holds it")
     file: OneLine | None = Field(None, description="file whose first line it is")
 
 
 class Clocked(Section):
-    """Source of samples with stamps of its own."""
+    """Settings common to connections whose samples are stamped by another clock."""
 
     clock: Literal["correct", "trust"] = Field(
         "correct", description="shift stamps by the measured offset of the other clock, or take them as they are"

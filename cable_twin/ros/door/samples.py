@@ -1,4 +1,4 @@
-"""Samples of a plant's tags: conversion to SI, reasons to leave samples out, and lines about changes of these."""
+"""Samples of a plant's tags: conversion to SI, reasons to leave samples out, and log lines when a reason changes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Measured(NamedTuple):
 
 
 class TagState:
-    """Check of the samples of a tag, which logs a line when it begins and when it ends to leave samples out.
+    """Check of the samples of a tag, which logs a line when it starts and when it stops leaving samples out.
 
     Args:
         name: name of the tag.
@@ -97,7 +97,7 @@ class TagState:
         return self.last
 
     def check_age(self, now_ns: int) -> None:
-        """Log what is due, also that no sample has arrived for too long; called while the server is connected."""
+        """Check that a sample of the tag came recently, and log pending lines; called while the server is connected."""
         self._say(now_ns)
         age = (now_ns - self._heard_ns) / SECOND
         if self._heard_ns and age > self.tag.stale_after and not self._reason and not self.tag.hold:

@@ -1,4 +1,4 @@
-"""Constants of the mechanics, built from a scenario; a number is copied to the field with the name of its key."""
+"""Constants of the mechanics, built from a scenario; a value is copied to the field named like its key."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def floats(values: list, columns: int = 0) -> FloatArray:
 
 
 def numbers(record: Any, section: BaseModel, pattern: str = "{}") -> dict[str, Any]:
-    """Numbers of a scenario section by field name of a record of constants; null, no limit, becomes infinity.
+    """Numeric values of a scenario section by field name of a record of constants; null (no limit) becomes infinity.
 
     Args:
         record: class of the record; keys of the section that it does not have are left out.
@@ -33,7 +33,7 @@ def numbers(record: Any, section: BaseModel, pattern: str = "{}") -> dict[str, A
 def columns(
     record: Any, model: type[BaseModel], sections: Sequence[BaseModel], pattern: str = "{}"
 ) -> dict[str, FloatArray]:
-    """Numbers of several scenario sections as arrays (sections,), by field name of a record of constants.
+    """Numeric values of several scenario sections as arrays (sections,), by field name of a record of constants.
 
     Arguments, and null as infinity, are as for `numbers`.
     """
@@ -43,7 +43,7 @@ def columns(
 
 @cache
 def _names(record: Any, model: type[BaseModel], pattern: str, kinds: tuple[Any, ...]) -> dict[str, str]:
-    """Field name of a record of constants by key of a scenario section, for numbers that both have."""
+    """Map each numeric key of a scenario section to the field of a record of constants that holds its value."""
     found, known = {}, get_type_hints(record)
     for key, field in model.model_fields.items():
         name = key if key in known else pattern.format(key)

@@ -86,7 +86,7 @@ def clamped_pairs(scenario: Scenario) -> IntArray:
 
 
 def build_clamps(scenario: Scenario) -> Clamps:
-    """Build the clamps of carriages to a second rope, in the order of `clamped`."""
+    """Build the constants of all clamps of carriages to a second rope."""
     ropes, found = list(scenario.ropes), clamped(scenario)
     vehicles = [one for *_, one in found]
     rides = [scenario.of_rope(ropes[row]).riding for row in range(len(ropes))]

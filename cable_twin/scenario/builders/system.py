@@ -88,7 +88,7 @@ def build_payloads(scenario: Scenario) -> Payloads:
 
 
 def _free_part(scenario: Scenario, end: EndSupport) -> FloatArray:
-    """Projectors (2, dim²) of r and r_x of an end node onto the directions left free by its support."""
+    """Projectors (2, dim²) of position r and slope r_x of an end node onto the directions left free by the support."""
     identity = np.eye(scenario.dim)
     position, slope = identity, identity
     if end.support != "free":
@@ -117,7 +117,7 @@ def _end_moments(cable: Cable) -> FloatArray:
 
 
 def _build_towers(scenario: Scenario) -> parameters.Towers:
-    """Build the towers with their contacts with the rope; a number of a tower is repeated for each contact."""
+    """Build the towers with their contacts with the rope; values of a tower are repeated for each of its contacts."""
     record, towers = parameters.Towers, list(scenario.towers.values())
     of_contacts = [tower for tower in towers for _ in range(tower.contacts)]
     shapes = [
@@ -299,7 +299,7 @@ def short_zones(scenario: Scenario, system: System) -> FloatArray:
 
 
 def _equilibrium_at_towers(system: System) -> FloatArray:
-    """Arc length (towers,) in m of the bare cable in equilibrium at each tower; by chord lengths without one."""
+    """Arc length (towers,) in m of the bare cable at each tower: in equilibrium, else proportional to chords."""
     towers = system.towers.top
     if towers.shape[0] == 0:
         return np.zeros(0)
@@ -312,7 +312,7 @@ def _equilibrium_at_towers(system: System) -> FloatArray:
 
 
 def graded_nodes(length: float, elements: Grading, zones: FloatArray) -> FloatArray:
-    """Arc lengths (nodes,) in m of elements growing with the distance from `zones` (zones, 2) in m, up to the target.
+    """Arc lengths (nodes,) in m of a mesh: elements grow with distance from `zones` (zones, 2) in m, up to a target.
 
     An element at s is as long as l(s) = min(target, at_towers + ln(growth) d), d the distance to the nearest zone, as
     lengths in a geometric series are: node k is where ∫ds/l is k, all stretched to end on a node.

@@ -57,7 +57,7 @@ def vehicle_buffer(scenario: Scenario, carriage: Carriage, length: float) -> tup
 
 
 def _buffer(scenario: Scenario, carriage: Carriage, given: EndStop | VehicleBuffer, used: float) -> tuple[float, float]:
-    """Stiffness (N/m) and damping (s/m) of a buffer; by default it stops the whole carriage within `used` (m)."""
+    """Stiffness (N/m) and damping (s/m) of a buffer; by default it stops the loaded carriage within `used` (m)."""
     speed = carriage.drive.limits.speed
     if speed is None:
         speed = 0.5 * sqrt(scenario.gravity * scenario.cable.unstrained_length) or 1.0
@@ -124,7 +124,7 @@ def inertia_tensor(body: Body) -> FloatArray:
 
 
 def _held(scenario: Scenario) -> list[int]:
-    """Number of angles constrained by the joint above each body: in space heading, and roll of revolute joints."""
+    """Number of angles constrained by each body's upper joint: none in a plane; in space yaw, and roll at a hinge."""
     found = []
     for carriage in scenario.vehicles.values():
         for number, body in enumerate(carriage.bodies.values()):
@@ -133,7 +133,7 @@ def _held(scenario: Scenario) -> list[int]:
 
 
 def _brakes(drive: Drive) -> list[Brake]:
-    """Brakes that an emergency stop applies, and `NO_BRAKE` for the others, in the columns of `parameters`."""
+    """All kinds of brakes of a drive in fixed order, those not applied by an emergency stop replaced by `NO_BRAKE`."""
     applied = [getattr(drive, name) if name in drive.emergency_stop else None for name in BRAKES]
     return [brake or NO_BRAKE for brake in applied]
 

@@ -37,22 +37,22 @@ KAIMAL = ((1.0, 1.0), (2.7 / 8.1, 0.8), (0.66 / 8.1, 0.5))  # of L and of σ: al
 
 
 def kaimal(n: FloatArray) -> FloatArray:
-    """Kaimal spectrum k S / σ² over n = k L, divided by n."""
+    """Kaimal spectrum in the form S / (σ² L), as a function of n = k L: wave number k times length scale L."""
     return 4.0 / (1.0 + 6.0 * n) ** (5.0 / 3.0)
 
 
 def von_karman(n: FloatArray) -> FloatArray:
-    """Von Karman spectrum k S / σ² along the wind over n = k L, divided by n."""
+    """Von Karman spectrum along the wind, S / (σ² L), as a function of n = k L: wave number k, length scale L."""
     return 4.0 / (1.0 + 71.0 * n**2) ** (5.0 / 6.0)
 
 
 def von_karman_across(n: FloatArray) -> FloatArray:
-    """Von Karman spectrum k S / σ² across the wind over n = k L, divided by n, in isotropic turbulence."""
+    """Von Karman spectrum across the wind, S / (σ² L), in isotropic turbulence, as a function of n = k L."""
     return 2.0 * (1.0 + 71.0 * 8.0 / 3.0 * n**2) / (1.0 + 71.0 * n**2) ** (11.0 / 6.0)
 
 
 def components(turbulence: Turbulence) -> list[Callable[[FloatArray], FloatArray]]:
-    """Spectra S / σ² in m over the wave number in 1/m, along the wind, across, upwards; σ is the one along the wind."""
+    """Spectra S / σ² (m) by wave number (1/m), along the wind, across, upwards; σ is the deviation along the wind."""
     length = turbulence.length_scale
     shapes = (kaimal,) * 3 if turbulence.spectrum == "kaimal" else (von_karman, von_karman_across, von_karman_across)
     scales = KAIMAL if turbulence.spectrum == "kaimal" else ((1.0, 1.0),) * 3

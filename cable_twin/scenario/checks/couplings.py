@@ -22,7 +22,7 @@ SEVERAL = "only with several `ropes`"
 
 
 def coupling_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults between ropes, and of keys that only several ropes have."""
+    """Faults of couplings between ropes, and of keys that a scenario with a single cable does not allow."""
     foreign = list(_foreign_ropes(scenario))
     yield from foreign
     if not scenario.ropes:
@@ -57,7 +57,7 @@ def _unknown(path: KeyPath, rope: str, scenario: Scenario) -> Fault:
 
 
 def _single_rope(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of keys of a single cable that only several ropes have."""
+    """Faults of keys that are allowed with several ropes only, in a scenario with a single cable."""
     for key in ("sheaves", "connectors", "pantographs"):
         for name, thing in getattr(scenario, key).items():
             yield refuse((key, name), thing, SEVERAL, "with one cable")
@@ -271,7 +271,7 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
     for rods in between.values():
         for (_, before, one), (_, after, other) in pairwise(sorted(rods)):
             if after < before:
-                yield refuse(("connectors", other), Phrase(f"across '{one}'"), "one order on both ropes")
+                yield refuse(("connectors", other), Phrase(f"crossing '{one}'"), "one order along both ropes")
 
 
 def _clamps(scenario: Scenario) -> Iterator[Fault]:
@@ -300,7 +300,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
         if clamped and clamped.keys() <= scenario.ropes.keys() and len(on) != 1:
             lengths = ", ".join(f"0 to {scenario.ropes[rope].unstrained_length:.9g} m of {rope!r}" for rope in clamped)
             given = Phrase(", ".join(f"{place:g} m" for place in clamped.values()))
-            yield refuse(path, given, f"of one, {lengths}", f"between the ends of {len(on) or 'no'} ropes")
+            yield refuse(path, given, f"on exactly one rope, {lengths}", f"on {len(on) or 'no'} ropes")
 
 
 def _pantographs(scenario: Scenario) -> Iterator[Fault]:

@@ -71,13 +71,13 @@ def show(value: Any, unit: str = "") -> str:
 
 
 def listed(names: Iterable[str], otherwise: str) -> str:
-    """Text of allowed names for a fault, the first of many; `otherwise` without any."""
+    """Allowed names as text for a fault message, only the first ones of many; `otherwise` if there are no names."""
     names = list(names)
     return ", ".join(names[:NAMES_SHOWN]) + (", ..." if len(names) > NAMES_SHOWN else "") if names else otherwise
 
 
 def name_faults(path: KeyPath, name: str | None = None) -> Iterator[Fault]:
-    """Fault of an invalid name: the last key of its path, or the value at this path."""
+    """Fault of an invalid name, which is the last key of a key path, or given as the value at this path."""
     name = str(path[-1]) if name is None else name
     if not fullmatch(NAME, name):
         yield refuse(path, Phrase(f"the name {name!r}"), "a letter, then letters, digits and underscores")

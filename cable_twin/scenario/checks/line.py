@@ -178,7 +178,7 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _towers(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers: beside a free end, out of order along the rope, or with contacts that do not fit."""
+    """Faults of towers: on a rope with a free end, out of order along the rope, or with contacts that do not fit."""
     cable = scenario.cable
     start, end = cable.start.position[0], cable.end.position[0]
     if scenario.towers and "free" in cable.supports:

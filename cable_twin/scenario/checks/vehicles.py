@@ -116,7 +116,7 @@ def carrier_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
 def _payload(
     path: KeyPath, payload: Payload | CarrierPayload, masses: Sequence[str], bodies: Bodies
 ) -> Iterator[Fault]:
-    """Faults of a payload: masses, by their keys, above its capacity, or a body that the vehicle does not have."""
+    """Faults of a payload: masses (of given keys) above the capacity, or a body that the vehicle does not have."""
     for key in masses:
         mass = getattr(payload, key)
         if mass is not None and mass > payload.capacity:
@@ -171,7 +171,7 @@ def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault
 
 
 def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
-    """Fault of an impossible inertia tensor: no principal moment exceeds the sum of the other two."""
+    """Fault of an impossible inertia tensor, with a principal moment above the sum of the other two."""
     given = body.inertia_tensor
     if given is None:
         return

@@ -156,7 +156,7 @@ class Cable(Section):
         return data
 
     def free_stretch(self, temperature: float) -> float:
-        """Length without tension at a temperature (degC), over the unstrained one."""
+        """Ratio of the tension-free length at a temperature (degC) to the unstrained length."""
         return 1.0 + self.thermal_expansion * (temperature - self.reference_temperature)
 
     @property

@@ -41,7 +41,7 @@ class Rope(NamedTuple):
 
 
 class Couplings(NamedTuple):
-    """Couplings between ropes and loads on several ropes, by indices of the ropes in their order."""
+    """Couplings between ropes, and loads carried by several ropes; a rope is given by its index."""
 
     connectors: Connectors
     pantographs: Pantographs

@@ -36,7 +36,7 @@ NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
 
 @kernel
 def move_bullwheels(sheaves, motion, c, h):
-    """Advance all bullwheels and their tensioning carriages by `h` (s): prescribed motion, or Newton's prediction."""
+    """Advance all bullwheels and their tensioning carriages by `h` (s): prescribed, or predicted for Newton."""
     for sheave in range(sheaves.inertia.size):
         turn_wheel(sheaves, motion, sheave, c, h)
         if sheaves.tensioning[sheave] == COUNTERWEIGHT:
@@ -265,7 +265,7 @@ def stop_wheel(sheaves, motion, sheave):
 
 @kernel
 def observe_bullwheels(sheaves, motion, driven, numbers, columns):
-    """Fill the frame columns of all bullwheels, and of the drives `numbers` (n,) of the wheels `driven` (n,)."""
+    """Fill the frame columns of all bullwheels, and of drives: indices `numbers` (n,), of wheels `driven` (n,)."""
     for sheave in range(sheaves.inertia.size):
         rim, rope = motion.rim, motion.rope
         columns.sheave_position[sheave], columns.sheave_speed[sheave] = rope.position[sheave], rope.velocity[sheave]

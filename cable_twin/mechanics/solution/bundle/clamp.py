@@ -243,7 +243,7 @@ def gap_to_close(bundle, moving, scratch, clamp, system, state, like):
 
 @kernel
 def add_clamp_gaps(bundle, moving, scratch, system, state, work):
-    """Write the gaps of clamps whose joints are at following nodes to the patches of these, before condensation."""
+    """Write gaps of clamps, whose joints are at nodes that follow them, to the nodes' patches before condensation."""
     like = system.cable.gravity
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] >= 0:
@@ -257,7 +257,7 @@ def add_clamp_gaps(bundle, moving, scratch, system, state, work):
 
 @inlined_kernel
 def add_clamp_at_node(patch, diagonal, right, out, back, like):
-    """Write block and couplings of a clamp whose joint is at a following node, from its condensed patch."""
+    """Write block and couplings of a clamp, whose joint is at a node that follows it, from the condensed patch."""
     dim, square = len(like), outer(0.0, like, like)
     one, force, last = full(0.0, symmetric(0.0, 0.0, like), 1.0), clamp_row(dim), patch.shape[0]
     clear_array(diagonal)
@@ -287,7 +287,7 @@ def hold_coupling(cable, node, k, out, back, like):
 
 @kernel
 def recover_clamps(bundle, moving, scratch, state, work, like):
-    """Update the forces of all clamps, and store the sliding coordinates of their vehicles for `recover_joint`."""
+    """Update the forces of all clamps, and store the sliding coordinates of vehicles for recovery of the joints."""
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] < 0:
             continue
@@ -358,7 +358,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
 
 @kernel
 def speed_beside(strand, strand_state, s, track, track_state, place, like):
-    """Speed (m/s) along a track at an arc length `place`, beside a moving point `s` (m) of a strand, and its rate."""
+    """Speed (m/s) along a track, at an arc length `place`, of the point `s` (m) of a strand beside it, and its rate."""
     own, beside = point_at(strand, strand_state, s), point_at(track, track_state, place)
     speed, rate = transport_velocity(strand, strand_state, s)
     r_x, along = slope(strand_state.nodes.position, own, like), slope(track_state.nodes.position, beside, like)

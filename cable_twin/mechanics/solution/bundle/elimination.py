@@ -67,7 +67,7 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
 
 
 def lines_of(count: int, pairs: IntArray) -> list[int]:
-    """Number of the line (group of coupled ropes) of each rope; ropes coupled directly or through others share one.
+    """Index of the line (group of coupled ropes) of each rope; ropes coupled directly or through others share one.
 
     Args:
         count: number of ropes.
@@ -119,7 +119,10 @@ def order_of(
         ended = {one for one in line if one < line[pair[0]]}
         go_on({one: count for one, count in enumerate(nodes) if line[one] in ended})
         if any(place < front[one] for one, place in zip(pair, places, strict=True)):
-            raise ValueError(f"connector {number}: given nodes {places}, crosses one before it; allowed: later nodes")
+            raise ValueError(
+                f"connector {number}: given nodes {places}, where it crosses an earlier one; "
+                f"allowed: {[front[one] for one in pair]} or later"
+            )
         go_on(dict(zip(pair, places, strict=True)))
         at.append(len(node))
     for number in sorted({*line}):

@@ -31,7 +31,7 @@ def settle_loop(
     relax: Callable[[], None],
     tolerance: float = TOLERANCE,
 ) -> None:
-    """Solve for the equilibrium of all strands over their bullwheels; leaves rope travel and carriages in `motion`.
+    """Solve for the equilibrium of all strands over their bullwheels; stores rope and carriage travel in `motion`.
 
     Args:
         sheaves: the wheels.

@@ -314,5 +314,5 @@ def bullwheels_at_rest(count: int) -> BullwheelMotion:
 
 
 def allocate_bundle_work(bundle: Bundle, vehicles: int = 0, patch: int = 0) -> BundleWork:
-    """Allocate the solver's workspace for couplings of ropes; `vehicles` at nodes have `patch` rows each."""
+    """Allocate the solver's workspace for couplings of ropes, with `patch` rows for each of `vehicles` at nodes."""
     return allocate(BundleWork, sizes_of_bundle(bundle) | {"vehicle": vehicles, "patch": patch})

@@ -97,7 +97,7 @@ def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate
 
 @kernel
 def still_serves(bundle, moving, scratch, system, state, mass_factor):
-    """Return whether the kept response of the ropes to bullwheels still serves; store the conditions for the next one.
+    """Return whether the stored response of ropes to bullwheels is still valid; store present conditions.
 
     The response hardly changes from step to step, and a wheel's increment is small. Where a vehicle or a clamp comes to
     another element, bodies get another mass, a rope begins or ceases to slip, or other coordinates of wheels are
@@ -218,7 +218,7 @@ def goes_along(system, state, carriage):
 
 @inlined_kernel
 def shift_rope(state, end, way, mass_factor, rate_factor):
-    """Let a length `way` (m) of rope run over one end; return travel, speed and acceleration there before it."""
+    """Let a length `way` (m) of rope run over one end; return the former travel, speed and acceleration there."""
     kept = state.rope.position[end], state.rope.velocity[end], state.rope.acceleration[end]
     set_rope(state, end, (kept[0] + way, kept[1] + rate_factor * way, kept[2] + mass_factor * way))
     return kept
@@ -435,7 +435,7 @@ def add_travel(bundle, moving, scratch, system, state, work):
 
 @kernel
 def add_clamped(bundle, moving, scratch, system, state, work):
-    """Add clamps to the columns of bullwheels on their strands: by places that move with rope, ends with carriages."""
+    """Add clamps to the columns of bullwheels on their strands: derivatives by rope and carriage travel."""
     sheaves, like = bundle.sheaves, system.cable.gravity
     for clamp in range(bundle.clamps.rope.size):
         rope = moving.clamp_rope[clamp]

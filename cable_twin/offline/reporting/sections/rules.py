@@ -1,4 +1,4 @@
-"""Section of a report on rule verdicts: document, clause, number, unit, verdict, and differences of profiles."""
+"""Section of a report on rule verdicts: document, clause, value, unit, verdict, and differences of profiles."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _part(profile: Profile, verdicts: Sequence[RuleVerdict], texts: Texts) -> Pr
 
 
 def rules_summary(results: Results, texts: Texts) -> list[tuple[str, str]]:
-    """Name of each rule profile, with a text of the number of its checks by verdict."""
+    """Name of each rule profile, with a text that counts its checks by verdict."""
     return [(one.name, _part(one, results.verdicts, texts).summary) for one in results.profiles]
 
 

@@ -42,7 +42,7 @@ class TimePlots:
 
 
 def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
-    """Chart of one signal over time, with the signals drawn beside it; None without a line."""
+    """Chart of one signal over time, with the signals that share the chart; None without a line."""
     beside = [one for one in SIGNALS.values() if one.beside == signal.name]
     lines = {}
     for one in (signal, *beside):
