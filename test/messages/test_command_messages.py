@@ -98,7 +98,7 @@ def test_positions_are_places_to_go_to(names, fields, expected):
         (["a", "b"], ([], [1.0, math.inf], []), "velocity of 'b' is inf"),
         (["a", "b"], ([], [1.0, NOT], [NOT, 5.0]), "both velocity and effort"),
         (["a", "b"], ([7.0, NOT], [NOT, 1.0], []), "position of 'b' is nan"),
-        (["a"], ([7.0], [], [1.0]), "position and effort; give position (m)"),
+        (["a"], ([7.0], [], [1.0]), "position and effort; give position"),
         (["a", "a"], ([7.0, 8.0], [], []), "'a' more than once"),
         (["a"], ([7.0, 8.0], [], []), "1 names and 2 of position"),
         (["a"], ([math.inf], [], []), "position of 'a' is inf"),
