@@ -374,7 +374,7 @@ def order_in_space() -> Iterator[Result]:
         yield Result(f"{model}, tip on 32 elements", "m", 0.0, errors[-1], 2e-8 if model == "continuum" else 4e-4)
 
 
-@case("elastic models agree as elements vanish", "paper, eq. 7-9, against the continuum", needs_jit=True)
+@case("elastic models agree as elements vanish", "paper, eq. 7-9, against the continuum", needs_jit=True, long=True)
 def models_agree() -> Iterator[Result]:
     """The paper's example at rest, its carriage held at arc length 3.2 m: the joint's place in both models."""
     apart = []
