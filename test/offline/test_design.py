@@ -92,7 +92,7 @@ def test_both_track_ropes_of_a_jig_back_stay_equal():
 
 def test_track_ropes_that_differ_are_refused():
     changes = {"ropes.track_2.start.mass": 1.0e5}
-    with pytest.raises(DesignError, match=r"^ropes\.track_2: given another end than ropes\.track_1; allowed: both str"):
+    with pytest.raises(DesignError, match=r"^ropes\.track_2: given another end than ropes\.track_1; allowed: the same"):
         line_model(load_scenario("jig_back", changes))
 
 

@@ -336,7 +336,7 @@ class Follower:
         )
 
     def _stirred_up(self, before: Belief) -> FloatArray:
-        """Covariance before a correction with larger variances of all swings, which a sudden other wind excites."""
+        """Covariance before a correction with larger variances of all swings, which a sudden change of wind excites."""
         covariance, count = before.covariance.copy(), len(self.slow)
         for row in range(count, count + len(self._fast)):
             covariance[row, row] = max(covariance[row, row], FAR_SWING**2)
@@ -523,7 +523,7 @@ class Follower:
         return innovation, jacobian, np.array([row.variance for row in rows])
 
     def _slopes(self, predicted: FloatArray) -> FloatArray:
-        """Derivatives (m, n) of predictions (m, members) by slow quantities and swings, from finite differences."""
+        """Jacobian (m, n) of predicted measurements by slow quantities and swings: differences of (m, members)."""
         number, first = np.arange(len(self.slow)), self._first
         apart = self._points[1 + 2 * number, number] - self._points[2 + 2 * number, number]
         slow = (predicted[:, 1:first:2] - predicted[:, 2:first:2]) / apart

@@ -41,7 +41,7 @@ from cable_twin.mechanics.rope.point import R, add_block, add_to, bend, coordina
 
 @kernel
 def place_joint(cable, state, carriage):
-    """Update the element that holds a vehicle's joint; explicit integrators keep it until a passed node is located."""
+    """Update the element that holds a vehicle's joint; explicit integrators do so at the time when it passes a node."""
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         return  # `follow_joints` does
     state.joint_element[carriage] = element_at(cable, state, state.joints.position[carriage])

@@ -111,7 +111,7 @@ def accumulate_vector(vector, array, element, i):
 
 @inlined_kernel
 def add_to(vector, element, i, work):
-    """Add a vector (dim,) to nodal coordinate `i` of an element in the right side, or in the patch of a moving load."""
+    """Add a vector (dim,) to the right side for nodal vector `i` of an element, or to the block of a load beside it."""
     load_number = work.patch_of[element]
     if load_number < 0:
         accumulate_vector(vector, work.right_side, element, i)

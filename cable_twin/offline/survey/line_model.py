@@ -250,7 +250,7 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
     weighted = [key for key, end in cable.ends.items() if end.support == "counterweight"]
     for key, name in zip(keys[1:], tracks[1:], strict=True):
         if (what := _unlike(first, scenario.of_rope(name))) != "":
-            raise DesignError(f"{key}: given another {what} than {keys[0]}; allowed: {KNOWN}")
+            raise DesignError(f"{key}: given another {what} than {keys[0]}; allowed: the same {what} for all")
     corner = np.array([(place[0], place[-1]) for place in first.corners])
     names = list(first.towers)
     if weighted == ["end"]:
