@@ -80,7 +80,7 @@ def advance_members(
     Returns:
         The member to begin with next, which may be asking for Python; `NONE_LEFT`, or `ANOTHER` after the budget.
     """
-    # One by one, as numba finds the types of a tuple of records in Python, at each call.
+    # parameters of their own: numba finds the types of a tuple of records in Python, at each call
     arguments = like, moving, good, before, scratch, system, state, work
     member = first
     while queue[STOP] == 0:

@@ -120,6 +120,26 @@ def test_words_and_what_they_point_to_live_as_long_as_what_is_packed():
 
 
 @needs_jit
+def test_types_of_fields_that_are_kept_are_those_that_numba_finds():
+    """Arrays that differ in kind, order, or in whether they may be written, twice each."""
+    fixed = np.ones((3, 2))
+    fixed.flags.writeable = False
+    tables = [
+        np.ones((3, 2)),
+        np.ones((3, 2), np.float32),
+        np.ones(3),
+        np.ones((2, 3)).T,
+        np.ones((6, 4))[::2, ::2],
+        fixed,
+    ]
+    for table in 2 * tables:
+        inner = records(table).inner
+        assert pack(inner)._numba_type_.kinds == tuple(map(numba.typeof, inner))
+    names = {pack(records(table).inner)._numba_type_.name for table in tables}
+    assert len(names) == len(tables)
+
+
+@needs_jit
 def test_arrays_of_what_is_packed_may_change_in_place():
     table = np.ones((3, 2))
     outer = records(table)

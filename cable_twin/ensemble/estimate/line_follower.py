@@ -232,7 +232,7 @@ class LineFollower:
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _drift(self, lasted: float) -> None:
-        """Kalman prediction over a window (s): ice gets less certain, and slow errors of sensors decay to zero."""
+        """Kalman prediction over a window (s): ice gets less certain, and slow errors of sensors are forgotten."""
         kept, known = np.exp(-lasted / FORGOTTEN), self._known
         walks = np.zeros(known)
         walks[-1] = ICE_WALK**2 * lasted
