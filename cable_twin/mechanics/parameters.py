@@ -57,6 +57,7 @@ class Cable(NamedTuple):
     load_arc_length: FloatArray  # (loads,) m
     load_force: FloatArray  # (loads, dim) N
     end_moment: FloatArray  # (2,) N m about y, on start and end (planar cables only)
+    mass_damping: float = 0.0  # α, 1/s: damping by velocities, per mass
     free_stretch: float = 1.0  # -, length without tension over the unstrained one: 1 + α ΔT, of its temperature
 
 

@@ -109,7 +109,7 @@ class Whole(NamedTuple):
     riding: Riding | None = None
     hauls: bool = False
     track: tuple[float, float] | None = None  # m, direction in plan
-    joined: bool = False  # connectors hold its nodes, or pantographs slide on it
+    touched: bool = False  # pantographs slide on it
 
 
 class Scenario(Section):
@@ -226,9 +226,8 @@ class Scenario(Section):
             update |= {"sheaves": {}, "drives": {}, "carriers": carriers}
         alone = self.model_copy(update=update)
         hauls = strand is not None and any(rope not in self.strands for rope in self.ropes)
-        joined = any(name in dict(rod.ends) for rod in self.connectors.values())
-        joined |= any(one.rope == name for one in self.pantographs.values())
-        alone._whole = Whole(strand, riding, hauls, self.track, joined)
+        touched = any(one.rope == name for one in self.pantographs.values())
+        alone._whole = Whole(strand, riding, hauls, self.track, touched)
         return alone
 
     @property
@@ -260,8 +259,9 @@ class Scenario(Section):
         reasons = {
             f"beside elastic_model {model}": model != "continuum",
             f"beside integrator {integrator}": integrator != "generalized_alpha",
-            "beside connectors or pantographs on the same rope": self._whole.joined,
-            "beside mass_damping or tension_damping": self.cable.mass_damping > 0.0 or self.cable.tension_damping > 0.0,
+            "beside pantographs on the same rope": self._whole.touched,
+            "beside tension_damping": self.cable.tension_damping > 0.0,
+            "beside mass_damping of a rope that moves over bullwheels": bool(self.cable.mass_damping and self._whole.strand),
             f"beside clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
         }
         return next((reason for reason, holds in reasons.items() if holds), None)

@@ -120,14 +120,13 @@ class Engine:
         connectors, names = build_connectors(scenario, systems)
         self._rows = [list(scenario.connectors).index(name) for name in names]  # where the file has them
         pantographs, clamps = build_pantographs(scenario), build_clamps(scenario)
-        damped = [(rope.mass_damping, rope.tension_damping) for rope in scenario.cables.values()]
+        damped = [rope.tension_damping for rope in scenario.cables.values()]
         couplings = Couplings(
             connectors=connectors,
             pantographs=pantographs,
             clamps=clamps,
             wires=Wires(
-                by_mass=np.array([one for one, _ in damped]),
-                by_stiffness=np.array([one for _, one in damped]),
+                by_stiffness=np.array(damped),
                 tension=np.zeros(len(self.parts)),
                 present=bool(np.any(damped)),
             ),
@@ -331,7 +330,7 @@ class Engine:
             "opposite",
             "kept_to",
         )
-        numbers = dict.fromkeys(counts, 0) | dict.fromkeys(("by_mass", "tension_time"), 1.0)
+        numbers = dict.fromkeys(counts, 0) | {"tension_time": 1.0}
         return first.typical(self._works[0]) | whole | inner | numbers
 
     def advance(self, steps: int) -> tuple[Any, ...]:
@@ -367,8 +366,8 @@ class Engine:
         moving = self.moving
         observe_clamps(self.parts, self.bundle.clamps, moving, columns)
         if self._forces.size:
-            bundle, *_, state, _ = self._ropes.arguments
-            connector_forces(bundle, state, self.parts[0].system.cable.gravity, self._forces)
+            bundle, *_, system, state, _ = self._ropes.arguments
+            connector_forces(bundle, system, state, self.parts[0].system.cable.gravity, self._forces)
             columns.connector_force[self._rows] = self._forces
         columns.pantograph_force[:] = moving.contact_force
         columns.pantograph_speed[:] = moving.place.velocity

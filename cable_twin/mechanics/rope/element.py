@@ -62,6 +62,18 @@ def inertia(cable, length, stretch, r_a, a, r_b, b):
 
 
 @inlined_kernel
+def with_damping(cable, accelerations, rates):
+    """Accelerations of four nodal vectors plus α times their rates: inertia and damping per mass are alike in space."""
+    alpha = cable.mass_damping
+    return (
+        add_scaled(alpha, rates[0], accelerations[0]),
+        add_scaled(alpha, rates[1], accelerations[1]),
+        add_scaled(alpha, rates[2], accelerations[2]),
+        add_scaled(alpha, rates[3], accelerations[3]),
+    )
+
+
+@inlined_kernel
 def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
     """Write residual and tangent of all cable elements: elastic forces, inertia, weight, transport terms, air drag.
 
@@ -83,12 +95,11 @@ def add_cable(system, state, mass_factor, rate_factor, stiffness_factor, work):
         shape = subtract(r_b, r_a), scale(length, slope_a), scale(length, slope_b)
         rates = gather_listed(e_dot, plain, first, like)
         shape_rates = subtract(rates[2], rates[0]), scale(length, rates[1]), scale(length, rates[3])
-        r_a, slope_a, r_b, slope_b = gather_listed(e_ddot, plain, first, like)
-        inert = inertia(cable, length, stretch, r_a, slope_a, r_b, slope_b)
+        inert = inertia(cable, length, stretch, *with_damping(cable, gather_listed(e_ddot, plain, first, like), rates))
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
         at_rest = stretch * length
         elastic = elastic_force(cable, at_rest, *shape, *strain_rates, rate_factor, stiffness_factor)
-        write_group(cable, length, elastic, inert, mass_factor * stretch, group)
+        write_group(cable, length, elastic, inert, (mass_factor + cable.mass_damping * rate_factor) * stretch, group)
         if system.moving_cable.moving and flowing:
             factors = flow_factors(
                 cable, state, gather_numbers_listed(state.mesh.arc_length, plain, first) + 0.5 * length
@@ -206,7 +217,7 @@ def along_element(system, state, strand, length, place, e, e_dot, e_ddot, wind, 
     rates = subtract(e_dot[2], e_dot[0]), scale(length, e_dot[1]), scale(length, e_dot[3])
     strain_rates = rates_of_strain(taken_in, shape, rates)
     elastic = chord_force(cable, stretch * length, *shape, *strain_rates)
-    inert = inertia(cable, length, stretch, *e_ddot)[row]
+    inert = inertia(cable, length, stretch, *with_damping(cable, e_ddot, e_dot))[row]
     total = subtract(scale(1.0 if row == 0 else -1.0, elastic), inert)
     if system.moving_cable.moving and flowing:
         factors = flow_factors(cable, state, place + 0.5 * length)

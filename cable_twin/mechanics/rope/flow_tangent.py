@@ -21,7 +21,7 @@ from cable_twin.mechanics.rope.ale import (
     rest_stretch,
 )
 from cable_twin.mechanics.rope.elastic_models import continuum, element_frame
-from cable_twin.mechanics.rope.element import inertia, rates_of_strain
+from cable_twin.mechanics.rope.element import inertia, rates_of_strain, with_damping
 from cable_twin.mechanics.rope.shape_functions import AXIAL_POINTS, AXIAL_SLOPES, AXIAL_WEIGHT, combine, vector_row
 
 PART = 1e-6  # of a length, for the difference that stands for the derivative of `element_frame`
@@ -133,7 +133,8 @@ def add_flow_tangent(system, state, end, mass_factor, rate_factor, wheel_columns
         longer = change.stretch * length / at_rest
         strain_rates = rates_of_strain(taken_in, shape, shape_rates)
         elastic = elastic_change(cable, at_rest, *shape, *strain_rates, longer, change.dilution + 0.0 * length)
-        inert = inertia(cable, length, change.stretch, *gather_listed(state.nodes.acceleration, plain, first, like))
+        accelerations = with_damping(cable, gather_listed(state.nodes.acceleration, plain, first, like), rates)
+        inert = inertia(cable, length, change.stretch, *accelerations)
         speed = between_ends(cable, state.rope.velocity, middle)
         share = share_of_end(cable, end, middle)
         factors = factors_change(cable.mass_per_length, stretch, speed, change, share)

@@ -32,7 +32,7 @@ from cable_twin.mechanics.language.vectors import (
 )
 from cable_twin.mechanics.rope.ale import flow_on_mesh, mesh_dilution_rate, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_force
-from cable_twin.mechanics.rope.element import force_of_element, inertia, rates_of_strain
+from cable_twin.mechanics.rope.element import force_of_element, inertia, rates_of_strain, with_damping
 from cable_twin.mechanics.rope.point import (
     AFTER,
     BEFORE,
@@ -224,7 +224,7 @@ def forces_by_motion(system, state, length, motion, wind):
     still, at_rest = scale(0.0, shape[0]), stretch * length
     on_d, on_a, on_b = elastic_force(cable, at_rest, *shape, still, still, still, 0.0, 0.0)[:3]
     elastic = on_d, scale(-length, on_a), scale(-1.0, on_d), scale(-length, on_b)
-    inert = inertia(cable, length, stretch, *a)
+    inert = inertia(cable, length, stretch, *with_damping(cable, a, v))
     r_a, t_a, r_b, t_b = (
         scale(-1.0, inert[0]),
         scale(-length, inert[1]),

@@ -27,11 +27,12 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     store,
     subtract,
+    transpose,
 )
 from cable_twin.mechanics.parameters import JOINT, SPEED
 from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
 from cable_twin.mechanics.rope.elastic_models import elastic_force
-from cable_twin.mechanics.rope.element import inertia, rates_of_strain, write_group
+from cable_twin.mechanics.rope.element import inertia, rates_of_strain, with_damping, write_group
 from cable_twin.mechanics.rope.patch import (
     bend_rates,
     by_length,
@@ -230,8 +231,8 @@ def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_fa
         rates = subtract(v[2], v[0]), scale(length, v[1]), scale(length, v[3])
         rates = rates_of_strain(taken_in, shape, rates)
         elastic = elastic_force(cable, at_rest, *shape, *rates, rate_factor, stiffness_factor)
-    inert = inertia(cable, length, stretch, *a)
-    write_group(cable, length, elastic, inert, mass_factor * stretch, group)
+    inert = inertia(cable, length, stretch, *with_damping(cable, a, v))
+    write_group(cable, length, elastic, inert, (mass_factor + cable.mass_damping * rate_factor) * stretch, group)
     if system.air.present:
         wind = read_vector(rows, 1, like)
         add_drag(system.air.rope_drag, wind, length, shape, v, rate_factor, stiffness_factor, group)
@@ -516,6 +517,37 @@ def add_shift(
             pivot += dot(along, add_scaled(1.0, product(to_r, slope), product(to_t, bend)))
             pivot -= dot(along, carried)
     patch[row, row] += pivot
+
+
+@inlined_kernel
+def add_point_shift(force, matrix, point, state, work, like):
+    """Add a point load within a patch to the rows and columns of the arc lengths of nodes that follow moving loads.
+
+    A shift δX of a node moves the point by -(S_r r_x + S_t r_xx) δX, with the slope and r_xx of the rope at the node.
+
+    Args:
+        force: (dim,) N, on the rope at a fixed arc length.
+        matrix: (dim²) its tangent by the place of the point, as in `point.add_tangent`.
+        point: the place, on an element beside a load.
+        state: of the rope.
+        work: with the patches.
+        like: any vector of the space.
+    """
+    element = point.element
+    dim, e, length = len(like), nodal_vectors(state.nodes.position, element, like), state.mesh.length[element]
+    patch, right = work.patch[work.patch_of[element]], work.patch_right[element]
+    for end in range(2):
+        if shifts(state, work, element + end):
+            slope, bend = shift_vectors(end, e, length)
+            moved = scale(-point.shape[2 * end], slope)
+            moved = add_scaled(-point.shape[2 * end + 1], bend, moved)
+            row = shift_row(right, end, dim)
+            patch[row, patch.shape[1]] += dot(moved, force)
+            by_row, by_column = product(transpose(matrix), moved), product(matrix, moved)
+            for j in range(4):
+                add_row(scale(point.shape[j], by_row), patch, row, patch_row(right, j, dim))
+                add_column(scale(point.shape[j], by_column), patch, patch_row(right, j, dim), row)
+            patch[row, row] += dot(moved, by_column)
 
 
 @inlined_kernel

@@ -76,7 +76,7 @@ def no_couplings(ropes: int, dim: int) -> Couplings:
         connectors=Connectors(numbers, numbers, none, none, none, none),
         pantographs=Pantographs(number, row, row, row, none, none),
         clamps=Clamps(number, number, vector, np.zeros(1, np.int64), number, none, none),
-        wires=Wires(np.zeros(ropes), np.zeros(ropes), np.zeros(ropes), False),
+        wires=Wires(np.zeros(ropes), np.zeros(ropes), False),
         sheaves=Bullwheels(**wheels),
         pairs=numbers,
         along=[],

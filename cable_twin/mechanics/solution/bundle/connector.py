@@ -1,8 +1,13 @@
-"""Connectors between two ropes, and Rayleigh damping of ropes, as in EN 50318.
+"""Connectors between two ropes, and the part β K of the Rayleigh damping of ropes, as in EN 50318.
 
-A connector is massless: a dropper, or a slack carrier. The damping is C = α M + β K, K of the static tension: bending
-has damping of its own already (`damping_time` of the elastic model); β adds the stiffness that a string has by its
-tension T, β T ∫S_xᵀS_x dx.
+A connector is massless: a dropper, or a slack carrier. Its ends are at nodes of both meshes. While a moving load has
+taken such a node, that end is at the same arc length on an element beside the load, and the coupling of both ends is
+left out of the tangent: there a Newton iteration leaves as much of the increment as the stiffness of the connector has
+of that of the ropes, hardly a hundredth in time integration.
+
+The damping is C = α M + β K, K of the static tension: bending has damping of its own already (`damping_time` of the
+elastic model); β adds the stiffness that a string has by its tension T, β T ∫S_xᵀS_x dx. α is in the elements
+(`element`).
 """
 
 from __future__ import annotations
@@ -25,12 +30,35 @@ from cable_twin.mechanics.language.vectors import (
     symmetric,
 )
 from cable_twin.mechanics.rope.ale import nodal_vectors
-from cable_twin.mechanics.rope.shape_functions import MASS, SLOPE
-from cable_twin.mechanics.solution.bundle.records import STATE, WORK
+from cable_twin.mechanics.rope.following_nodes import at_place
+from cable_twin.mechanics.rope.patch import motion_at_rest
+from cable_twin.mechanics.rope.patch_assembly import add_point_shift
+from cable_twin.mechanics.rope.point import add_force, add_tangent, point_at
+from cable_twin.mechanics.rope.shape_functions import SLOPE
+from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, rope_of
 
 
 @inlined_kernel
-def connector_force(bundle, connector, state, like):
+def is_taken(here, node):
+    """Return whether a moving load has taken a node, so that it is not where a connector has its end."""
+    return here.node_load[node] >= 0
+
+
+@inlined_kernel
+def end_of(bundle, connector, end, system, state, like):
+    """Position (dim,) in m and velocity (dim,) in m/s of the rope at one end, 0 or 1, of a connector."""
+    own = bundle.records[bundle.connectors.rope[connector, end]]
+    here, node = record_at(own[STATE], state), bundle.connectors.node[connector, end]
+    if not is_taken(here, node):
+        return load(here.nodes.position[node, 0], like), load(here.nodes.velocity[node, 0], like)
+    cable = record_at(own[SYSTEM], system).cable
+    point = point_at(cable, here, cable.node_arc_length[node])
+    e, v, _ = motion_at_rest(cable, here, point.element, here.nodes.acceleration, here.joints.acceleration)
+    return at_place(e, point.shape, point.shape_x)[0], at_place(v, point.shape, point.shape_x)[0]
+
+
+@inlined_kernel
+def connector_force(bundle, connector, system, state, like):
     """Pull (N) of a connector, its tangent, its direction from first to second end, and its length (m).
 
     Returns:
@@ -38,13 +66,12 @@ def connector_force(bundle, connector, state, like):
         part (dim,) across of the velocity of the second end, as the first one sees it, in m/s.
     """
     connectors = bundle.connectors
-    first = record_at(bundle.records[connectors.rope[connector, 0], STATE], state).nodes
-    second = record_at(bundle.records[connectors.rope[connector, 1], STATE], state).nodes
-    a, b = connectors.node[connector, 0], connectors.node[connector, 1]
-    apart = subtract(load(second.position[b, 0], like), load(first.position[a, 0], like))
+    first, first_speed = end_of(bundle, connector, 0, system, state, like)
+    second, second_speed = end_of(bundle, connector, 1, system, state, like)
+    apart = subtract(second, first)
     distance = sqrt(dot(apart, apart))
     along = scale(1.0 / distance, apart)
-    moving = subtract(load(second.velocity[b, 0], like), load(first.velocity[a, 0], like))
+    moving = subtract(second_speed, first_speed)
     rate = dot(along, moving)
     across = add_scaled(-rate, along, moving)
     longer = distance - connectors.length[connector]
@@ -56,7 +83,7 @@ def connector_force(bundle, connector, state, like):
 
 
 @kernel
-def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_factor, like):
+def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor, like):
     """Add force and tangent of all connectors to their end nodes, the coupling of both nodes to `cross`.
 
     Returns:
@@ -64,17 +91,25 @@ def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_
     """
     connectors, changed = bundle.connectors, 0
     for connector in range(connectors.length.size):
-        pull, stiffness, damping, along, distance, across = connector_force(bundle, connector, state, like)
+        pull, stiffness, damping, along, distance, across = connector_force(bundle, connector, system, state, like)
         radial = stiffness_factor * stiffness + rate_factor * damping
         turned = stiffness_factor * pull / distance
         matrix = full(1.0, symmetric(turned, radial - turned, along), 0.0)
         matrix = add_scaled(1.0, outer(stiffness_factor * damping / distance, along, across), matrix)
         store(scale(-1.0, matrix), scratch.cross[connector])
         for end in range(2):
-            own = record_at(bundle.records[connectors.rope[connector, end], WORK], work)
-            node = connectors.node[connector, end]
-            accumulate(scale(pull if end == 0 else -pull, along), own.right_side[node, 0])
-            accumulate(matrix, own.diagonal[node, 0, 0])
+            own, here, room = rope_of(bundle, connectors.rope[connector, end], system, state, work)
+            node, force = connectors.node[connector, end], scale(pull if end == 0 else -pull, along)
+            if is_taken(here, node):
+                point = point_at(own.cable, here, own.cable.node_arc_length[node])
+                add_force(force, point, room)
+                nothing = scale(0.0, matrix)
+                add_tangent((matrix, nothing), (nothing, nothing), point, room)
+                add_point_shift(force, matrix, point, here, room, like)
+                store(nothing, scratch.cross[connector])
+            else:
+                accumulate(force, room.right_side[node, 0])
+                accumulate(matrix, room.diagonal[node, 0, 0])
         tight = 1 if distance > connectors.length[connector] else 0
         changed += abs(tight - moving.tight[connector])
         moving.tight[connector] = tight
@@ -82,19 +117,18 @@ def add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_
 
 
 @kernel
-def connector_forces(bundle, state, like, forces):
+def connector_forces(bundle, system, state, like, forces):
     """Write the pull (connectors,) in N of all connectors into an array."""
     for connector in range(bundle.connectors.length.size):
-        forces[connector] = connector_force(bundle, connector, state, like)[0]
+        forces[connector] = connector_force(bundle, connector, system, state, like)[0]
 
 
 @kernel
-def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
-    """Add the Rayleigh damping of one rope to its residual and tangent.
+def damp_rope(cable, tension_time, state, work, rate_factor):
+    """Add the Rayleigh damping β K of one rope to its residual and tangent.
 
     Args:
         cable: its parameters.
-        by_mass: α, 1/s.
         tension_time: β T, N s.
         state: its motion.
         work: takes the result.
@@ -102,19 +136,18 @@ def damp_rope(cable, by_mass, tension_time, state, work, rate_factor):
     """
     for element in range(cable.element_count):
         length = state.mesh.length[element]
-        mass = by_mass * cable.mass_per_length * length
         rates = nodal_vectors(state.nodes.velocity, element, cable.gravity)
         matrices = work.diagonal, work.upper, work.lower
-        damp_element(element, length, mass, tension_time / length, rates, rate_factor, *matrices, work.right_side)
+        damp_element(element, length, tension_time / length, rates, rate_factor, *matrices, work.right_side)
 
 
 @formula
-def damp_element(element, length, mass, tension, rates, rate_factor, diagonal, upper, lower, right_side):
-    """Add the Rayleigh damping of an element beside no load: α times its mass (kg/s), β T over its length (N s/m)."""
+def damp_element(element, length, tension, rates, rate_factor, diagonal, upper, lower, right_side):
+    """Add the Rayleigh damping of an element beside no load by its tension, β T over its length (N s/m)."""
     for i in range(4):
         total = 0.0 * rates[i]
         for j in range(4):
-            damping = mass * MASS[i][j] + tension * SLOPE[i][j]
+            damping = tension * SLOPE[i][j]
             for _ in range(i % 2 + j % 2):
                 damping = length * damping
             total = total - damping * rates[j]

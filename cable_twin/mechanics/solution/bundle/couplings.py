@@ -63,9 +63,8 @@ def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rat
     if wires.present and rate_factor > 0.0:
         for rope in range(bundle.records.shape[0]):
             own, here, room = rope_of(bundle, rope, system, state, work)
-            tension_time = wires.by_stiffness[rope] * wires.tension[rope]
-            damp_rope(own.cable, wires.by_mass[rope], tension_time, here, room, rate_factor)
-    changed = add_connectors(bundle, moving, scratch, state, work, rate_factor, stiffness_factor, like)
+            damp_rope(own.cable, wires.by_stiffness[rope] * wires.tension[rope], here, room, rate_factor)
+    changed = add_connectors(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor, like)
     changed += add_pantographs(
         bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like
     )
@@ -113,7 +112,7 @@ def give_forces(bundle, moving, system, state, sections):
             pull = scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force))  # as `add_clamps` has it
             give(record_at(bundle.records[other, SECTIONS], sections), moving.clamp_place[clamp], pull)
     for connector in range(bundle.connectors.length.size):
-        pull, _, _, along, _, _ = connector_force(bundle, connector, state, like)
+        pull, _, _, along, _, _ = connector_force(bundle, connector, system, state, like)
         for end in range(2):
             rope = bundle.connectors.rope[connector, end]
             cable = record_at(bundle.records[rope, SYSTEM], system).cable

@@ -66,9 +66,8 @@ class Clamps(NamedTuple):
 
 @by_reference
 class Wires(NamedTuple):
-    """Rayleigh damping coefficients of ropes, proportional to mass and to the geometric stiffness of tension."""
+    """Rayleigh damping coefficients of ropes, proportional to the geometric stiffness of tension."""
 
-    by_mass: FloatArray  # (ropes,) 1/s
     by_stiffness: FloatArray  # (ropes,) s
     tension: FloatArray  # (ropes,) N, for that stiffness
     present: bool  # whether any of them is not 0
