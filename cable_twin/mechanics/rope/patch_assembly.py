@@ -542,7 +542,7 @@ def add_point_shift(force, matrix, point, state, work, like):
             moved = scale(-point.shape[2 * end], slope)
             moved = add_scaled(-point.shape[2 * end + 1], bend, moved)
             row = shift_row(right, end, dim)
-            patch[row, patch.shape[1]] += dot(moved, force)
+            patch[row, patch.shape[0]] += dot(moved, force)
             by_row, by_column = product(transpose(matrix), moved), product(matrix, moved)
             for j in range(4):
                 add_row(scale(point.shape[j], by_row), patch, row, patch_row(right, j, dim))

@@ -10,8 +10,8 @@ from math import isfinite
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal, solve_columns
-from cable_twin.mechanics.solution.bundle.clamp import add_clamp_gaps, recover_clamps
-from cable_twin.mechanics.solution.bundle.couplings import add_couplings
+from cable_twin.mechanics.solution.bundle.clamp import recover_clamps
+from cable_twin.mechanics.solution.bundle.couplings import add_couplings, add_to_patches
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
@@ -51,14 +51,14 @@ def solve_increments(bundle, moving, scratch, system, state, work, mass_factor, 
         linearise_rope(own, here, room, mass_factor, rate_factor, stiffness_factor)
     if bundle.coupled:
         begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor)
-        add_clamp_gaps(bundle, moving, scratch, system, state, work)
+        changed = add_to_patches(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor)
     for rope in range(ropes):
         own, here, room = rope_of(bundle, rope, system, state, work)
         if own.cable.load_nodes:
             columns = scratch.patch_columns if is_found_now(moving.response) else room.no_columns
             condense_patches(here, room, columns, own.cable.gravity)
     if bundle.coupled:
-        changed = add_couplings(
+        changed += add_couplings(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor
         )
     for rope in range(ropes):

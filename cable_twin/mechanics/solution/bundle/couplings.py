@@ -20,6 +20,7 @@ from cable_twin.mechanics.solution.bundle.bullwheels import (
     update_end_tensions,
 )
 from cable_twin.mechanics.solution.bundle.clamp import (
+    add_clamp_gaps,
     add_clamps,
     find_clamps,
     follow_clamps,
@@ -51,8 +52,19 @@ def place_couplings(bundle, moving, system, state, c, h):
 
 
 @kernel
+def add_to_patches(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor):
+    """Add the couplings that may act within patches of loads, before patches are condensed; returns changed contacts.
+
+    These are gaps of clamps and connectors.
+    """
+    add_clamp_gaps(bundle, moving, scratch, system, state, work)
+    like = system.cable.gravity
+    return add_connectors(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor, like)
+
+
+@kernel
 def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Add all couplings to the residuals and tangents of the ropes; returns the number of changed contacts.
+    """Add all other couplings to the residuals and tangents of the ropes; returns the number of changed contacts.
 
     Bullwheels take part in time integration only, with a rate factor above 0.
     """
@@ -64,8 +76,7 @@ def add_couplings(bundle, moving, scratch, system, state, work, mass_factor, rat
         for rope in range(bundle.records.shape[0]):
             own, here, room = rope_of(bundle, rope, system, state, work)
             damp_rope(own.cable, wires.by_stiffness[rope] * wires.tension[rope], here, room, rate_factor)
-    changed = add_connectors(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor, like)
-    changed += add_pantographs(
+    changed = add_pantographs(
         bundle, moving, scratch, system, state, work, mass_factor, rate_factor, stiffness_factor, like
     )
     add_clamps(bundle, moving, scratch, system, state, work, like)
