@@ -32,6 +32,7 @@ from cable_twin.mechanics.on_rope.tangent_hinge import (
     turn_by_slope,
 )
 from cable_twin.mechanics.on_rope.vehicle_impedance import impedance_at_pivot
+from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.rope.following_nodes import (
     give_back,
     put_node,
@@ -40,7 +41,17 @@ from cable_twin.mechanics.rope.following_nodes import (
     take_node,
 )
 from cable_twin.mechanics.rope.patch import mean_slope, pull_at_node
-from cable_twin.mechanics.rope.point import AFTER, BEFORE, add_column, add_matrix, add_row, clamp_row, element_at
+from cable_twin.mechanics.rope.point import (
+    AFTER,
+    BEFORE,
+    add_column,
+    add_matrix,
+    add_row,
+    clamp_row,
+    element_at,
+    point_at,
+)
+from cable_twin.mechanics.rope.point_load import force_along
 
 LEAST = 0.015  # of the shortest element: room that a node keeps to its neighbours
 AT_END = 0.5  # of the element at an end of a moving rope: room that a node keeps to the end
@@ -152,9 +163,21 @@ def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness
 
 @kernel
 def pull_along(system, state, carriage):
-    """Force (N) along the rope on a vehicle's joint at a node: generalized force of both elements over mean |r_x|."""
-    node = state.joint_node[carriage]
-    return pull_at_node(system, state, node) / rope_passing(state.nodes.position, node, system.cable.gravity)
+    """Force (N) along the rope on a vehicle's joint at a node: generalized force of both elements over mean |r_x|.
+
+    Connectors to another rope on these elements are left out.
+    """
+    cable, towers, like, node = system.cable, system.towers, system.cable.gravity, state.joint_node[carriage]
+    total = pull_at_node(system, state, node)
+    for k in range(cable.load_arc_length.size):
+        point = point_at(cable, state, cable.load_arc_length[k])
+        total += force_along(state, node, load(cable.load_force[k], like), point, like)
+    for contact in range(towers.stiffness.size):
+        point = point_at(cable, state, state.contact_arc_length[contact])
+        if node - 1 <= point.element <= node:
+            force, _ = contact_force(cable, towers, state, contact)
+            total += force_along(state, node, force, point, like)
+    return total / rope_passing(state.nodes.position, node, like)
 
 
 # of an element, that a load goes from the place of its node before the next one takes it over: with long steps earlier

@@ -32,7 +32,8 @@ from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEF
 from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
-from cable_twin.mechanics.rope.point import add_force, add_tangent, bend, point_at, slope, value
+from cable_twin.mechanics.rope.point import bend, point_at, slope, value
+from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
 CLEAR = 0.01  # m, by which the rope is off a contact that is not looked at closely
@@ -186,7 +187,8 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         friction = coefficient * n * z
         force = add_scaled(friction, t, scale(n, normal))
         groove, rub = towers.groove[contact] * n, towers.groove_friction[contact] * n
-        add_force(with_groove(force, groove, rub, r_x, normal, apart, moving), point, work)
+        whole = with_groove(force, groove, rub, r_x, normal, apart, moving)
+        add_point_load(whole, point, state, work)
         if stiffness_factor == 0.0:
             continue
 
@@ -209,7 +211,8 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         held = groove_tangent(stiffness_factor * groove, rate_factor * rub, r_x, normal, moving)
         by_place = add_scaled(-stiffness_factor, by_r, held), scale(-stiffness_factor, by_r_x)
         share = stiffness_factor / pivot
-        add_tangent(by_place, (outer(share, force, r_x), outer(share, force, apart)), point, work)
+        by_slope = outer(share, force, r_x), outer(share, force, apart)
+        add_point_tangent(whole, by_place, by_slope, point, stiffness_factor, state, work)
 
 
 @kernel

@@ -27,7 +27,6 @@ from cable_twin.mechanics.language.vectors import (
     scale,
     store,
     subtract,
-    transpose,
 )
 from cable_twin.mechanics.parameters import JOINT, SPEED
 from cable_twin.mechanics.rope.ale import mesh_dilution_rate, nodal_vectors, rest_stretch
@@ -517,37 +516,6 @@ def add_shift(
             pivot += dot(along, add_scaled(1.0, product(to_r, slope), product(to_t, bend)))
             pivot -= dot(along, carried)
     patch[row, row] += pivot
-
-
-@inlined_kernel
-def add_point_shift(force, matrix, point, state, work, like):
-    """Add a point load within a patch to the rows and columns of the arc lengths of nodes that follow moving loads.
-
-    A shift δX of a node moves the point by -(S_r r_x + S_t r_xx) δX, with the slope and r_xx of the rope at the node.
-
-    Args:
-        force: (dim,) N, on the rope at a fixed arc length.
-        matrix: (dim²) its tangent by the place of the point, as in `point.add_tangent`.
-        point: the place, on an element beside a load.
-        state: of the rope.
-        work: with the patches.
-        like: any vector of the space.
-    """
-    element = point.element
-    dim, e, length = len(like), nodal_vectors(state.nodes.position, element, like), state.mesh.length[element]
-    patch, right = work.patch[work.patch_of[element]], work.patch_right[element]
-    for end in range(2):
-        if shifts(state, work, element + end):
-            slope, bend = shift_vectors(end, e, length)
-            moved = scale(-point.shape[2 * end], slope)
-            moved = add_scaled(-point.shape[2 * end + 1], bend, moved)
-            row = shift_row(right, end, dim)
-            patch[row, patch.shape[0]] += dot(moved, force)
-            by_row, by_column = product(transpose(matrix), moved), product(matrix, moved)
-            for j in range(4):
-                add_row(scale(point.shape[j], by_row), patch, row, patch_row(right, j, dim))
-                add_column(scale(point.shape[j], by_column), patch, patch_row(right, j, dim), row)
-            patch[row, row] += dot(moved, by_column)
 
 
 @inlined_kernel

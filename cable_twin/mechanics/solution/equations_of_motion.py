@@ -53,7 +53,8 @@ from cable_twin.mechanics.on_rope.wind import drag_bodies
 from cable_twin.mechanics.parameters import ELEMENT_FRAME
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.rope.patch_assembly import add_patches, begin_patches
-from cable_twin.mechanics.rope.point import add_force, point_at
+from cable_twin.mechanics.rope.point import point_at
+from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
@@ -174,7 +175,12 @@ def add_loads(cable, state, stiffness_factor, work):
     """
     like = cable.gravity
     for k in range(cable.load_arc_length.size):
-        add_force(load(cable.load_force[k], like), point_at(cable, state, cable.load_arc_length[k]), work)
+        force, point = load(cable.load_force[k], like), point_at(cable, state, cable.load_arc_length[k])
+        add_point_load(force, point, state, work)
+        if cable.load_nodes and stiffness_factor != 0.0:
+            constant = outer(0.0, like, like)
+            nothing = constant, constant
+            add_point_tangent(force, nothing, nothing, point, stiffness_factor, state, work)
     for end in range(2):
         moment = cable.end_moment[end]
         if moment != 0.0:

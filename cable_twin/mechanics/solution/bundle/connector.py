@@ -32,8 +32,8 @@ from cable_twin.mechanics.language.vectors import (
 from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import motion_at_rest
-from cable_twin.mechanics.rope.patch_assembly import add_point_shift
-from cable_twin.mechanics.rope.point import add_force, add_tangent, point_at
+from cable_twin.mechanics.rope.point import point_at
+from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 from cable_twin.mechanics.rope.shape_functions import SLOPE
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, rope_of
 
@@ -102,10 +102,11 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
             node, force = connectors.node[connector, end], scale(pull if end == 0 else -pull, along)
             if is_taken(here, node):
                 point = point_at(own.cable, here, own.cable.node_arc_length[node])
-                add_force(force, point, room)
                 nothing = scale(0.0, matrix)
-                add_tangent((matrix, nothing), (nothing, nothing), point, room)
-                add_point_shift(force, matrix, point, here, room, like)
+                add_point_load(force, point, here, room)
+                add_point_tangent(
+                    force, (matrix, nothing), (nothing, nothing), point, stiffness_factor, here, room
+                )
                 store(nothing, scratch.cross[connector])
             else:
                 accumulate(force, room.right_side[node, 0])
