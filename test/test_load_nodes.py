@@ -22,8 +22,8 @@ def test_refused_beside_what_it_cannot_do(scenario, changes, said):
         load_scenario(scenario, NODE | changes)
 
 
-def test_refused_beside_connectors():
-    with pytest.raises(ScenarioError, match="beside connectors or pantographs on the same rope"):
+def test_refused_on_a_haul_rope_with_mass_damping():
+    with pytest.raises(ScenarioError, match="beside mass_damping of a rope that moves over bullwheels"):
         load_scenario("bicable", {f"ropes.{rope}.joint": "node" for rope in load_scenario("bicable").ropes})
 
 

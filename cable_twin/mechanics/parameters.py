@@ -41,6 +41,7 @@ class Cable(NamedTuple):
     element_count: int
     element_length: FloatArray  # l, (elements,) m, unstrained
     node_arc_length: FloatArray  # (nodes,) m
+    node_joined: NDArray[np.bool_]  # (nodes,) whether a connector to another rope is at the node
     cell_length: float  # m, of the even grid by which the element at an arc length is looked up
     cell_element: IntArray  # (cells,) element at the start of each cell
     unstrained_length: float  # L, m
@@ -73,6 +74,7 @@ def mesh_fields(node_arc_length: FloatArray) -> dict[str, Any]:
         "element_count": lengths.size,
         "element_length": lengths,
         "node_arc_length": node_arc_length,
+        "node_joined": np.zeros(node_arc_length.size, dtype=np.bool_),
         "cell_length": whole / cells,
         "cell_element": np.clip(np.searchsorted(node_arc_length, starts, side="right") - 1, 0, lengths.size - 1),
         "unstrained_length": whole,

@@ -255,13 +255,13 @@ class Scenario(Section):
     @property
     def paper_reason(self) -> str | None:
         """Reason why vehicles on the one rope of this scenario cannot be at nodes, None if they can."""
-        model, integrator = self.cable.elastic_model, self.solver.integrator
+        model, integrator, strand = self.cable.elastic_model, self.solver.integrator, self._whole.strand
         reasons = {
             f"beside elastic_model {model}": model != "continuum",
             f"beside integrator {integrator}": integrator != "generalized_alpha",
             "beside pantographs on the same rope": self._whole.touched,
             "beside tension_damping": self.cable.tension_damping > 0.0,
-            "beside mass_damping of a rope that moves over bullwheels": bool(self.cable.mass_damping and self._whole.strand),
+            "beside mass_damping of a rope that moves over bullwheels": self.cable.mass_damping > 0.0 and bool(strand),
             f"beside clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
         }
         return next((reason for reason, holds in reasons.items() if holds), None)

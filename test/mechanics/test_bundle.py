@@ -173,7 +173,7 @@ def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor):
             state.nodes.velocity[:] = speeds[rope] + rate_factor * moved
             work.right_side[:] = 0.0
             work.diagonal[:] = 0.0
-        add_connectors(bundle, moving, scratch, states[0], works[0], rate_factor, 1.0, like)
+        add_connectors(bundle, moving, scratch, systems[0], states[0], works[0], rate_factor, 1.0, like)
         return np.concatenate([nodal_vectors(work.right_side).ravel() for work in works])
 
     numeric = -difference(forces, np.zeros(first[-1]), 1e-5)

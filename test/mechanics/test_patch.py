@@ -5,12 +5,15 @@ import pytest
 from mechanics.systems import difference, disturbed_state, make_cable, make_system
 from numpy.polynomial.legendre import leggauss
 
+from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.declared import clone
+from cable_twin.mechanics.language.vectors import load, outer, product, scale, subtract
 from cable_twin.mechanics.on_rope.load_node import update_load_nodes
 from cable_twin.mechanics.readout.energies import energies
 from cable_twin.mechanics.rope.patch import pull_at_node
 from cable_twin.mechanics.rope.patch_assembly import add_patches, begin_patches
-from cable_twin.mechanics.rope.point import position_on_cable
+from cable_twin.mechanics.rope.point import point_at, position_on_cable, value
+from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, solve
 from cable_twin.mechanics.solution.patch_elimination import condense_patches
 
@@ -26,12 +29,12 @@ def loaded(dim=2, loads=1, seed=1, **cable):
     state.bodies.position[:] = 0.0
     if dim == 3:
         state.bodies.position[:, 6] = 1.0
-    for load in range(loads):
-        node = 2 + load
-        state.node_load[node], state.joint_node[load], state.node_follows[load] = load, node, True
-        state.joint_element[load] = node - 1
-        state.joints.position[load] = system.cable.node_arc_length[node] + 0.11 - 0.17 * load
-        state.joints.acceleration[load] = rng.standard_normal()
+    for number in range(loads):
+        node = 2 + number
+        state.node_load[node], state.joint_node[number], state.node_follows[number] = number, node, True
+        state.joint_element[number] = node - 1
+        state.joints.position[number] = system.cable.node_arc_length[node] + 0.11 - 0.17 * number
+        state.joints.acceleration[number] = rng.standard_normal()
         for array in (state.nodes.position, state.nodes.velocity, state.nodes.acceleration):
             array[node, 2] += 0.1 * rng.standard_normal(dim)
     follow(state)
@@ -162,7 +165,7 @@ def test_residual_is_that_of_lagrange(dim):
 @pytest.mark.parametrize("moving", [False, True])
 def test_tangent_is_the_derivative_of_the_residual(dim, moving):
     """But for a thousandth of its largest entry: bending is as in `continuum`, and changes of r_xx are left out."""
-    system, state, work = loaded(dim, bending_stiffness=1e-6)
+    system, state, work = loaded(dim, bending_stiffness=1e-6, mass_damping=2.0)
     if not moving:
         for kind in (state.nodes, state.joints):
             kind.velocity[:] = kind.acceleration[:] = 0.0
@@ -174,6 +177,46 @@ def test_tangent_is_the_derivative_of_the_residual(dim, moving):
     )
     matrix = patch_of(system, state, work)[0][:size, :size]
     np.testing.assert_allclose(matrix, exact, atol=(2e-3 if moving else 2e-4) * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("place", [1.3, 2.4])
+def test_a_spring_beside_a_load_has_the_forces_and_tangent_of_its_energy(dim, place):
+    """On arc lengths of nodes as well, by differences of ½ (r - p)·K (r - p) at a fixed arc length of the rope."""
+    system, state, work = loaded(dim)
+    state.nodes.velocity[:] = state.nodes.acceleration[:] = state.joints.velocity[:] = 0.0
+    cable, rng, size = system.cable, np.random.default_rng(3), 7 * dim + 1
+    arc_length, held = place * cable.element_length[0], rng.standard_normal(dim)
+    stiffness = rng.standard_normal((dim, dim))
+    stiffness += stiffness.T
+
+    def energy(x):
+        apart = position_on_cable(cable, moved_by(state, x, dim), arc_length) - held
+        return np.array(0.5 * apart @ stiffness @ apart)
+
+    def added(there):
+        matrix, right = patch_of(system, there, work)
+        add_spring(cable, there, work, arc_length, held, stiffness.ravel())
+        rows = work.patch.shape[1]
+        return work.patch[0, :size, :size] - matrix[:size, :size], work.patch[0, :size, rows] - right[:size]
+
+    tangent, force = added(state)
+    np.testing.assert_allclose(force, -difference(energy, np.zeros(size), 1e-4), atol=1e-7 * np.abs(force).max())
+    exact = -difference(lambda x: added(moved_by(state, x, dim))[1], np.zeros(size), 1e-4)
+    exact[5 * dim, 5 * dim] = tangent[5 * dim, 5 * dim]  # of the arc length by itself, where ∂²S/∂X² is left out
+    np.testing.assert_allclose(tangent, exact, atol=1e-6 * np.abs(exact).max())
+
+
+@kernel
+def add_spring(cable, state, work, arc_length, held, stiffness):
+    """Add a spring from a point of the rope to a place `held` (dim,), with a `stiffness` (dim²,) in N/m."""
+    like = cable.gravity
+    square = outer(1.0, like, like)
+    point, matrix = point_at(cable, state, arc_length), load(stiffness, square)
+    force = scale(-1.0, product(matrix, subtract(value(state.nodes.position, point, like), load(held, like))))
+    nothing = scale(0.0, matrix)
+    add_point_load(force, point, state, work)
+    add_point_tangent(force, (matrix, nothing), (nothing, nothing), point, 1.0, state, work)
 
 
 def numbered(state, dim):

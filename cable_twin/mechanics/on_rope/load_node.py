@@ -31,8 +31,8 @@ from cable_twin.mechanics.on_rope.tangent_hinge import (
     tangent_orientation,
     turn_by_slope,
 )
-from cable_twin.mechanics.on_rope.vehicle_impedance import impedance_at_pivot
 from cable_twin.mechanics.on_rope.tower import contact_force
+from cable_twin.mechanics.on_rope.vehicle_impedance import impedance_at_pivot
 from cable_twin.mechanics.rope.following_nodes import (
     give_back,
     put_node,
@@ -182,6 +182,7 @@ def pull_along(system, state, carriage):
 
 # of an element, that a load goes from the place of its node before the next one takes it over: with long steps earlier
 HOLD, LEAST_HOLD, STEPS_AHEAD = 0.7, 0.55, 4.0
+BESIDE = 0.05  # of an element, within which the node of a connector follows a load
 FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is found to follow it
 
 
@@ -262,12 +263,18 @@ def beside_other(state, node):
 
 
 @inlined_kernel
-def hold_of(system, state, number, element):
+def hold_of(system, state, node, way, element):
     """Share (-) of an element, `element` (m) long, that a load's node goes before the next node takes the load over.
 
     The load is handed over at least a few steps before the next node: with fewer steps the short element ahead of the
-    load oscillates, and in the end the load's own node would stand still.
+    load oscillates, and in the end the load's own node would stand still. The node of a connector takes a load that is
+    near alone, as the connector bends the rope there.
     """
+    number, joined = state.node_load[node], system.cable.node_joined
+    if joined[node]:
+        return BESIDE
+    if joined[node + way]:
+        return 1.0 - BESIDE
     ahead = LEAST * system.cable.cell_length + STEPS_AHEAD * system.solver.step * abs(state.joints.velocity[number])
     return min(HOLD, max(LEAST_HOLD, 1.0 - ahead / element))
 
@@ -280,12 +287,20 @@ def pass_on(system, state, front, way):
     while 0 < node < places.size - 1 and state.node_load[node] >= 0:
         gone = way * (places[node] - homes[node])
         element = way * (homes[node + way] - homes[node])
-        beyond += gone / element - hold_of(system, state, state.node_load[node], element)
+        beyond += gone / element - hold_of(system, state, node, way, element)
         free = gone > room and way * (homes[node] - places[node - way]) > room
         if free and beyond > 0.0:
             shift_train(system, state, min(node, front), max(node, front), way)
             return
         node -= way
+
+
+@inlined_kernel
+def middle_of(joined, element):
+    """Share (-) of an element up to which its first node takes a load; that of a connector takes near loads alone."""
+    if joined[element] == joined[element + 1]:
+        return 0.5
+    return BESIDE if joined[element] else 1.0 - BESIDE
 
 
 @kernel
@@ -297,7 +312,8 @@ def find_node(system, state, carriage):
     room, follow = LEAST * system.cable.cell_length, not is_at_end(system, s)
     if not follow:
         s = max(min(s, homes[last] - end_room(homes, last - 1)), end_room(homes, 0))
-    nearest = element if s - homes[element] < homes[element + 1] - s else element + 1
+    share = (s - homes[element]) / (homes[element + 1] - homes[element])
+    nearest = element if share < middle_of(system.cable.node_joined, element) else element + 1
     nearest = min(max(nearest, 1), last - 1)
     way = 1
     if state.node_load[nearest] >= 0 and state.joints.position[state.node_load[nearest]] > s:

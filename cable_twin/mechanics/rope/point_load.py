@@ -1,8 +1,8 @@
 """Point loads on the rope: nodal forces, tangent, and forces along the rope on nodes that follow moving loads.
 
 On an element beside a moving load, a shift δX of the load's node moves the rope at a fixed arc length by
--(S_r r_x + S_t r_xx) δX, with r_x and r_xx at the node (`patch`). So a point load F has, beside its nodal forces S F, the
-force -F·(S_r r_x + S_t r_xx) on X. As a cubic stays the same curve when a node moves along it, this is F·∂(S e)/∂X.
+-(S_r r_x + S_t r_xx) δX, with r_x and r_xx at the node (`patch`). So a point load F has, beside its nodal forces S F,
+the force -F·(S_r r_x + S_t r_xx) on X. As a cubic stays the same curve when a node moves along it, this is F·∂(S e)/∂X.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ def add_point_load(force, point, state, work):
 def add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state, work):
     """Add the tangent of a point load, as `point.add_tangent`, for arc lengths of nodes as well.
 
+    Of an arc length by itself ∂²S/∂X² is left out, which is little beside the stiffness of the rope.
+
     Args:
         force: (dim,) N.
         by_place: as in `point.add_tangent`.
@@ -66,7 +68,12 @@ def add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state,
     element = point.element
     number = work.patch_of[element]
     if number >= 0:
-        patch, right, dim, length = work.patch[number], work.patch_right[element], len(force), state.mesh.length[element]
+        patch, right, dim, length = (
+            work.patch[number],
+            work.patch_right[element],
+            len(force),
+            state.mesh.length[element],
+        )
         share = 0.5 * (1.0 - point.shape_x[1] + point.shape_x[3])  # of the way from the first end to the second one
         for end in range(2):
             if shifts(state, work, element + end):

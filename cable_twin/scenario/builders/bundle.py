@@ -37,14 +37,23 @@ def build_ropes(scenario: Scenario, meshes: Sequence[FloatArray] | None = None) 
         scenario: scenario of all ropes.
         meshes: arc lengths (nodes,) in m of the nodes of each rope, None for those of the scenario.
     """
-    if meshes is not None:
-        both = zip(scenario.cables, meshes, strict=True)
-        return {name: build_system(scenario.of_rope(name), nodes=nodes) for name, nodes in both}
     marks: dict[str, list[float]] = {name: [] for name in scenario.cables}
     for rod in scenario.connectors.values():
         for rope, place in rod.ends:
             marks[rope].append(place)
-    return {name: build_system(scenario.of_rope(name), np.array(places)) for name, places in marks.items()}
+    found = {}
+    for number, (name, places) in enumerate(marks.items()):
+        own = np.array(places) if meshes is None else None
+        system = build_system(scenario.of_rope(name), own, None if meshes is None else meshes[number])
+        nodes = system.cable.node_arc_length
+        system.cable.node_joined[[nearest_node(nodes, place) for place in places]] = True
+        found[name] = system
+    return found
+
+
+def nearest_node(nodes: FloatArray, place: float) -> int:
+    """Index of the node, of those at arc lengths `nodes` (m), that is nearest to a place (m)."""
+    return int(np.argmin(abs(nodes - place)))
 
 
 def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Connectors, list[str]]:
@@ -55,7 +64,7 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
     """
     names, rods, ropes = list(scenario.connectors), list(scenario.connectors.values()), list(systems)
     meshes = {rope: system.cable.node_arc_length for rope, system in systems.items()}
-    node = np.array([[np.argmin(abs(meshes[rope] - s)) for rope, s in rod.ends] for rod in rods], dtype=np.int64)
+    node = np.array([[nearest_node(meshes[rope], s) for rope, s in rod.ends] for rod in rods], dtype=np.int64)
     rope = np.array([[ropes.index(name) for name, _ in rod.ends] for rod in rods], dtype=np.int64)
     line = lines_of(len(ropes), np.concatenate([rope.reshape(-1, 2), clamped_pairs(scenario)]))
     order = sequence_of(rope.reshape(-1, 2), node.reshape(-1, 2))

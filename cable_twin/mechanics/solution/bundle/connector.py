@@ -104,9 +104,7 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
                 point = point_at(own.cable, here, own.cable.node_arc_length[node])
                 nothing = scale(0.0, matrix)
                 add_point_load(force, point, here, room)
-                add_point_tangent(
-                    force, (matrix, nothing), (nothing, nothing), point, stiffness_factor, here, room
-                )
+                add_point_tangent(force, (matrix, nothing), (nothing, nothing), point, stiffness_factor, here, room)
                 store(nothing, scratch.cross[connector])
             else:
                 accumulate(force, room.right_side[node, 0])
