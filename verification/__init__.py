@@ -39,6 +39,7 @@ MODULES = (
     "ropes",
     "loops",
     "bicable",
+    "shipped_meshes",
     "en50318",
 )
 

@@ -22,6 +22,7 @@ from cable_twin.key_figures import KeyFigures
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
+from verification import Result, case
 
 FINER, FEWER = 8.0, 0.6  # times the elements
 FRAME = 0.02  # s, between looks
@@ -143,6 +144,19 @@ def held(simulation: Simulation) -> dict[str, float]:
     for vehicle in np.flatnonzero((columns.attached == 1.0) & np.isfinite(columns.haul_force)):
         forces[f"clamp of {names[vehicle]}"] = float(columns.haul_force[vehicle])
     return forces
+
+
+@case("jig-back and bicable lift at rest", "the same on 16 meshes", needs_jit=True, long=True)
+def forces_over_meshes() -> Iterator[Result]:
+    """Largest difference of drive and clamp forces from their means."""
+    for name in SPREAD:
+        off = {"drive": 0.0, "clamp": 0.0}
+        for label, forces in spread(name).items():
+            if len(forces) == len(AROUND) + 1:
+                values, part = np.array(forces[:-1]), label.split()[0]
+                off[part] = max(off[part], float(np.abs(values / values.mean() - 1.0).max()))
+        for part, share in off.items():
+            yield Result(f"{name}, {part}, share", "-", 0.0, share, MOST_SPREAD / 100.0)
 
 
 def mesh_rows(name: str, show: Any) -> Iterator[str]:
