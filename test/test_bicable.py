@@ -197,3 +197,25 @@ def test_riders_are_read_from_a_log_on_the_track_on_which_they_are(tmp_path, cap
     np.testing.assert_array_equal(read.vehicle_rope, now.vehicle_rope)
     np.testing.assert_allclose(read.arc_length, now.arc_length, rtol=0, atol=1e-6)
     assert set(now.vehicle_rope) == {2.0, 3.0}
+
+
+def test_cabins_pass_slack_carriers_without_a_jerk():
+    """Their nodes take those of the carriers as they pass: tensions are those of finer meshes with the paper's joint."""
+    scenario = lift(hangers=True)
+    fine = scenario | {
+        "ropes": {name: rope | {"joint": "paper", "elements": 160} for name, rope in scenario["ropes"].items()}
+    }
+    tensions, taken = [], 0
+    for data in (scenario, fine):
+        simulation = Simulation(load_scenario(data), samples=5)
+        simulation.command("motor", speed=SPEED)
+        part, found = simulation.parts["track_up"], []
+        joined = part.system.cable.node_joined
+        for frame in range(200):
+            found.append(simulation.advance_to(0.1 * (frame + 1)).columns.highest_tension[0, 0])
+            taken += int((part.state.node_load[joined] >= 0).sum())
+        tensions.append(np.array(found))
+    assert taken > 0
+    np.testing.assert_allclose(tensions[0], tensions[1], rtol=5e-3)
+    jerks = [np.abs(np.diff(found, 2)).max() for found in tensions]
+    assert jerks[0] < 2.0 * jerks[1]
