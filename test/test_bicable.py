@@ -200,7 +200,7 @@ def test_riders_are_read_from_a_log_on_the_track_on_which_they_are(tmp_path, cap
 
 
 def test_cabins_pass_slack_carriers_without_a_jerk():
-    """Their nodes take those of the carriers as they pass: tensions are those of finer meshes with the paper's joint."""
+    """Their nodes take those of the carriers as they pass: tensions are those of a finer mesh with another joint."""
     scenario = lift(hangers=True)
     fine = scenario | {
         "ropes": {name: rope | {"joint": "paper", "elements": 160} for name, rope in scenario["ropes"].items()}
