@@ -34,6 +34,7 @@ from cable_twin.ensemble.estimate.quantities import (
     stencil,
     weights_of,
 )
+from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
@@ -125,7 +126,7 @@ class Follower:
         self._tracks = start.layout.places.joint_position[:, 0].astype(np.intp)
         self.hidden: tuple[Hidden, ...] = hidden_quantities(scenario, start.layout)
         self._deviation = np.array([one.deviation for one in self.slow])
-        self.doubts = Doubts(self.readings)
+        self.doubts, self._scatter = Doubts(self.readings), Scatter(tuple(self.readings))
         errors = np.array([one.error for one in self.readings.values()])
         self._errors, self._rows_of = errors, {name: row for row, name in enumerate(self.readings)}
         mean = np.concatenate([[one.mean for one in self.slow], np.zeros(len(self._fast) + errors.size)])
@@ -262,6 +263,7 @@ class Follower:
             else:
                 self._doubt_steps()
         lasted, self._since, self._from = time - self._since, time, time
+        self._note_scatter(lasted)
         hidden, slow = self._hidden(numbers), self._slow()
         self._go_on(lasted, numbers)
         alarms += self._against_plan(time, slow)
@@ -501,8 +503,30 @@ class Follower:
         )
 
     def _variance(self, reading: Reading) -> float:
-        """Variance of a sample: noise of the sensor and fast error of the model."""
-        return reading.noise**2 + reading.fast.variance(self._stirred, self._at_tower)
+        """Variance of a sample: noise of the sensor, fast error of the model, and what its scatter tells of others."""
+        usual = reading.noise**2 + reading.fast.variance(self._stirred, self._at_tower)
+        return usual + SLOWER**2 * self._unexplained(reading.unit, reading.name)
+
+    def _unexplained(self, unit: str, sensor: str = "") -> float:
+        """Variance of a quantity at one moment by errors of the model that sensors of its kind show by their scatter.
+
+        Waves that shake a drive by some force change all tensions by about as much, and angles are those of one swing.
+        """
+        alike = [name for name, one in self.readings.items() if one.unit == unit != "m"]
+        return max([self._scatter.unexplained(name) for name in (*alike, *filter(None, [sensor]))], default=0.0)
+
+    def _note_scatter(self, lasted: float) -> None:
+        """Compare the scatter of a window's measurements about the corrected model with what is assumed."""
+        if self._at_tower or not self._rows:
+            return
+        left, _, variances = self._linear(self._rows)
+        differences: dict[str, list[float]] = {}
+        assumed = {}
+        for row, one, variance in zip(self._rows, left, variances, strict=True):
+            differences.setdefault(row.sensor, []).append(one)
+            reading = self.readings[row.sensor]
+            assumed[row.sensor] = variance - SLOWER**2 * self._unexplained(reading.unit, reading.name)
+        self._scatter.note(lasted, {name: np.array(found) for name, found in differences.items()}, assumed)
 
     def _read_as(self, row: _Row, sensor: str) -> _Row:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
@@ -555,6 +579,7 @@ class Follower:
             value = float(values[0] + slopes @ shift)
             errors = one.errors.scaled(max(abs(value), LEAST_FORCE) if one.unit == "N" else 1.0)
             variance = slopes @ covariance @ slopes + errors.variance(self._stirred, self._at_tower)
+            variance += self._unexplained(one.unit)
             found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
         return found
 
