@@ -1,7 +1,7 @@
 """A twin that follows a plant in Exudyn: errors of tension and swing beside what is claimed.
 
-`python -m verification.following_exudyn` records `verification.exudyn_plant` on a trip, follows its bag as `follow`
-does, and prints a table for docs/follow.md. Truth is what the plant writes beside its bag. Needs Exudyn, which is in
+`python -m verification.following_exudyn` records `verification.exudyn_plant` on some trips, follows each bag as
+`follow` does, and prints a table for docs/follow.md. Truth is what the plant writes beside its bag. Needs Exudyn, which is in
 the extra `bench`.
 """
 
@@ -11,6 +11,7 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,19 @@ from cable_twin.offline import follow
 from cable_twin.recording.log_reader import read_log
 from cable_twin.terminal.command_line import Filled
 from verification import exudyn_plant
+from verification.following import Score, table
 
-SCRIPT = "- {time: 4, name: cabin, speed: 6.0}\n"
-ELEMENTS, DURATION, FIRST = 144, 90.0, 15.0  # -, s, s: from which on estimates count
+SCRIPT = "- {{time: {start:g}, name: cabin, speed: {speed:g}}}\n"
+TRIPS = (4.0, 6.0), (3.0, 4.5), (3.0, 7.5)  # s, m/s: start and speed of each plant
+ELEMENTS, DURATION, FIRST = 216, 90.0, 15.0  # -, s, s: from which on estimates count
 BODIES = ("running_carriage", "hanger", "cabin")  # whose pitch the plant writes
-DEGREE = np.pi / 180.0
+SLOW = {  # truth of slow quantities, with their units
+    "cabin/payload": (exudyn_plant.TRUTH["carriages.cabin.payload.mass"], "kg"),
+    "cabin/rolling": (exudyn_plant.TRUTH["carriages.cabin.friction.rolling"], "-"),
+    "wind/x": (0.0, "m/s"),
+    "ice": (0.0, "kg/m"),
+    "start/counterweight": (exudyn_plant.TRUTH["cable.start.mass"], "kg"),
+}
 
 
 def true_values(bag: Path) -> dict[str, np.ndarray]:
@@ -48,21 +57,27 @@ def estimates(directory: Path) -> dict[str, np.ndarray]:
     return {name: np.array(rows) for name, rows in found.items()}
 
 
-def table(truth: dict[str, np.ndarray], found: dict[str, np.ndarray]) -> list[str]:
-    """Table in Markdown: rms and largest error, the latter of a force also as a share, and the claimed deviation."""
-    lines = [
-        "| estimate | unit | rms error | largest | of it, % | claimed deviation |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for name in [name for name in truth if name != "time"]:
-        time, value, deviation = found[name][found[name][:, 0] > FIRST].T
-        true = np.interp(time, truth["time"], truth[name])
-        angle = name.endswith("pitch")
-        scale, unit = (DEGREE, "deg") if angle else (1.0, "N")
-        error = (value - true) / scale
-        rms, claimed = np.sqrt(np.mean(error**2)), np.sqrt(np.mean(deviation**2)) / scale
-        share = "" if angle else f"{100.0 * np.abs(error / true).max():.2f}"
-        lines.append(f"| {name} | {unit} | {rms:.3g} | {np.abs(error).max():.3g} | {share} | {claimed:.3g} |")
+def scores(plant: int, truth: dict[str, np.ndarray], found: dict[str, np.ndarray]) -> Iterator[Score]:
+    """Scores of all estimates of a plant with known truth, from `FIRST` on."""
+    for name, rows in found.items():
+        if name not in truth and name not in SLOW:
+            continue
+        value, unit = SLOW.get(name, (0.0, "rad" if name.endswith("pitch") else "N"))
+        for time, got, deviation in rows[rows[:, 0] > FIRST]:
+            true = float(np.interp(time, truth["time"], truth[name])) if name in truth else value
+            yield Score(plant, float(time), name, unit, true, float(got) - true, float(deviation))
+
+
+def largest(found: list[Score]) -> list[str]:
+    """Lines with the largest error of each hidden quantity: of a force as a share of it, of an angle in degrees."""
+    lines = []
+    for name in dict.fromkeys(one.name for one in found if one.name not in SLOW):
+        own = [one for one in found if one.name == name]
+        if own[0].unit == "N":
+            lines.append(f"{name}: at most {100.0 * max(abs(one.error / one.truth) for one in own):.2f} % off")
+        else:
+            angles = np.degrees([one.error for one in own])
+            lines.append(f"{name}: {np.sqrt(np.mean(angles**2)):.2f} deg off, at most {np.abs(angles).max():.2f} deg")
     return lines
 
 
@@ -73,18 +88,23 @@ def main() -> int:
     )
     parser.add_argument("--elements", type=int, default=ELEMENTS, help=f"of the plant's rope; default: {ELEMENTS}")
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
+    parser.add_argument("--plants", type=int, choices=range(1, len(TRIPS) + 1), default=len(TRIPS), help="trips")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as name:
-        script, plants, twins = (Path(name) / part for part in ("trip.yaml", "plants", "twins"))
-        script.write_text(SCRIPT, encoding="utf-8")
-        values = {"script": script, "duration": options.duration, "elements": options.elements, "log": plants}
-        if code := exudyn_plant.main([word for key, value in values.items() for word in (f"--{key}", str(value))]):
-            return code
-        (bag,) = plants.iterdir()
-        if code := follow.main([str(bag), "--output", str(twins)]):
-            return code
-        (log,) = twins.iterdir()
-        print("\n".join(table(true_values(bag), estimates(log))))
+    found: list[Score] = []
+    for plant, (start, speed) in enumerate(TRIPS[: options.plants]):
+        with tempfile.TemporaryDirectory() as name:
+            script, plants, twins = (Path(name) / part for part in ("trip.yaml", "plants", "twins"))
+            script.write_text(SCRIPT.format(start=start, speed=speed), encoding="utf-8")
+            values = {"script": script, "duration": options.duration, "elements": options.elements, "log": plants}
+            values["seed"] = 1 + plant
+            if code := exudyn_plant.main([word for key, value in values.items() for word in (f"--{key}", str(value))]):
+                return code
+            (bag,) = plants.iterdir()
+            if code := follow.main([str(bag), "--output", str(twins)]):
+                return code
+            (log,) = twins.iterdir()
+            found += scores(plant, true_values(bag), estimates(log))
+    print("\n".join([*table(found), "", *largest(found)]))
     return 0
 
 

@@ -255,15 +255,17 @@ class Follower:
         used = self._of_swing() if self._at_tower else self._consistent(time, alarms)
         innovation = 1.0
         if used:
-            terms = self._linear(used)
-            innovation = normalised_square(*terms, self._belief.covariance) / len(used)
-            before, self._belief = self._belief, update(self._belief, *terms)
+            terms, before = self._linear(used), self._belief
+            innovation = normalised_square(*terms, before.covariance) / len(used)
+            self._belief = update(before, *terms)
+            self._note_scatter(time - self._since)
+            self._belief = before
+            self._belief = update(before, *self._linear(used))
             if self._went_far(before, self._belief):
                 self._belief, self._stirred = self._belief._replace(covariance=self._stirred_up(before)), 1.0
             else:
                 self._doubt_steps()
         lasted, self._since, self._from = time - self._since, time, time
-        self._note_scatter(lasted)
         hidden, slow = self._hidden(numbers), self._slow()
         self._go_on(lasted, numbers)
         alarms += self._against_plan(time, slow)
@@ -503,9 +505,8 @@ class Follower:
         )
 
     def _variance(self, reading: Reading) -> float:
-        """Variance of a sample: noise of the sensor, fast error of the model, and what its scatter tells of others."""
-        usual = reading.noise**2 + reading.fast.variance(self._stirred, self._at_tower)
-        return usual + SLOWER**2 * self._unexplained(reading.unit, reading.name)
+        """Variance of a sample: noise of the sensor and usual fast error of the model."""
+        return reading.noise**2 + reading.fast.variance(self._stirred, self._at_tower)
 
     def _unexplained(self, unit: str, sensor: str = "") -> float:
         """Variance of a quantity at one moment by errors of the model that sensors of its kind show by their scatter.
@@ -517,15 +518,13 @@ class Follower:
 
     def _note_scatter(self, lasted: float) -> None:
         """Compare the scatter of a window's measurements about the corrected model with what is assumed."""
-        if self._at_tower or not self._rows:
+        if self._at_tower:
             return
-        left, _, variances = self._linear(self._rows)
+        left, _, _ = self._linear(self._rows)
         differences: dict[str, list[float]] = {}
-        assumed = {}
-        for row, one, variance in zip(self._rows, left, variances, strict=True):
+        for row, one in zip(self._rows, left, strict=True):
             differences.setdefault(row.sensor, []).append(one)
-            reading = self.readings[row.sensor]
-            assumed[row.sensor] = variance - SLOWER**2 * self._unexplained(reading.unit, reading.name)
+        assumed = {row.sensor: row.variance for row in self._rows}
         self._scatter.note(lasted, {name: np.array(found) for name, found in differences.items()}, assumed)
 
     def _read_as(self, row: _Row, sensor: str) -> _Row:
@@ -544,7 +543,8 @@ class Follower:
         columns = [count + self._rows_of[row.sensor] for row in rows]
         jacobian[range(len(rows)), columns] = 1.0
         innovation = np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending()
-        return innovation, jacobian, np.array([row.variance for row in rows])
+        others = {row.sensor: SLOWER**2 * self._unexplained(self.readings[row.sensor].unit, row.sensor) for row in rows}
+        return innovation, jacobian, np.array([row.variance + others[row.sensor] for row in rows])
 
     def _slopes(self, predicted: FloatArray) -> FloatArray:
         """Jacobian (m, n) of predicted measurements by slow quantities and swings: differences of (m, members)."""
