@@ -1,8 +1,8 @@
 """A twin that follows a plant in Exudyn: errors of tension and swing beside what is claimed.
 
 `python -m verification.following_exudyn` records `verification.exudyn_plant` on some trips, follows each bag as
-`follow` does, and prints a table for docs/follow.md. Truth is what the plant writes beside its bag. Needs Exudyn, which is in
-the extra `bench`.
+`follow` does, and prints a table for docs/follow.md. Truth is what the plant writes beside its bag. Needs Exudyn, which
+is in the extra `bench`.
 """
 
 from __future__ import annotations
