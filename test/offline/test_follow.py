@@ -12,6 +12,7 @@ from cable_twin.ensemble.estimate.doubts import STUCK_SAMPLES, Doubts
 from cable_twin.ensemble.estimate.follower import BOARDING, Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.quantities import Errors, Reading, readings, slow_quantities
+from cable_twin.ensemble.estimate.scatter import Scatter
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.messages import ESTIMATE, statuses_of_message
@@ -211,6 +212,41 @@ def test_a_twin_that_is_a_little_off_its_place_does_not_suspect_the_encoder(meas
 
     follower, _ = followed((scenario, early), changed)
     assert not follower.left_out
+
+
+def test_a_plant_that_is_shaken_as_no_twin_is_widens_bands_and_gives_no_alarm(measured):
+    """Waves of 0.9 Hz in the force of the drive, ten times as large as its noise."""
+
+    def changed(one):
+        shaken = 1200.0 * np.sin(5.7 * one.time) if one.sensor == "force_cabin" and one.time > 3.0 else 0.0
+        return replace(one, values=(one.values[0] + shaken, *one.values[1:]))
+
+    _, calm = followed(measured)
+    follower, corrections = followed(measured, changed)
+    assert not follower.left_out
+    got, before = (one[-1].hidden["end/force"].deviation for one in (corrections, calm))
+    assert before < 500.0  # N
+    assert 600.0 < got < 1100.0  # N, of a wave 850
+    payload = corrections[-1].slow["cabin/payload"]
+    assert abs(payload.value - TRUTH) < 3.0 * payload.deviation
+    assert payload.deviation > calm[-1].slow["cabin/payload"].deviation
+
+
+def test_waves_are_told_from_noise_and_from_a_jump():
+    """Noise three times as large as assumed, a sensor that is wrong from some moment on, and waves of 0.9 Hz."""
+    draws, scatter = np.random.default_rng(1), Scatter(("noisy", "wrong", "shaken"))
+    for window in range(20):
+        time = 2.0 * window + 0.1 * np.arange(20)
+        noise = draws.standard_normal(20)
+        measured = {
+            "noisy": 3.0 * noise,
+            "wrong": noise + 50.0 * (time > 10.4),
+            "shaken": noise + 4.0 * np.sin(5.7 * time),
+        }
+        scatter.note(2.0, np.repeat([*measured], 20).tolist(), np.concatenate([*measured.values()]), np.ones(60))
+        assert scatter.unexplained("wrong") == 0.0
+    assert scatter.unexplained("noisy") < 1.0
+    assert scatter.unexplained("shaken") == pytest.approx(8.0, rel=0.3)
 
 
 def test_a_payload_may_change_in_a_station_alone(measured):

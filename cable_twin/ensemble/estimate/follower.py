@@ -34,7 +34,7 @@ from cable_twin.ensemble.estimate.quantities import (
     stencil,
     weights_of,
 )
-from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter
+from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter, excuse
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
@@ -422,9 +422,16 @@ class Follower:
             return []
         one, _, other = contradicting.partition("/")
         if not other:
-            return [row for row in self._rows if row.sensor != one]
+            return [row for name in of if name != one for row in self._excused(of[name])]
         to = {one: other, other: one}
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
+
+    def _excused(self, rows: list[_Row]) -> list[_Row]:
+        """Rows of one sensor, with more variance where waves within the window alone keep it from contradicting."""
+        terms = self._linear(rows) if rows else None
+        if not terms or normalised_square(*terms, self._belief.covariance) < scipy.special.chdtri(len(rows), SURE):
+            return rows
+        return [row._replace(variance=row.variance + excuse(terms[0], terms[2])) for row in rows]
 
     def _doubt_what_changed(self) -> None:
         """Enlarge the variance of a slow quantity whose sudden change explains a window better than any sensor's."""
@@ -465,7 +472,9 @@ class Follower:
             for sensor in sensors:
                 rows = [self._read_as(row, to[sensor]) for row in of[sensor]] if sensor in to else of[sensor]
                 limit = float(scipy.special.chdtri(len(rows), SURE))
-                found[sensor] = normalised_square(*self._linear(rows), self._belief.covariance) / limit
+                innovation, jacobian, variance = self._linear(rows)
+                variance = variance + excuse(innovation, variance)
+                found[sensor] = normalised_square(innovation, jacobian, variance, self._belief.covariance) / limit
             return found
 
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
@@ -513,19 +522,15 @@ class Follower:
 
         Waves that shake a drive by some force change all tensions by about as much, and angles are those of one swing.
         """
-        alike = [name for name, one in self.readings.items() if one.unit == unit != "m"]
-        return max([self._scatter.unexplained(name) for name in (*alike, *filter(None, [sensor]))], default=0.0)
+        alike = {name for name, one in self.readings.items() if one.unit == unit != "m"} | {sensor} - {""}
+        return max(map(self._scatter.unexplained, alike), default=0.0)
 
     def _note_scatter(self, lasted: float) -> None:
         """Compare the scatter of a window's measurements about the corrected model with what is assumed."""
-        if self._at_tower:
+        if self._at_tower or not self._rows:
             return
-        left, _, _ = self._linear(self._rows)
-        differences: dict[str, list[float]] = {}
-        for row, one in zip(self._rows, left, strict=True):
-            differences.setdefault(row.sensor, []).append(one)
-        assumed = {row.sensor: row.variance for row in self._rows}
-        self._scatter.note(lasted, {name: np.array(found) for name, found in differences.items()}, assumed)
+        sensors, assumed = [row.sensor for row in self._rows], np.array([row.variance for row in self._rows])
+        self._scatter.note(lasted, sensors, self._linear(self._rows)[0], assumed)
 
     def _read_as(self, row: _Row, sensor: str) -> _Row:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""

@@ -1,50 +1,79 @@
-"""Scatter of a plant's measurements about the model: fast error of the model that no mesh of the twin explains."""
+"""Scatter of a plant's measurements about the model: waves that no mesh of the twin has.
+
+Waves are told from noise by successive samples, which they move alike: the covariance of a sample with the next one is
+about the variance of the waves, and that of noise is zero.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from cable_twin.mechanics.parameters import FloatArray
 
-MEMORY = 20.0  # s, in which a scatter is forgotten
-BEYOND = 1.5  # times the variance that is assumed, from which on a scatter tells of another error
-FEWEST = 5  # samples of a window that have a scatter
-SLOWER = 3.0  # times: as such errors last longer than a sample, they are that much larger if taken as independent
+MEMORY = 20.0  # s, in which waves are forgotten
+SURE_SHARE = 0.3  # of the assumed variance, from which on the average over windows is not by chance
+SURE_IN_WINDOW = 1.0  # the same of a window by itself
+FEWEST = 5  # samples of a window that tell of waves
+SLOWER = 3.0  # times: as waves last longer than a sample, they are that much larger if taken as independent
+
+
+def waves_in(values: FloatArray) -> float:
+    """Covariance of successive samples (n,) about their mean; nan of fewer than `FEWEST`."""
+    if values.size < FEWEST:
+        return float("nan")
+    about = values - values.mean()
+    return float(about[1:] @ about[:-1]) / (values.size - 1)
+
+
+def excuse(differences: FloatArray, variance: FloatArray) -> float:
+    """Variance by which waves within one window widen the samples of a sensor, not to be taken for its fault.
+
+    Args:
+        differences: (n,) samples less what the model says.
+        variance: (n,) of each sample.
+    """
+    waves = waves_in(differences)
+    return SLOWER**2 * waves if waves > SURE_IN_WINDOW * variance[0] else 0.0
 
 
 class Scatter:
-    """Variance of each sensor's samples about their mean difference from the model, as an average over windows.
+    """Variance of waves in what each sensor measures, as an average over windows.
 
-    A sensor that is biased, stuck, or swapped scatters no more than before, so that this hides no fault.
+    A sensor that is biased, stuck, noisy, or swapped shows no waves but in the window in which it becomes so. So the
+    median of three windows stands for each, and this hides no fault.
 
     Args:
         sensors: their names.
     """
 
     def __init__(self, sensors: Sequence[str]) -> None:
-        self._found = dict.fromkeys(sensors, (0.0, 0.0, 0.0))  # weighted sums: squares, assumed variances, degrees
+        self._found = dict.fromkeys(sensors, (0.0, 0.0, 0.0))  # weighted sums: of waves, assumed variances, windows
+        self._last = dict.fromkeys(sensors, (0.0, 0.0))  # waves in the last two windows
 
-    def note(self, lasted: float, differences: Mapping[str, FloatArray], assumed: Mapping[str, float]) -> None:
+    def note(self, lasted: float, sensors: Sequence[str], differences: FloatArray, assumed: FloatArray) -> None:
         """Add the samples of a window.
 
         Args:
             lasted: length of the window, s.
-            differences: (n,) samples less what the model says, of each sensor.
-            assumed: variance of a sample by noise and usual errors of the model, of each sensor.
+            sensors: (n,) sensor of each sample, in the order of time.
+            differences: (n,) samples less what the model says.
+            assumed: (n,) variance of each sample by noise and usual errors of the model.
         """
-        kept = float(np.exp(-lasted / MEMORY))
-        for name, values in differences.items():
-            squares, known, degrees = (kept * one for one in self._found[name])
-            if values.size >= FEWEST:
-                more = values.size - 1
-                squares += float(np.sum((values - values.mean()) ** 2))
-                known += assumed[name] * more
-                degrees += more
-            self._found[name] = squares, known, degrees
+        kept, names = float(np.exp(-lasted / MEMORY)), np.array(sensors)
+        for name in dict.fromkeys(sensors):
+            own = names == name
+            waves, known, windows = (kept * one for one in self._found[name])
+            now, last = waves_in(differences[own]), self._last[name]
+            if np.isfinite(now):
+                waves += float(np.median([now, *last]))
+                known += float(assumed[own].mean())
+                windows += 1.0
+                self._last[name] = now, last[0]
+            self._found[name] = waves, known, windows
 
     def unexplained(self, sensor: str) -> float:
-        """Variance of a sample beyond noise and usual errors of the model, of a sensor; 0 where it may be by chance."""
-        squares, known, degrees = self._found[sensor]
-        return (squares - known) / degrees if degrees > 0.0 and squares > BEYOND * known else 0.0
+        """Variance of waves in what a sensor measures, which are no usual errors; 0 where they may be by chance."""
+        waves, known, windows = self._found[sensor]
+        return waves / windows if windows > 0.0 and waves > SURE_SHARE * known else 0.0
