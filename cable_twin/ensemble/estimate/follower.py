@@ -527,10 +527,9 @@ class Follower:
 
     def _note_scatter(self, lasted: float) -> None:
         """Compare the scatter of a window's measurements about the corrected model with what is assumed."""
-        if self._at_tower or not self._rows:
-            return
-        sensors, assumed = [row.sensor for row in self._rows], np.array([row.variance for row in self._rows])
-        self._scatter.note(lasted, sensors, self._linear(self._rows)[0], assumed)
+        if self._rows and not self._at_tower:
+            sensors, assumed = [row.sensor for row in self._rows], np.array([row.variance for row in self._rows])
+            self._scatter.note(lasted, sensors, self._linear(self._rows)[0], assumed)
 
     def _read_as(self, row: _Row, sensor: str) -> _Row:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
