@@ -271,11 +271,10 @@ def hold_of(system, state, node, way, element):
     near alone, as the connector bends the rope there.
     """
     number, joined = state.node_load[node], system.cable.node_joined
-    if joined[node]:
-        return BESIDE
-    if joined[node + way]:
-        return 1.0 - BESIDE
     ahead = LEAST * system.cable.cell_length + STEPS_AHEAD * system.solver.step * abs(state.joints.velocity[number])
+    if joined[node] or joined[node + way]:
+        near = max(BESIDE, ahead / element)
+        return near if joined[node] else 1.0 - near
     return min(HOLD, max(LEAST_HOLD, 1.0 - ahead / element))
 
 
