@@ -16,7 +16,7 @@ MEMORY = 20.0  # s, in which waves are forgotten
 SURE_SHARE = 0.3  # of the assumed variance, from which on the average over windows is not by chance
 SURE_IN_WINDOW = 1.0  # the same of a window by itself
 FEWEST = 5  # samples of a window that tell of waves
-SLOWER = 3.0  # times: as waves last longer than a sample, they are that much larger if taken as independent
+SLOWER = 5.0  # times: as waves last for seconds, they are that much larger if samples are taken as independent
 
 
 def waves_in(values: FloatArray) -> float:
