@@ -30,11 +30,16 @@ def waves_in(values: FloatArray) -> float:
 def excuse(differences: FloatArray, variance: FloatArray) -> float:
     """Variance by which waves within one window widen the samples of a sensor, not to be taken for its fault.
 
+    A steady change is none, as of a force that grows while a counterweight is stuck, and neither is a jump: waves are
+    in both halves of a window.
+
     Args:
         differences: (n,) samples less what the model says.
         variance: (n,) of each sample.
     """
-    waves = waves_in(differences)
+    number = np.arange(differences.size) - 0.5 * (differences.size - 1)
+    steady = (number @ differences) / max(float(number @ number), 1.0) * number
+    waves = min(map(waves_in, np.array_split(differences - steady, 2)))
     return SLOWER**2 * waves if waves > SURE_IN_WINDOW * variance[0] else 0.0
 
 
