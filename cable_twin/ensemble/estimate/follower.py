@@ -258,7 +258,7 @@ class Follower:
             terms, before = self._linear(used), self._belief
             innovation = normalised_square(*terms, before.covariance) / len(used)
             self._belief = update(before, *terms)
-            self._note_scatter(time - self._since)
+            self._note_scatter(time - self._since)  # about the corrected model; it counts in this window already
             self._belief = before
             self._belief = update(before, *self._linear(used))
             if self._went_far(before, self._belief):

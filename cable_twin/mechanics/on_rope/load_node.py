@@ -169,12 +169,14 @@ def pull_along(system, state, carriage):
     """
     cable, towers, like, node = system.cable, system.towers, system.cable.gravity, state.joint_node[carriage]
     total = pull_at_node(system, state, node)
+    first, last = state.mesh.arc_length[node - 1], state.mesh.arc_length[node + 1]
     for k in range(cable.load_arc_length.size):
-        point = point_at(cable, state, cable.load_arc_length[k])
-        total += force_along(state, node, load(cable.load_force[k], like), point, like)
+        if first <= cable.load_arc_length[k] <= last:
+            point = point_at(cable, state, cable.load_arc_length[k])
+            total += force_along(state, node, load(cable.load_force[k], like), point, like)
     for contact in range(towers.stiffness.size):
-        point = point_at(cable, state, state.contact_arc_length[contact])
-        if node - 1 <= point.element <= node:
+        if first <= state.contact_arc_length[contact] <= last:
+            point = point_at(cable, state, state.contact_arc_length[contact])
             force, _ = contact_force(cable, towers, state, contact)
             total += force_along(state, node, force, point, like)
     return total / rope_passing(state.nodes.position, node, like)
