@@ -8,7 +8,6 @@ lanes are arrays of numpy. Past the last element or number, lanes repeat the las
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import prod
 from typing import Any
 
 from cable_twin.mechanics.language.traced import (
@@ -16,6 +15,7 @@ from cable_twin.mechanics.language.traced import (
     Mat,
     Vec,
     as_lanes,
+    flat,
     formula,
     lane_of,
     least,
@@ -137,33 +137,27 @@ def transposed(rows: Sequence[Any]) -> list[Any]:
     return [shuffled(halves[k], halves[k + 2], half) for half in (low, high) for k in range(2)]
 
 
-def read_beside(arrays: Sequence[Any], shape: tuple[int, ...]) -> list[Any]:
-    """Read `WIDTH` arrays of one shape as SIMD lanes: a lane per array, a register per entry; for traced formulas.
+def read_beside(arrays: Sequence[Any], count: int) -> list[Any]:
+    """Read the first `count` numbers of `WIDTH` arrays as SIMD lanes, a lane per array; for traced formulas.
 
     Numbers are read in the order of memory and then transposed into lanes.
     """
-    count = prod(shape)
-    whole = count - count % WIDTH
+    whole, rows = count - count % WIDTH, [flat(array) for array in arrays]
     numbers: list[Any] = []
     for k in range(0, whole, WIDTH):
-        numbers += transposed([read_lanes(array, _place(shape, k), WIDTH) for array in arrays])
-    return numbers + [as_lanes([array[_place(shape, k)] for array in arrays]) for k in range(whole, count)]
+        numbers += transposed([read_lanes(row, (k,), WIDTH) for row in rows])
+    return numbers + [as_lanes([row[k] for row in rows]) for k in range(whole, count)]
 
 
-def write_beside(numbers: Sequence[Any], arrays: Sequence[Any], shape: tuple[int, ...]) -> None:
-    """Write SIMD registers, one per entry with a lane per array, to `WIDTH` equal arrays; for traced formulas."""
-    whole = len(numbers) - len(numbers) % WIDTH
+def write_beside(numbers: Sequence[Any], arrays: Sequence[Any]) -> None:
+    """Write SIMD registers, one per entry with a lane per array, to `WIDTH` arrays; for traced formulas."""
+    whole, rows = len(numbers) - len(numbers) % WIDTH, [flat(array) for array in arrays]
     for k in range(0, whole, WIDTH):
-        for own, array in zip(transposed(numbers[k : k + WIDTH]), arrays, strict=True):
-            write_lanes(own, array, _place(shape, k))
+        for own, row in zip(transposed(numbers[k : k + WIDTH]), rows, strict=True):
+            write_lanes(own, row, (k,))
     for k in range(whole, len(numbers)):
-        for number, array in enumerate(arrays):
-            array[_place(shape, k)] = lane_of(numbers[k], number)
-
-
-def _place(shape: tuple[int, ...], number: int) -> tuple[int, ...]:
-    """Index tuple of the entry with row-major flat index `number` in an array of a shape."""
-    return tuple(number // prod(shape[axis + 1 :]) % size for axis, size in enumerate(shape))
+        for number, row in enumerate(rows):
+            row[k] = lane_of(numbers[k], number)
 
 
 @formula

@@ -499,6 +499,19 @@ def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
     return _Number(kind, one.place[1].shuffle_vector(one.value, other.value, chosen), one.place)
 
 
+def flat(array: Any) -> Any:
+    """View all numbers of an array or sub-array as they are in memory, in one axis; for traced formulas.
+
+    An entry at a constant index has a constant distance from the first one, where sizes of axes would be read.
+    """
+    if not isinstance(array, _Array):
+        return array.reshape(-1)
+    whole = _Array(types.Array(array.kind.dtype, 1, "C"), None, array.place)
+    if array.place is not None:
+        whole._where = array.start()
+    return whole
+
+
 def read_lanes(array: Any, index: tuple[Any, ...], count: int) -> Any:
     """Read `count` adjacent numbers of an array in memory as SIMD lanes, from entry `index` on; for traced formulas."""
     if not isinstance(array, _Array):

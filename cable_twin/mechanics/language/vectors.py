@@ -23,10 +23,10 @@ def dot(a: Vec, b: Vec) -> Any:
 
 
 @formula
-def store(a: Vec | Mat, row: Any) -> None:
-    """Write the entries of a vector, or of a matrix row by row, into an array."""
+def store(a: Vec | Mat, row: Any, first: int = 0) -> None:
+    """Write the entries of a vector, or of a matrix row by row, into an array from its entry `first` on."""
     for i, entry in enumerate(a.entries):
-        row[i] = entry
+        row[first + i] = entry
 
 
 @formula
@@ -37,12 +37,12 @@ def accumulate(a: Vec | Mat, row: Any) -> None:
 
 
 @formula
-def load(row: Any, like: Vec | Mat) -> Vec | Mat:
-    """Read a vector, or a matrix row by row, of the shape of `like` from the first entries of the array `row`."""
+def load(row: Any, like: Vec | Mat, first: int = 0) -> Vec | Mat:
+    """Read a vector, or a matrix row by row, of the shape of `like` from the array `row`, from its entry `first` on."""
     if isinstance(like, Vec):
-        return Vec(row[i] for i in range(len(like)))
+        return Vec(row[first + i] for i in range(len(like)))
     columns = len(like[0])
-    return Mat(Vec(row[i * columns + j] for j in range(columns)) for i in range(len(like)))
+    return Mat(Vec(row[first + i * columns + j] for j in range(columns)) for i in range(len(like)))
 
 
 @formula
@@ -79,6 +79,19 @@ def less_product(c: Vec | Mat, a: Mat, b: Vec | Mat) -> Vec | Mat:
             for line, row in zip(c, a, strict=True)
         )
     return Vec(_less(x, row, b) for x, row in zip(c, a, strict=True))
+
+
+@formula
+def less_products(c: Vec | Mat, a: Mat, x: Vec | Mat, b: Mat, y: Vec | Mat) -> Vec | Mat:
+    """Difference c - a x - b y of matrices a, b times vectors or matrices x, y, entry by entry as `less_product`."""
+    rows = [Vec((*p, *q)) for p, q in zip(a, b, strict=True)]
+    if isinstance(x, Mat) and isinstance(y, Mat):
+        columns = [Vec((*first, *second)) for first, second in zip(x.T, y.T, strict=True)]
+        return Mat(
+            Vec(_less(one, row, column) for one, column in zip(line, columns, strict=True))
+            for line, row in zip(c, rows, strict=True)
+        )
+    return Vec(_less(one, row, Vec((*x, *y))) for one, row in zip(c, rows, strict=True))
 
 
 def _less(total: Any, row: Vec, column: Vec) -> Any:

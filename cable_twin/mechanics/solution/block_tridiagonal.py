@@ -9,17 +9,16 @@ A node has two unknown vectors, r and r_x, so its block is a tuple of four matri
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.traced import Mat, Vec, beside, first_of, formula, second_of
+from cable_twin.mechanics.language.traced import Mat, Vec, beside, first_of, flat, formula, second_of
 from cable_twin.mechanics.language.vectors import (
     adjugate,
     determinant,
     less_product,
+    less_products,
     load,
     outer,
     product,
-    scale,
     store,
-    sum_of_products,
 )
 
 
@@ -33,37 +32,26 @@ def no_node(like):
 @formula
 def load_node(array, square):
     """Load a node block from an array (2, 2, dim²)."""
-    return load(array[0, 0], square), load(array[0, 1], square), load(array[1, 0], square), load(array[1, 1], square)
+    numbers, count = flat(array), len(square.entries)
+    return tuple(load(numbers, square, k * count) for k in range(4))
 
 
 @formula
 def store_node(matrices, array):
     """Write a node block to an array (2, 2, dim²)."""
-    store(matrices[0], array[0, 0])
-    store(matrices[1], array[0, 1])
-    store(matrices[2], array[1, 0])
-    store(matrices[3], array[1, 1])
-
-
-@formula
-def multiply_nodes(a, b):
-    """Product a b of two node blocks."""
-    return (
-        sum_of_products(a[0], b[0], a[1], b[2]),
-        sum_of_products(a[0], b[1], a[1], b[3]),
-        sum_of_products(a[2], b[0], a[3], b[2]),
-        sum_of_products(a[2], b[1], a[3], b[3]),
-    )
+    numbers, count = flat(array), len(matrices[0].entries)
+    for k, matrix in enumerate(matrices):
+        store(matrix, numbers, k * count)
 
 
 @formula
 def less_nodes(c, a, b):
     """Difference c - a b of three node blocks."""
     return (
-        less_product(less_product(c[0], a[0], b[0]), a[1], b[2]),
-        less_product(less_product(c[1], a[0], b[1]), a[1], b[3]),
-        less_product(less_product(c[2], a[2], b[0]), a[3], b[2]),
-        less_product(less_product(c[3], a[2], b[1]), a[3], b[3]),
+        less_products(c[0], a[0], b[0], a[1], b[2]),
+        less_products(c[1], a[0], b[1], a[1], b[3]),
+        less_products(c[2], a[2], b[0], a[3], b[2]),
+        less_products(c[3], a[2], b[1], a[3], b[3]),
     )
 
 
@@ -74,31 +62,27 @@ def add_parts(a, b):
 
 
 @formula
-def apply_node(a, x):
-    """Product a x of a node block with the two vectors of a node."""
-    return sum_of_products(a[0], x[0], a[1], x[1]), sum_of_products(a[2], x[0], a[3], x[1])
-
-
-@formula
 def less_pair(c, a, x):
     """Difference c - a x of two pairs of node vectors, with a node block `a`."""
     return (
-        less_product(less_product(c[0], a[0], x[0]), a[1], x[1]),
-        less_product(less_product(c[1], a[2], x[0]), a[3], x[1]),
+        less_products(c[0], a[0], x[0], a[1], x[1]),
+        less_products(c[1], a[2], x[0], a[3], x[1]),
     )
 
 
 @formula
 def load_pair(array, like):
     """Load the position and slope vectors of a node from an array (2, dim), or two matrices (2, dim²), by `like`."""
-    return load(array[0], like), load(array[1], like)
+    numbers = flat(array)
+    return load(numbers, like), load(numbers, like, len(like.entries))
 
 
 @formula
 def store_pair(pair, array):
     """Write the two vectors of a node to an array (2, dim)."""
-    store(pair[0], array[0])
-    store(pair[1], array[1])
+    numbers = flat(array)
+    store(pair[0], numbers)
+    store(pair[1], numbers, len(pair[0].entries))
 
 
 @formula
@@ -142,15 +126,6 @@ def solve_node(factors, block):
     last = tuple(product(schur_inverse, less_product(block[2 + j], c_a, block[j])) for j in range(2))
     first = tuple(less_product(product(inverse, block[j]), a_b, last[j]) for j in range(2))
     return (*first, *last)
-
-
-@formula
-def invert_node(block):
-    """Inverse of a node block by the Schur complement of its first matrix, and 0, or nan for a singular block."""
-    (inverse, a_b, c_a, last), missing = factor_node(block)
-    upper_right = product(a_b, last)
-    lower_left = scale(-1.0, product(last, c_a))
-    return (less_product(inverse, a_b, lower_left), scale(-1.0, upper_right), lower_left, last), missing
 
 
 @kernel

@@ -1,15 +1,16 @@
-"""Elimination of runs of uncoupled nodes of one rope, between nodes that are coupled to another rope.
+"""Elimination of runs of uncoupled nodes of a rope, between nodes that are coupled to another rope.
 
-A run leaves a coupling of the nodes before and after it, and contributions to their equations. Four runs are side by
-side in one SIMD register. Where there are fewer, the last run is repeated: each number is read for all four runs before
-it is written, so that writing it twice does no harm.
+A run leaves a coupling of the nodes before and after it, and contributions to their equations. Four runs, of one rope
+or several, are side by side in one SIMD register. Where there are fewer, the last run is repeated: each number is read
+for all four runs before it is written, so that writing it twice does no harm. What back substitution needs of them
+stays in SIMD lanes.
 """
 
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel
-from cable_twin.mechanics.language.simd import read_beside, sum_of_lanes, write_beside
-from cable_twin.mechanics.language.traced import formula, together
+from cable_twin.mechanics.language.simd import WIDTH, read_beside, sum_of_lanes, write_beside
+from cable_twin.mechanics.language.traced import formula, read_lanes, together, write_lanes
 from cable_twin.mechanics.language.vectors import load, outer, scale
 from cable_twin.mechanics.solution.block_tridiagonal import (
     add_parts,
@@ -60,81 +61,87 @@ def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, af
 
 
 @inlined_kernel
-def eliminate_four_runs(diagonal, upper, lower, right_side, columns, count, runs, number, like):
-    """Eliminate four runs of nodes side by side in SIMD lanes, up to the shortest length; then the rest of each.
+def eliminate_four_runs(rooms, columns, count, runs, number, run_factors, like):
+    """Eliminate four runs of nodes side by side in SIMD lanes, up to the length of the shortest.
 
-    `runs` (4, 2) are the nodes before and after each; those from `number` on repeat others. Other arguments and result
-    as of `eliminate_run`.
+    Args:
+        rooms: workspace of the rope of each.
+        columns: as in `solve_columns`, of the nodes of all ropes.
+        count: how many blocks of them.
+        runs: (4, 3), nodes before and after each run, and that before it among the nodes of all ropes; from `number`
+            on they repeat others.
+        number: of different runs.
+        run_factors: (nodes, 32 dim²), takes what back substitution needs of nodes side by side.
+        like: any vector of the space.
+
+    Returns:
+        How many nodes of each run, or -1 when a block has no inverse.
     """
-    square, zero = outer(0.0, like, like), (scale(0.0, like), scale(0.0, like))
-    at, shorter = shortest_of(runs, number)
-    no_nodes, nothing = four_times(no_node(like)), four_times(zero)
-    left, out = load_nodes(four(lower, at, 0), square), load_nodes(four(upper, at, 0), square)
-    factor, coupling, on_kept, known, right_of_kept = no_nodes, no_nodes, no_nodes, nothing, nothing
-    for k in range(1, shorter + 1):
-        block, right = load_nodes(four(diagonal, at, k), square), load_pairs(four(right_side, at, k), like)
-        if k > 1:
-            block, right = without(block, right, coupling, factor, known)
-            left = less_nodes(no_nodes, coupling, left)
-            out = less_nodes(no_nodes, out, factor)
-        factors, missing = factor_node(block)
-        if sum_of_lanes(missing) != 0.0:
-            return at[0] + k
+    square, (at, of_all, shortest) = outer(0.0, like, like), four_of(runs, number)
+    diagonals, uppers, lowers, right_sides = matrices_of(rooms)
+    nothing, no_vectors = four_times(no_node(like)), four_times((scale(0.0, like), scale(0.0, like)))
+    on_kept, right_of_kept, missing = nothing, no_vectors, 0.0
+    left, out = load_nodes(lowers, at, 0, square), load_nodes(uppers, at, 0, square)
+    block, right = load_nodes(diagonals, at, 1, square), load_pairs(right_sides, at, 1, like)
+    for k in range(1, shortest + 1):
+        factors, without_inverse = factor_node(block)
+        missing += sum_of_lanes(without_inverse)
+        factor, coupling = solve_node(factors, load_nodes(uppers, at, k, square)), load_nodes(lowers, at, k, square)
         known, left = solve_pair(factors, right), solve_node(factors, left)
+        block, right = load_nodes(diagonals, at, k + 1, square), load_pairs(right_sides, at, k + 1, like)
+        block, right = without(block, right, coupling, factor, known)
         on_kept, right_of_kept = without(on_kept, right_of_kept, out, left, known)
-        factor = solve_node(factors, load_nodes(four(upper, at, k), square))
-        coupling = load_nodes(four(lower, at, k), square)
         for b in range(count):
-            column = solve_pair(factors, load_pairs(four_columns(columns, at, k, b), square))
-            store_pairs(column, four_columns(columns, at, k, b))
-            subtract_columns(coupling, column, four_columns(columns, at, k + 1, b), square)
-            subtract_columns(out, column, four_columns(columns, at, 0, b), square)
-        store_pairs(known, four(right_side, at, k))
-        store_nodes(left, four(lower, at, k - 1))
-        store_nodes(factor, four(upper, at, k))
-    if shorter > 0:  # into the node after them, then into the kept one before
-        here, there = four(diagonal, at, shorter + 1), four(right_side, at, shorter + 1)
-        block, right = without(load_nodes(here, square), load_pairs(there, like), coupling, factor, known)
-        store_nodes(block, here)
-        store_pairs(right, there)
-        here, there = four(diagonal, at, 0), four(right_side, at, 0)
-        store_nodes(add_parts(load_nodes(here, square), on_kept), here)
-        store_pairs(add_parts(load_pairs(there, like), right_of_kept), there)
-        store_nodes(less_nodes(no_nodes, coupling, left), four(lower, at, shorter))
-        store_nodes(less_nodes(no_nodes, out, factor), four(upper, at, 0))
-    for run in range(number):
-        before, after = runs[run, 0], runs[run, 1]
-        stopped = eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, shorter, like)
-        if stopped >= 0:
-            return stopped
-    return -1
+            column = solve_pair(factors, load_columns(columns, of_all, k, b, square))
+            store_columns(column, columns, of_all, k, b)
+            subtract_columns(coupling, column, columns, of_all, k + 1, b, square)
+            subtract_columns(out, column, columns, of_all, 0, b, square)
+        store_pairs(known, right_sides, at, k)
+        store_lanes(left, run_factors[k - 1], 0)
+        store_lanes(factor, run_factors[k - 1], 1)
+        left, out = less_nodes(nothing, coupling, left), less_nodes(nothing, out, factor)
+    if missing != 0.0:
+        return -1
+    if shortest > 0:  # into the node after them, then into the kept one before
+        store_nodes(block, diagonals, at, shortest + 1)
+        store_pairs(right, right_sides, at, shortest + 1)
+        store_nodes(add_parts(load_nodes(diagonals, at, 0, square), on_kept), diagonals, at, 0)
+        store_pairs(add_parts(load_pairs(right_sides, at, 0, like), right_of_kept), right_sides, at, 0)
+        store_nodes(left, lowers, at, shortest)
+        store_nodes(out, uppers, at, 0)
+    return shortest
 
 
 @inlined_kernel
-def subtract_columns(coupling, column, others, square):
+def subtract_columns(coupling, column, columns, at, k, b, square):
     """Subtract four node blocks times their nodes' columns from the columns of four other nodes, in SIMD lanes."""
-    store_pairs(less_pair(load_pairs(others, square), coupling, column), others)
+    store_columns(less_pair(load_columns(columns, at, k, b, square), coupling, column), columns, at, k, b)
 
 
 @inlined_kernel
-def shortest_of(runs, number):
-    """Nodes before each of four runs, and the number of nodes in the shortest; 0 for a single run, best by itself."""
+def four_of(runs, number):
+    """Node before each of four runs, of its rope and of all, and the number of nodes in the shortest run.
+
+    That number is 0 for a single run, which is best eliminated by itself.
+    """
     shortest = runs[0, 1] - runs[0, 0] if number > 1 else 1
     for run in range(1, number):
         shortest = min(shortest, runs[run, 1] - runs[run, 0])
-    return (runs[0, 0], runs[1, 0], runs[2, 0], runs[3, 0]), shortest - 1
+    before, of_all = runs[:, 0], runs[:, 2]
+    at = before[0], before[1], before[2], before[3]
+    return at, (of_all[0], of_all[1], of_all[2], of_all[3]), shortest - 1
 
 
 @inlined_kernel
-def four(array, at, k):
-    """Four entries of an array, `k` after each of four indices."""
-    return array[at[0] + k], array[at[1] + k], array[at[2] + k], array[at[3] + k]
-
-
-@inlined_kernel
-def four_columns(columns, at, k, b):
-    """Column block `b` of four nodes, `k` after each of four node indices, from `columns` (nodes, blocks, 2, dim²)."""
-    return columns[at[0] + k, b], columns[at[1] + k, b], columns[at[2] + k, b], columns[at[3] + k, b]
+def matrices_of(rooms):
+    """Diagonal, upper and lower blocks and right sides of four workspaces."""
+    a, b, c, d = rooms
+    return (
+        (a.diagonal, b.diagonal, c.diagonal, d.diagonal),
+        (a.upper, b.upper, c.upper, d.upper),
+        (a.lower, b.lower, c.lower, d.lower),
+        (a.right_side, b.right_side, c.right_side, d.right_side),
+    )
 
 
 @formula
@@ -144,53 +151,85 @@ def four_times(one):
 
 
 @formula
-def load_nodes(arrays, square):
-    """Load the blocks of several nodes, a SIMD lane each, see `load_node`."""
+def load_nodes(arrays, at, k, square):
+    """Load the node blocks `k` after each of four nodes, a SIMD lane each, see `load_node`."""
     count = len(square.entries)
-    numbers = read_beside(arrays, (2, 2, count))
-    return tuple(load(numbers[k * count : (k + 1) * count], square) for k in range(4))
+    numbers = read_beside(entries_of(arrays, at, k), 4 * count)
+    return tuple(load(numbers, square, k * count) for k in range(4))
 
 
 @formula
-def load_pairs(arrays, like):
-    """Load the vectors or matrices of several nodes, a SIMD lane each, see `load_pair`."""
-    count = len(like.entries)
-    numbers = read_beside(arrays, (2, count))
-    return load(numbers[:count], like), load(numbers[count:], like)
+def store_nodes(blocks, arrays, at, k):
+    """Write four node blocks, a SIMD lane each, to the places from which `load_nodes` reads them."""
+    write_beside([one for matrix in blocks for one in matrix.entries], entries_of(arrays, at, k))
 
 
 @formula
-def store_nodes(blocks, arrays):
-    """Write the blocks of several nodes, a SIMD lane each, to their arrays."""
-    write_beside([one for matrix in blocks for one in matrix.entries], arrays, (2, 2, len(blocks[0].entries)))
+def load_pairs(arrays, at, k, like):
+    """Load the vectors of the nodes `k` after each of four nodes, a SIMD lane each, see `load_pair`."""
+    return pair_of(read_beside(entries_of(arrays, at, k), 2 * len(like.entries)), like)
 
 
 @formula
-def store_pairs(pairs, arrays):
-    """Write SIMD lanes as loaded by `load_pairs` to the arrays of the nodes."""
-    write_beside([one for part in pairs for one in part.entries], arrays, (2, len(pairs[0].entries)))
+def store_pairs(pair, arrays, at, k):
+    """Write the vectors of four nodes, a SIMD lane each, to the places from which `load_pairs` reads them."""
+    write_beside([one for part in pair for one in part.entries], entries_of(arrays, at, k))
+
+
+@formula
+def load_columns(columns, at, k, b, square):
+    """Load column block `b` of the nodes `k` after each of four nodes, a SIMD lane each."""
+    return pair_of(read_beside([columns[one + k, b] for one in at], 2 * len(square.entries)), square)
+
+
+@formula
+def store_columns(pair, columns, at, k, b):
+    """Write a column block of four nodes, a SIMD lane each, to the places from which `load_columns` reads it."""
+    write_beside([one for part in pair for one in part.entries], [columns[one + k, b] for one in at])
+
+
+def entries_of(arrays, at, k):
+    """Entry of each of four arrays, `k` after an index, for formulas."""
+    return [array[one + k] for array, one in zip(arrays, at, strict=True)]
+
+
+def pair_of(numbers, like):
+    """Two vectors or matrices of the shape of `like` from a list of numbers, for formulas."""
+    return load(numbers, like), load(numbers, like, len(like.entries))
+
+
+@formula
+def store_lanes(blocks, row, first):
+    """Write four node blocks as they are in SIMD lanes into a row of numbers, from its block number `first` on."""
+    numbers = [one for matrix in blocks for one in matrix.entries]
+    for k, one in enumerate(numbers):
+        write_lanes(one, row, (WIDTH * (first * len(numbers) + k),))
+
+
+@formula
+def load_lanes(row, first, square):
+    """Read four node blocks, a SIMD lane each, that `store_lanes` has written into a row of numbers."""
+    count = len(square.entries)
+    numbers = [read_lanes(row, (WIDTH * (4 * first * count + k),), WIDTH) for k in range(4 * count)]
+    return tuple(load(numbers, square, k * count) for k in range(4))
 
 
 @inlined_kernel
-def substitute_four_runs(upper, lower, right_side, columns, count, runs, number, like):
-    """Back-substitute four runs of nodes side by side, as eliminated by `eliminate_four_runs`."""
-    square = outer(0.0, like, like)
-    at, shorter = shortest_of(runs, number)
-    for run in range(number):
-        substitute_run(upper, lower, right_side, columns, count, runs[run, 0], runs[run, 1], shorter, like)
-    kept = load_pairs(four(right_side, at, 0), like)
-    known = load_pairs(four(right_side, at, shorter + 1), like)
-    for k in range(shorter, 0, -1):
-        factor, left = load_nodes(four(upper, at, k), square), load_nodes(four(lower, at, k - 1), square)
-        known = less_pair(load_pairs(four(right_side, at, k), like), factor, known)
-        known = less_pair(known, left, kept)
-        store_pairs(known, four(right_side, at, k))
+def substitute_four_runs(rooms, columns, count, runs, number, run_factors, like):
+    """Back-substitute four runs of nodes side by side, as eliminated by `eliminate_four_runs`; returns the same."""
+    square, (at, of_all, shortest) = outer(0.0, like, like), four_of(runs, number)
+    _, _, _, right_sides = matrices_of(rooms)
+    first, known = load_pairs(right_sides, at, 0, like), load_pairs(right_sides, at, shortest + 1, like)
+    for k in range(shortest, 0, -1):
+        left, factor = load_lanes(run_factors[k - 1], 0, square), load_lanes(run_factors[k - 1], 1, square)
+        known = less_pair(load_pairs(right_sides, at, k, like), factor, known)
+        known = less_pair(known, left, first)
+        store_pairs(known, right_sides, at, k)
         for b in range(count):
-            after = load_pairs(four_columns(columns, at, k + 1, b), square)
-            column = load_pairs(four_columns(columns, at, k, b), square)
-            column = less_pair(column, factor, after)
-            before = load_pairs(four_columns(columns, at, 0, b), square)
-            store_pairs(less_pair(column, left, before), four_columns(columns, at, k, b))
+            after, before = load_columns(columns, of_all, k + 1, b, square), load_columns(columns, of_all, 0, b, square)
+            column = less_pair(load_columns(columns, of_all, k, b, square), factor, after)
+            store_columns(less_pair(column, left, before), columns, of_all, k, b)
+    return shortest
 
 
 @inlined_kernel

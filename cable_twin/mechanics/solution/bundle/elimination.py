@@ -3,9 +3,9 @@
 The front is one node of each rope, the next to be eliminated, and the clamps of which a node has been reached, each a
 block of its own until the last of its nodes is gone. Nodes of different ropes are coupled only there: a connector is
 added when both its nodes are at the front, a clamp with each of its nodes when that is, and the remainder of an
-elimination couples the nodes that follow. Nodes that nothing holds to another rope do not come to the front: those
-outside the couplings of a rope (`block_tridiagonal`) and those between two of them (`node_runs`) are eliminated before.
-The order of elimination is found once, from the places of the couplings.
+elimination couples the nodes that follow. Nodes that nothing holds to another rope do not come to the front: before,
+those outside the couplings of a rope are eliminated (`block_tridiagonal`), then those between two (`node_runs`). The
+order of elimination is found once, from the places of the couplings.
 """
 
 from __future__ import annotations
@@ -17,22 +17,28 @@ from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import accumulate, load, outer
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.mechanics.solution.block_tridiagonal import (
-    apply_node,
     eliminate_ends,
-    invert_node,
+    factor_node,
     less_neighbour,
     less_nodes,
     less_pair,
     load_node,
     load_pair,
-    multiply_nodes,
     no_node,
+    solve_node,
+    solve_pair,
     store_node,
     store_pair,
     substitute_ends,
 )
 from cable_twin.mechanics.solution.bundle.records import WORK, Order
-from cable_twin.mechanics.solution.node_runs import eliminate_four_runs, substitute_four_runs
+from cable_twin.mechanics.solution.node_runs import (
+    eliminate_four_runs,
+    eliminate_run,
+    four_of,
+    substitute_four_runs,
+    substitute_run,
+)
 
 CLAMP_NODES = 4  # of the element with its joint, and of that to which it is clamped
 
@@ -156,8 +162,8 @@ def solve_bundle(bundle, scratch, work, like):
             own = record_at(bundle.records[rope, WORK], work)
             if eliminate_ends(own.diagonal, *ends_of(bundle, rope, own, scratch), like) >= 0:
                 return False
-            if not eliminate_runs(bundle, rope, own, scratch, like):
-                return False
+    if not eliminate_runs(bundle, scratch, work, like):
+        return False
     connector, event, nodes = 0, 0, order.node.size
     for number in range(nodes):
         rope, node = order.rope[number], order.node[number]
@@ -193,52 +199,97 @@ def solve_bundle(bundle, scratch, work, like):
             substitute(bundle, event, order.rope[number], order.node[number], scratch, work, like)
         else:
             substitute_clamp(bundle, event, -1 - number, scratch, work, like)
+    substitute_runs(bundle, scratch, work, like)
     for rope in range(ropes):
         if order.joined[rope]:
             own = record_at(bundle.records[rope, WORK], work)
-            substitute_runs(bundle, rope, own, scratch, like)
             substitute_ends(*ends_of(bundle, rope, own, scratch), like)
     return True
 
 
 @kernel
-def eliminate_runs(bundle, rope, own, scratch, like):
-    """Eliminate the nodes of a rope between its nodes coupled to another one, four runs of them at a time."""
-    columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
-    matrices, node = (own.diagonal, own.upper, own.lower, own.right_side, columns, count), scratch.coupled_from[rope]
-    while node < scratch.coupled_to[rope]:
-        node, number = next_runs(bundle, rope, node, scratch)
-        if number > 0 and eliminate_four_runs(*matrices, scratch.runs, number, like) >= 0:
+def eliminate_runs(bundle, scratch, work, like):
+    """Eliminate the nodes of all ropes between their nodes coupled to another one, four runs of them at a time."""
+    rope, node, number = next_runs(bundle, 0, scratch.coupled_from[0], scratch)
+    done = 0
+    while number > 0:
+        columns, count, runs = scratch.wheel_columns, scratch.slots[scratch.run_rope[0]], scratch.runs
+        rooms = rooms_of(bundle, scratch, work)
+        length = eliminate_four_runs(rooms, columns, count, runs, number, scratch.run_factors[done:], like)
+        if length < 0:
             return False
+        for run in range(number):
+            own, of_rope = run_of(bundle, scratch, run, work)
+            matrices = own.diagonal, own.upper, own.lower, own.right_side, of_rope
+            if eliminate_run(*matrices, count, runs[run, 0], runs[run, 1], length, like) >= 0:
+                return False
+        done += length
+        rope, node, number = next_runs(bundle, rope, node, scratch)
     return True
 
 
 @kernel
-def substitute_runs(bundle, rope, own, scratch, like):
+def substitute_runs(bundle, scratch, work, like):
     """Back-substitute the runs of nodes that `eliminate_runs` has eliminated."""
-    columns, count = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]], scratch.slots[rope]
-    node = scratch.coupled_from[rope]
-    while node < scratch.coupled_to[rope]:
-        node, number = next_runs(bundle, rope, node, scratch)
-        if number > 0:
-            substitute_four_runs(own.upper, own.lower, own.right_side, columns, count, scratch.runs, number, like)
+    rope, node, number = next_runs(bundle, 0, scratch.coupled_from[0], scratch)
+    done = 0
+    while number > 0:
+        columns, count, runs = scratch.wheel_columns, scratch.slots[scratch.run_rope[0]], scratch.runs
+        length = four_of(runs, number)[2]
+        for run in range(number):
+            own, of_rope = run_of(bundle, scratch, run, work)
+            matrices = own.upper, own.lower, own.right_side, of_rope
+            substitute_run(*matrices, count, runs[run, 0], runs[run, 1], length, like)
+        rooms = rooms_of(bundle, scratch, work)
+        done += substitute_four_runs(rooms, columns, count, runs, number, scratch.run_factors[done:], like)
+        rope, node, number = next_runs(bundle, rope, node, scratch)
 
 
 @kernel
 def next_runs(bundle, rope, node, scratch):
-    """Find the next four runs of a rope's uncoupled nodes from a kept `node` on; the last run is repeated to fill four.
+    """Find the next four runs of uncoupled nodes, from a kept `node` of a rope on; the last is repeated to fill four.
+
+    Runs of several ropes come together where these have as many columns.
 
     Returns:
-        The kept node after the runs, and the number of different runs.
+        Rope and kept node after the runs, and the number of different runs.
     """
-    first, number = bundle.order.first[rope], 0
-    while number < 4 and node < scratch.coupled_to[rope]:
-        after = scratch.next_kept[first + node]
+    ropes, number = bundle.records.shape[0], 0
+    while number < 4 and rope < ropes:
+        if bundle.order.joined[rope] == 0 or node >= scratch.coupled_to[rope]:
+            rope += 1
+            node = scratch.coupled_from[rope] if rope < ropes else 0
+            if number > 0 and rope < ropes and scratch.slots[rope] != scratch.slots[scratch.run_rope[0]]:
+                break
+            continue
+        after = scratch.next_kept[bundle.order.first[rope] + node]
         if after > node + 1:
+            scratch.run_rope[number:] = rope
             scratch.runs[number:, 0], scratch.runs[number:, 1] = node, after
+            scratch.runs[number:, 2] = bundle.offset[rope] + node
             number += 1
         node = after
-    return node, number
+    return rope, node, number
+
+
+@inlined_kernel
+def run_of(bundle, scratch, run, work):
+    """Workspace and columns of the rope of a run."""
+    rope = scratch.run_rope[run]
+    columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
+    return record_at(bundle.records[rope, WORK], work), columns
+
+
+@inlined_kernel
+def rooms_of(bundle, scratch, work):
+    """Workspaces of the ropes of four runs."""
+    records, ropes = bundle.records, scratch.run_rope
+    return (
+        record_at(records[ropes[0], WORK], work),
+        record_at(records[ropes[1], WORK], work),
+        record_at(records[ropes[2], WORK], work),
+        record_at(records[ropes[3], WORK], work),
+    )
 
 
 @inlined_kernel
@@ -349,27 +400,27 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
     """Eliminate the front node of a rope from the equations of its next node and of the other front members."""
     square = outer(0.0, like, like)
     own = record_at(bundle.records[rope, WORK], work)
-    inverse, missing = invert_node(load_node(own.diagonal[node], square))
+    factors, missing = factor_node(load_node(own.diagonal[node], square))
     if missing != 0.0:
         return False
-    right = apply_node(inverse, load_pair(own.right_side[node], like))
+    right = solve_pair(factors, load_pair(own.right_side[node], like))
     store_pair(right, own.right_side[node])
     columns, count = scratch.wheel_columns[bundle.offset[rope] + node], scratch.slots[rope]
-    apply_to_columns(inverse, columns, count, square)
+    solve_blocks(factors, columns, count, square)
     follows = node < scratch.coupled_to[rope]
     lower = no_node(like)
     upper = lower
     if follows:
         after = scratch.next_kept[bundle.order.first[rope] + node]
         lower = load_node(own.lower[after - 1], square)
-        upper = multiply_nodes(inverse, load_node(own.upper[node], square))
+        upper = solve_node(factors, load_node(own.upper[node], square))
         store_node(upper, own.upper[node])
         less = less_nodes(load_node(own.diagonal[after], square), lower, upper)
         store_node(less, own.diagonal[after])
         less_neighbour(lower, own.right_side[node], own.right_side[after], like)
         for b in range(count):
             less_neighbour(lower, columns[b], scratch.wheel_columns[bundle.offset[rope] + after, b], square)
-    eliminate_beside(bundle, event, rope, inverse, right, columns, count, scratch, work, like)
+    eliminate_beside(bundle, event, rope, factors, right, columns, count, scratch, work, like)
     for other in range(scratch.width[0]):
         if scratch.used[event, other]:
             if follows:
@@ -385,14 +436,14 @@ def eliminate(bundle, event, rope, node, scratch, work, like):
 def eliminate_clamp(bundle, event, clamp, scratch, work, like):
     """Eliminate a clamp from the equations of the elimination front, and free its place in the front."""
     member, square = scratch.member[clamp], outer(0.0, like, like)
-    inverse, missing = invert_node(load_node(scratch.clamp_diagonal[clamp], square))
+    factors, missing = factor_node(load_node(scratch.clamp_diagonal[clamp], square))
     if missing != 0.0:
         return False
-    right = apply_node(inverse, load_pair(scratch.clamp_right[clamp], like))
+    right = solve_pair(factors, load_pair(scratch.clamp_right[clamp], like))
     store_pair(right, scratch.clamp_right[clamp])
     columns, count = scratch.clamp_columns[clamp], scratch.slots[bundle.clamps.rope[clamp]]
-    apply_to_columns(inverse, columns, count, square)
-    eliminate_beside(bundle, event, member, inverse, right, columns, count, scratch, work, like)
+    solve_blocks(factors, columns, count, square)
+    eliminate_beside(bundle, event, member, factors, right, columns, count, scratch, work, like)
     scratch.front[member] = -1
     for other in range(scratch.width[0]):
         scratch.linked[member, other] = scratch.linked[other, member] = 0
@@ -400,21 +451,21 @@ def eliminate_clamp(bundle, event, clamp, scratch, work, like):
 
 
 @inlined_kernel
-def apply_to_columns(block, columns, count, square):
-    """Multiply the first `count` columns (blocks, 2, dim²) of a front member by a node block, in place."""
+def solve_blocks(factors, columns, count, square):
+    """Solve a factored node block for the first `count` columns (blocks, 2, dim²) of a front member, in place."""
     for b in range(count):
-        store_pair(apply_node(block, load_pair(columns[b], square)), columns[b])
+        store_pair(solve_pair(factors, load_pair(columns[b], square)), columns[b])
 
 
 @inlined_kernel
-def eliminate_beside(bundle, event, member, inverse, right, wheel_columns, count, scratch, work, like):
+def eliminate_beside(bundle, event, member, factors, right, wheel_columns, count, scratch, work, like):
     """Eliminate a member from the equations of all others at the front; keep the blocks for its back substitution."""
     square, width = outer(0.0, like, like), scratch.width[0]
     scratch.width_then[event] = width
     for other in range(width):
         scratch.used[event, other] = scratch.linked[member, other]
         if scratch.linked[member, other]:
-            side = multiply_nodes(inverse, load_node(scratch.fill[member, other], square))
+            side = solve_node(factors, load_node(scratch.fill[member, other], square))
             store_node(side, scratch.side[event, other])
     for other in range(width):
         if scratch.used[event, other]:

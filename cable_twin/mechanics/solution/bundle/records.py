@@ -9,6 +9,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.declared import LATEST, Memory, Of, Range, allocate, ranges_of
 from cable_twin.mechanics.language.memory import copy_array
+from cable_twin.mechanics.language.simd import WIDTH
 from cable_twin.mechanics.parameters import DriveLimits, FloatArray, IntArray
 from cable_twin.mechanics.state import PLACE, Course, Drives, Motion, copy_state
 
@@ -213,7 +214,13 @@ class BundleWork(NamedTuple):
     next_kept: Annotated[
         IntArray, Of("ordered")
     ]  # of each node that something holds to another rope now, the next one of its rope, or itself; else -1
-    runs: Annotated[IntArray, Of(4, 2)]  # kept nodes before and after each of four runs that are eliminated together
+    runs: Annotated[
+        IntArray, Of(4, 3)
+    ]  # kept nodes before and after each of four runs that are eliminated together, and that before among all ropes'
+    run_rope: Annotated[IntArray, Of(4)]  # of each
+    run_factors: Annotated[
+        FloatArray, Of("beside", "lanes of two nodes")
+    ]  # of nodes eliminated side by side: increments by the kept node before, and by the node after
     touch: Annotated[IntArray, Of("touch")]  # first of the clamps' nodes at each node, then the one after each
     member: Annotated[IntArray, Of("clamp")]  # place of each at the front
     nodes_left: Annotated[IntArray, Of("clamp")]  # of its four, that are still to be eliminated
@@ -290,6 +297,8 @@ def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
         "member": (bundle.records.shape[0] if coupled else 0) + clamps,  # of the front: ropes, then clamps
         "eliminated": nodes + clamps,
         "ordered": nodes,
+        "beside": int(bundle.offset[-1]) // 2 if coupled else 0,  # two nodes at least
+        "lanes of two nodes": 2 * WIDTH * 4 * bundle.up.size**2,
         "touch": nodes + 4 * clamps,  # nodes, then those of the clamps
         "coordinate": 2 * bundle.sheaves.inertia.size,
         "rope": bundle.records.shape[0],
