@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from cable_twin.mechanics.drives.haul_rope import drum_force
 from cable_twin.mechanics.drives.moving_rope import move_rope
-from cable_twin.mechanics.drives.speed_reference import advance_reference, follow, force_limit
+from cable_twin.mechanics.drives.speed_reference import advance_reference, follow
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import scale, store
+from cable_twin.mechanics.on_rope.brakes import force_limit
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import (

@@ -1,16 +1,10 @@
-"""Reference motion of drives within limits and end stops, and available force of drives and brakes.
-
-A brake on the drive is a deceleration with a limited force: the reference stops within the step, but the drive force is
-limited to the force of the brake (`generalized_alpha.step`). At rest the brake holds with up to that force.
-"""
+"""Reference motion of drives, within limits of acceleration and jerk, and end stops."""
 
 from __future__ import annotations
 
 from math import inf, sqrt
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.on_rope.friction import brake_force
-from cable_twin.mechanics.parameters import EMERGENCY, SERVICE
 
 ROUNDING = 1e-6  # of a step
 PASSING = 1.5  # changes of the acceleration in a step, by which it may be above that which lands on the target
@@ -29,19 +23,6 @@ def capped_speed(target, ahead, behind, speed, deceleration, duration):
     """Speed (m/s) nearest to `target` that allows a stop by `deceleration` within distances (m) `ahead`, `behind`."""
     most = braking_speed(ahead, speed, deceleration, duration)
     return max(min(target, most), -braking_speed(behind, -speed, deceleration, duration))
-
-
-@kernel
-def force_limit(carriages, state, carriage, speed):
-    """Available force (N) of a vehicle's drive at a speed (m/s), or of its brakes in an emergency stop."""
-    if carriages.fixed[carriage]:
-        return inf
-    if state.drives.braking[carriage]:
-        if carriages.drive_stops[carriage]:
-            return inf
-        return brake_force(carriages, state, carriage, SERVICE) + brake_force(carriages, state, carriage, EMERGENCY)
-    by_power = carriages.limits.power[carriage] / abs(speed) if speed != 0.0 else inf
-    return min(carriages.limits.force[carriage], by_power)
 
 
 @kernel

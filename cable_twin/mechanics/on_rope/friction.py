@@ -1,4 +1,4 @@
-"""Dry friction of a vehicle's joint with presliding (Dahl), and force of its brakes; of towers see `on_rope.tower`.
+"""Dry friction of a vehicle's joint with presliding (Dahl), and that of its track-rope brake.
 
 Friction of the rope at towers is in `on_rope.tower`: the same law (`mobilise`) over the sliding distance of the rope.
 Another friction law of joints needs no more than the normal force that `friction_force` takes.
@@ -11,17 +11,8 @@ from math import exp
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.traced import formula, square_root
 from cable_twin.mechanics.language.vectors import add_scaled, dot
+from cable_twin.mechanics.on_rope.brakes import brake_force
 from cable_twin.mechanics.parameters import TRACK_ROPE
-
-
-@kernel
-def brake_force(carriages, state, carriage, brake):
-    """Available force (N) of one brake of a vehicle (SERVICE, EMERGENCY, TRACK_ROPE), rising linearly once applied."""
-    full = carriages.brake_force[carriage, brake]
-    if full == 0.0 or not state.drives.braking[carriage]:
-        return 0.0
-    rise, elapsed = carriages.brake_rise_time[carriage, brake], state.drives.braking_time[carriage]
-    return full if elapsed >= rise else full * elapsed / rise
 
 
 @kernel

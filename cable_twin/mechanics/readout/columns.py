@@ -7,12 +7,12 @@ from typing import Annotated, NamedTuple
 
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
-from cable_twin.mechanics.drives.speed_reference import force_limit
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.declared import Of
 from cable_twin.mechanics.language.rotations import cross, orientation_in_space, turn_in_space
 from cable_twin.mechanics.language.vectors import load, scale, store, subtract
+from cable_twin.mechanics.on_rope.brakes import force_limit
 from cable_twin.mechanics.on_rope.buffer import FORCE_NOW, HIGHEST
 from cable_twin.mechanics.on_rope.chain import arm_to, axes_of, centre, spin_of
 from cable_twin.mechanics.on_rope.counterweight import counterweight_motion

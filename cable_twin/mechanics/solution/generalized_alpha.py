@@ -1,20 +1,18 @@
-"""Real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), full Newton.
+"""Real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), Newton's method in `newton`.
 
 One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, of all ropes at once, with the updates of `newmark`.
 """
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import isfinite
 
 from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hold_at_limits, report_forces
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.on_rope.buffer import contact_error
 from cable_twin.mechanics.on_rope.load_node import update_load_nodes
 from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
 from cable_twin.mechanics.solution.bundle.couplings import (
-    correct_couplings,
     end_couplings,
     move_couplings,
     place_couplings,
@@ -30,12 +28,9 @@ from cable_twin.mechanics.solution.bundle.records import (
     take_motion,
 )
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.newmark import coefficients_of_step, correct_rope, factors, predict_rope
-from cable_twin.mechanics.solution.newton import solve_increments, worst_element
+from cable_twin.mechanics.solution.newmark import coefficients_of_step, predict_rope
+from cable_twin.mechanics.solution.newton import iterate, least_curvature, worst_element
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
-
-REFRESH = 1.03  # growth of the remembered curvature in a step, so that it is measured again now and then
-LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 
 
 @kernel
@@ -47,13 +42,8 @@ def begin_rope(c, h, system, state, work):
 
 @kernel
 def integrate(bundle, moving, scratch, system, state, work, c, h):
-    """Advance all coordinates by `h` (s) by Newton's method; return (converged, iterations, last increment in m).
-
-    An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
-    measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
-    iteration, there is one more; a response to bullwheels that was kept leaves an error of its own.
-    """
-    solver, ropes = system.solver, bundle.records.shape[0]
+    """Advance all coordinates by `h` (s) by Newton's method; return (converged, iterations, last increment in m)."""
+    ropes = bundle.records.shape[0]
     if bundle.coupled:
         move_couplings(bundle, moving, system, state, c, h)
     for rope in range(ropes):
@@ -61,60 +51,7 @@ def integrate(bundle, moving, scratch, system, state, work, c, h):
         begin_rope(c, h, own, here, room)
     if bundle.coupled:
         place_couplings(bundle, moving, system, state, c, h)
-    mass_factor, rate_factor = factors(c, h)
-
-    known = least_curvature(bundle, state)
-    curvature = REFRESH * known if known > 0.0 else inf
-    increment, before = 0.0, 0.0
-    for iteration in range(1, solver.max_iterations + 1):
-        solvable, increment, changed = solve_increments(
-            bundle, moving, scratch, system, state, work, mass_factor, rate_factor, 1.0
-        )
-        if not solvable or not isfinite(increment):
-            return False, iteration, increment
-        for rope in range(ropes):
-            own, here, room = rope_of(bundle, rope, system, state, work)
-            correct_rope(c, h, own, here, room)
-        if bundle.coupled:
-            correct_couplings(bundle, moving, scratch, system, state, c, h)
-        if iteration == 2 and before > 0.0:
-            curvature = max(increment / (before * before), LEAST_CURVATURE)
-        left = max(
-            curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
-        )
-        if bundle.coupled:
-            left = max(left, scratch.lagging[0])
-        before = increment
-        if (left < solver.tolerance and changed == 0) or increment == 0.0:
-            remember_curvature(bundle, state, curvature)
-            return True, iteration, increment
-    return False, solver.max_iterations, increment
-
-
-@kernel
-def least_curvature(bundle, state):
-    """Least Newton error per squared increment (1/m) of all ropes; 0 if one has no known initial accelerations."""
-    least = inf
-    for rope in range(bundle.records.shape[0]):
-        least = min(least, record_at(bundle.records[rope, STATE], state).newton_curvature[0])
-    return least
-
-
-@kernel
-def remember_curvature(bundle, state, curvature):
-    """Store the curvature (1/m) of Newton's method, error per increment squared, with all ropes."""
-    for rope in range(bundle.records.shape[0]):
-        record_at(bundle.records[rope, STATE], state).newton_curvature[0] = curvature
-
-
-@kernel
-def contact_error_of_all(bundle, system, state, work, increment, previous):
-    """Largest estimated error (m) of vehicles in buffer contact on any rope, see `contact_error`."""
-    worst = 0.0
-    for rope in range(bundle.records.shape[0]):
-        own, here, room = rope_of(bundle, rope, system, state, work)
-        worst = max(worst, contact_error(own, here, room, increment, previous))
-    return worst
+    return iterate(bundle, moving, scratch, system, state, work, c, h)
 
 
 @kernel

@@ -1,25 +1,94 @@
-"""One Newton iteration of all ropes and their couplings: linear solution, size and place of its increment.
-
-The loop over iterations, with the convergence test, is `integrate` in `generalized_alpha`.
-"""
+"""Newton's method for all ropes and their couplings: iterations of a step, each a linear solution, and their end."""
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf, isfinite
 
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.on_rope.buffer import contact_error
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal, solve_columns
 from cable_twin.mechanics.solution.bundle.clamp import recover_clamps
-from cable_twin.mechanics.solution.bundle.couplings import add_couplings, add_to_patches
+from cable_twin.mechanics.solution.bundle.couplings import add_couplings, add_to_patches, correct_couplings
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
-from cable_twin.mechanics.solution.bundle.records import WORK, rope_of
+from cable_twin.mechanics.solution.bundle.records import STATE, WORK, rope_of
 from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, is_found_now, recover_wheels
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
+from cable_twin.mechanics.solution.newmark import correct_rope, factors
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 
+REFRESH = 1.03  # growth of the remembered curvature in a step, so that it is measured again now and then
+LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
 BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move the middle of a cubic: counts in motion
+
+
+@kernel
+def iterate(bundle, moving, scratch, system, state, work, c, h):
+    """Solve the equations at the end of a step of `h` (s) by Newton's method, from the predicted motion there.
+
+    An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
+    measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
+    iteration, there is one more; a response to bullwheels that was kept leaves an error of its own.
+
+    Returns:
+        Converged, iterations, last increment (m).
+    """
+    solver, ropes = system.solver, bundle.records.shape[0]
+    mass_factor, rate_factor = factors(c, h)
+
+    known = least_curvature(bundle, state)
+    curvature = REFRESH * known if known > 0.0 else inf
+    increment, before = 0.0, 0.0
+    for iteration in range(1, solver.max_iterations + 1):
+        solvable, increment, changed = solve_increments(
+            bundle, moving, scratch, system, state, work, mass_factor, rate_factor, 1.0
+        )
+        if not solvable or not isfinite(increment):
+            return False, iteration, increment
+        for rope in range(ropes):
+            own, here, room = rope_of(bundle, rope, system, state, work)
+            correct_rope(c, h, own, here, room)
+        if bundle.coupled:
+            correct_couplings(bundle, moving, scratch, system, state, c, h)
+        if iteration == 2 and before > 0.0:
+            curvature = max(increment / (before * before), LEAST_CURVATURE)
+        left = max(
+            curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
+        )
+        if bundle.coupled:
+            left = max(left, scratch.lagging[0])
+        before = increment
+        if (left < solver.tolerance and changed == 0) or increment == 0.0:
+            remember_curvature(bundle, state, curvature)
+            return True, iteration, increment
+    return False, solver.max_iterations, increment
+
+
+@kernel
+def least_curvature(bundle, state):
+    """Least Newton error per squared increment (1/m) of all ropes; 0 if one has no known initial accelerations."""
+    least = inf
+    for rope in range(bundle.records.shape[0]):
+        least = min(least, record_at(bundle.records[rope, STATE], state).newton_curvature[0])
+    return least
+
+
+@kernel
+def remember_curvature(bundle, state, curvature):
+    """Store the curvature (1/m) of Newton's method, error per increment squared, with all ropes."""
+    for rope in range(bundle.records.shape[0]):
+        record_at(bundle.records[rope, STATE], state).newton_curvature[0] = curvature
+
+
+@kernel
+def contact_error_of_all(bundle, system, state, work, increment, previous):
+    """Largest estimated error (m) of vehicles in buffer contact on any rope, see `contact_error`."""
+    worst = 0.0
+    for rope in range(bundle.records.shape[0]):
+        own, here, room = rope_of(bundle, rope, system, state, work)
+        worst = max(worst, contact_error(own, here, room, increment, previous))
+    return worst
 
 
 @kernel
