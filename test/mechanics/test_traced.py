@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.traced import beside, first_of, formula, fuses, second_of, square_root
+from cable_twin.mechanics.language.traced import beside, first_of, formula, fuses, row_of, second_of, square_root
 from cable_twin.mechanics.language.vectors import load
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
@@ -185,3 +185,24 @@ def test_what_cannot_be_put_in_place_is_refused_as_it_is_compiled(count, said):
 def test_what_is_no_number_is_refused():
     with pytest.raises(Exception, match=r"a formula: given unicode_type; allowed: numbers, lanes, arrays and tuples"):
         compiled_arithmetic("x", 1.0, 1, (1.0, 1.0), (0.0, 0.0))
+
+
+@formula
+def last_of_row(array, like):
+    return row_of(array)[2 * len(like) - 1]
+
+
+@kernel
+def compiled_last(arrays, like):
+    return last_of_row(arrays[1], like)
+
+
+def test_entry_of_an_array_is_one_row_of_its_numbers():
+    arrays = np.arange(12.0).reshape(3, 2, 2)
+    assert compiled_last(arrays, (0.0, 0.0)) == arrays[1, 1, 1]
+
+
+@compiled
+def test_array_whose_numbers_are_not_adjacent_is_no_row():
+    with pytest.raises(numba.errors.TypingError, match=r"one row: given array.*; allowed: a contiguous one"):
+        compiled_last(np.zeros((3, 4, 2))[:, ::2], (0.0, 0.0))

@@ -15,11 +15,11 @@ from cable_twin.mechanics.language.traced import (
     Mat,
     Vec,
     as_lanes,
-    flat,
     formula,
     lane_of,
     least,
     read_lanes,
+    row_of,
     shuffled,
     size_of,
     write_lanes,
@@ -142,7 +142,7 @@ def read_beside(arrays: Sequence[Any], count: int) -> list[Any]:
 
     Numbers are read in the order of memory and then transposed into lanes.
     """
-    whole, rows = count - count % WIDTH, [flat(array) for array in arrays]
+    whole, rows = count - count % WIDTH, [row_of(array) for array in arrays]
     numbers: list[Any] = []
     for k in range(0, whole, WIDTH):
         numbers += transposed([read_lanes(row, (k,), WIDTH) for row in rows])
@@ -151,7 +151,7 @@ def read_beside(arrays: Sequence[Any], count: int) -> list[Any]:
 
 def write_beside(numbers: Sequence[Any], arrays: Sequence[Any]) -> None:
     """Write SIMD registers, one per entry with a lane per array, to `WIDTH` arrays; for traced formulas."""
-    whole, rows = len(numbers) - len(numbers) % WIDTH, [flat(array) for array in arrays]
+    whole, rows = len(numbers) - len(numbers) % WIDTH, [row_of(array) for array in arrays]
     for k in range(0, whole, WIDTH):
         for own, row in zip(transposed(numbers[k : k + WIDTH]), rows, strict=True):
             write_lanes(own, row, (k,))

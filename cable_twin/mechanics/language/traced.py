@@ -499,13 +499,15 @@ def shuffled(one: Any, other: Any, lanes: Sequence[int]) -> Any:
     return _Number(kind, one.place[1].shuffle_vector(one.value, other.value, chosen), one.place)
 
 
-def flat(array: Any) -> Any:
-    """View all numbers of an array or sub-array as they are in memory, in one axis; for traced formulas.
+def row_of(array: Any) -> Any:
+    """View all numbers of a contiguous array, or of its entry at leading indices, as one row; for traced formulas.
 
-    An entry at a constant index has a constant distance from the first one, where sizes of axes would be read.
+    So the distance of a number from the first one is constant, where otherwise the sizes of axes would be read.
     """
     if not isinstance(array, _Array):
         return array.reshape(-1)
+    if array.kind.layout != "C":
+        raise TypeError(f"array of a formula as one row: given {array.kind}; allowed: a contiguous one, by rows")
     whole = _Array(types.Array(array.kind.dtype, 1, "C"), None, array.place)
     if array.place is not None:
         whole._where = array.start()

@@ -9,7 +9,7 @@ A node has two unknown vectors, r and r_x, so its block is a tuple of four matri
 from __future__ import annotations
 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
-from cable_twin.mechanics.language.traced import Mat, Vec, beside, first_of, flat, formula, second_of
+from cable_twin.mechanics.language.traced import Mat, Vec, beside, first_of, formula, row_of, second_of
 from cable_twin.mechanics.language.vectors import (
     adjugate,
     determinant,
@@ -32,14 +32,14 @@ def no_node(like):
 @formula
 def load_node(array, square):
     """Load a node block from an array (2, 2, dim²)."""
-    numbers, count = flat(array), len(square.entries)
+    numbers, count = row_of(array), len(square.entries)
     return tuple(load(numbers, square, k * count) for k in range(4))
 
 
 @formula
 def store_node(matrices, array):
     """Write a node block to an array (2, 2, dim²)."""
-    numbers, count = flat(array), len(matrices[0].entries)
+    numbers, count = row_of(array), len(matrices[0].entries)
     for k, matrix in enumerate(matrices):
         store(matrix, numbers, k * count)
 
@@ -73,14 +73,14 @@ def less_pair(c, a, x):
 @formula
 def load_pair(array, like):
     """Load the position and slope vectors of a node from an array (2, dim), or two matrices (2, dim²), by `like`."""
-    numbers = flat(array)
+    numbers = row_of(array)
     return load(numbers, like), load(numbers, like, len(like.entries))
 
 
 @formula
 def store_pair(pair, array):
     """Write the two vectors of a node to an array (2, dim)."""
-    numbers = flat(array)
+    numbers = row_of(array)
     store(pair[0], numbers)
     store(pair[1], numbers, len(pair[0].entries))
 
