@@ -25,7 +25,7 @@ NOTES = [
     f"Ropes of {ELEMENTS} elements side by side, {RODS} rods from each to the next one where they are coupled; "
     f"steps of {STEP * 1e3:g} ms. Costs are by processor time, per Newton iteration and element; that of one rope is "
     "the unit. Nodes with rods make one front of all ropes that these hold together; those between them are eliminated "
-    "before, each rope by itself.",
+    "before, four runs of them at a time.",
     f"Allowed: an exponent of {MOST_EXPONENT:g} over ropes, {MOST_COUPLED:g} with rods between all neighbours, "
     f"{MOST_SHARE:g} times the cost of one rope where nothing is coupled, {MOST_OF_PAIR:g} "
     "times for two with rods, and the pantograph faster than real time.",

@@ -264,11 +264,14 @@ def next_runs(bundle, rope, node, scratch):
             continue
         after = scratch.next_kept[bundle.order.first[rope] + node]
         if after > node + 1:
-            scratch.run_rope[number:] = rope
-            scratch.runs[number:, 0], scratch.runs[number:, 1] = node, after
-            scratch.runs[number:, 2] = bundle.offset[rope] + node
+            scratch.run_rope[number], scratch.runs[number, 2] = rope, bundle.offset[rope] + node
+            scratch.runs[number, 0], scratch.runs[number, 1] = node, after
             number += 1
         node = after
+    for run in range(max(number, 1), 4):
+        scratch.run_rope[run] = scratch.run_rope[run - 1]
+        for k in range(3):
+            scratch.runs[run, k] = scratch.runs[run - 1, k]
     return rope, node, number
 
 
