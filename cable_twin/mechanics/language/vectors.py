@@ -81,19 +81,6 @@ def less_product(c: Vec | Mat, a: Mat, b: Vec | Mat) -> Vec | Mat:
     return Vec(_less(x, row, b) for x, row in zip(c, a, strict=True))
 
 
-@formula
-def less_products(c: Vec | Mat, a: Mat, x: Vec | Mat, b: Mat, y: Vec | Mat) -> Vec | Mat:
-    """Difference c - a x - b y of matrices a, b times vectors or matrices x, y, entry by entry as `less_product`."""
-    rows = [Vec((*p, *q)) for p, q in zip(a, b, strict=True)]
-    if isinstance(x, Mat) and isinstance(y, Mat):
-        columns = [Vec((*first, *second)) for first, second in zip(x.T, y.T, strict=True)]
-        return Mat(
-            Vec(_less(one, row, column) for one, column in zip(line, columns, strict=True))
-            for line, row in zip(c, rows, strict=True)
-        )
-    return Vec(_less(one, row, Vec((*x, *y))) for one, row in zip(c, rows, strict=True))
-
-
 def _less(total: Any, row: Vec, column: Vec) -> Any:
     """`total` less the scalar product of a matrix row and a column, product by product."""
     for x, y in zip(row, column, strict=True):

@@ -14,7 +14,6 @@ from cable_twin.mechanics.language.vectors import (
     adjugate,
     determinant,
     less_product,
-    less_products,
     load,
     outer,
     product,
@@ -48,10 +47,10 @@ def store_node(matrices, array):
 def less_nodes(c, a, b):
     """Difference c - a b of three node blocks."""
     return (
-        less_products(c[0], a[0], b[0], a[1], b[2]),
-        less_products(c[1], a[0], b[1], a[1], b[3]),
-        less_products(c[2], a[2], b[0], a[3], b[2]),
-        less_products(c[3], a[2], b[1], a[3], b[3]),
+        less_product(less_product(c[0], a[0], b[0]), a[1], b[2]),
+        less_product(less_product(c[1], a[0], b[1]), a[1], b[3]),
+        less_product(less_product(c[2], a[2], b[0]), a[3], b[2]),
+        less_product(less_product(c[3], a[2], b[1]), a[3], b[3]),
     )
 
 
@@ -65,8 +64,8 @@ def add_parts(a, b):
 def less_pair(c, a, x):
     """Difference c - a x of two pairs of node vectors, with a node block `a`."""
     return (
-        less_products(c[0], a[0], x[0], a[1], x[1]),
-        less_products(c[1], a[2], x[0], a[3], x[1]),
+        less_product(less_product(c[0], a[0], x[0]), a[1], x[1]),
+        less_product(less_product(c[1], a[2], x[0]), a[3], x[1]),
     )
 
 
