@@ -185,6 +185,7 @@ class Tramway:
         self._system.Assemble()
         self._haul = HaulRope(self._scenario, self._mass)
         self._mobilised, self._last, self._time = 0.0, np.zeros(2), 0.0
+        self._rolled = self._place()
         self._first = float(simulation.snapshot.columns.drive_force[0])
 
     def rest(self) -> None:
@@ -193,8 +194,7 @@ class Tramway:
         Raises:
             RuntimeError: Exudyn gave up.
         """
-        place, _ = self._tangent()
-        self._haul.hang(self._first, place)
+        self._haul.hang(self._first, self._place())
         settings = self._settings(SETTLING, round(SETTLING / self._step))
         self._system.SetPreStepUserFunction(lambda system, _end: bool(self._drive(system.systemData.GetTime(), 0.0)))
         self._system.SolveDynamic(settings, updateInitialValues=True)
@@ -245,18 +245,21 @@ class Tramway:
     def _drive(self, time: float, drum: float) -> Row:
         """Set the forces of a step, from the present state; returns the true values of now."""
         system, kinds = self._system, self._exudyn.OutputVariableType
-        place, tangent = self._tangent()
-        square = float(tangent @ tangent)
-        speed = float(tangent @ np.array(system.GetMarkerOutput(self._grip, kinds.Velocity))[:2]) / square
+        place = self._place()
+        tangent = self._slope(place)
+        beside = [self._slope(place + way) for way in (-self._length, self._length)]
+        hauled = 0.5 * sum(one / float(one @ one) for one in beside)  # beside the bend, which is as long as an element
+        speed = float(hauled @ np.array(system.GetMarkerOutput(self._grip, kinds.Velocity))[:2])
         passed, self._time = max(time - self._time, 0.0), time
         on_carriage, drive = self._haul.forces(place, drum, speed, passed)
-        pull = on_carriage * tangent / square
+        pull = on_carriage * hauled
         # the normal force on the rope: weight and inertia of the carriage, across the tangent
-        along = tangent / math.sqrt(square)
+        along = tangent / np.linalg.norm(tangent)
         pressed = np.array(system.GetObjectOutput(self._joint, kinds.Force))[:2]
         normal = float(np.linalg.norm(pressed - (pressed @ along) * along))
         friction = self._scenario.carriages[CARRIAGE].friction
-        way, sign = speed * passed, math.copysign(1.0, speed)
+        way, self._rolled = place - self._rolled, place
+        sign = math.copysign(1.0, way)
         left = (self._mobilised - sign) * math.exp(-abs(way) / PRESLIDING)
         self._mobilised = sign + left
         rub = -friction.rolling * normal * self._mobilised * along
@@ -281,10 +284,13 @@ class Tramway:
             part = {element: 1.0 - share, element + 1: share}.get(number, 0.0)
             self._system.SetLoadParameter(self._on_nodes[number], "loadVector", [*(part * force), 0.0])
 
-    def _tangent(self) -> tuple[float, FloatArray]:
-        """Arc length (m) of the carriage, and the slope r_x (2,) of the rope there."""
-        system = self._system
-        place = float(system.GetObjectOutput(self._joint, self._exudyn.OutputVariableType.SlidingCoordinate))
+    def _place(self) -> float:
+        """Arc length (m) of the carriage."""
+        return float(self._system.GetObjectOutput(self._joint, self._exudyn.OutputVariableType.SlidingCoordinate))
+
+    def _slope(self, place: float) -> FloatArray:
+        """Slope r_x (2,) of the rope at an arc length (m)."""
+        system, place = self._system, min(max(place, 0.0), self._count * self._length)
         element = min(max(int(place / self._length), 0), self._count - 1)
         x, length = place / self._length - element, self._length
         ends = []
@@ -294,7 +300,7 @@ class Tramway:
         one, other = ends
         slope = (6.0 * x * x - 6.0 * x) / length * (one[:2] - other[:2])
         slope = slope + (1.0 - 4.0 * x + 3.0 * x * x) * one[2:] + (3.0 * x * x - 2.0 * x) * other[2:]
-        return place, slope
+        return np.asarray(slope, dtype=float)
 
     def _damper(self, node: Any, coordinate: int, damping: float) -> Any:
         """Damper of one coordinate, for settling."""

@@ -3,7 +3,7 @@
 The rope pulls the vehicle in space, along the track rope, but reacts on its station and not on the track rope. So it
 has a coordinate w (m) of its own, the travel of the vehicle's position p in that direction. The drum has the coordinate
 u (m), the rope that it has paid out or hauled: where the vehicle would be if the rope did not stretch. With
-d = r_x / |r_x|², found once a step,
+d = r_x / |r_x|², found once a step, the mean of both sides where the track rope bends at the vehicle,
 
     w_dot = d·p_dot = s_dot + d·S e_dot,   T d on the carriage,   -T on u.
 
@@ -21,12 +21,14 @@ from __future__ import annotations
 
 from math import sqrt
 
-from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import dot, load, scale, store
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
 from cable_twin.mechanics.on_rope.chain import carriage_mass
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, END, SPEED
+from cable_twin.mechanics.rope.patch import at_node
+from cable_twin.mechanics.rope.point import AFTER, BEFORE
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
 
@@ -96,8 +98,20 @@ def pull_on_carriage(system, state, carriage):
 
 @kernel
 def haul_direction(system, state, carriage):
-    """Haul direction d (dim,): derivative of a vehicle's travel along the track by its position."""
-    r_x = joint_tangent(system.cable, state, carriage)
+    """Haul direction d (dim,): derivative of a vehicle's travel along the track by its position.
+
+    It is r_x / |r_x|², and at a node the mean of that of both sides: a track rope that hangs in a bend of the angle 2α
+    at the vehicle and moves across itself alone has d·p_dot = s_dot, while the vehicle's path is longer by 1 / cos α.
+    """
+    if not at_node(system.cable, state, carriage):
+        return along(joint_tangent(system.cable, state, carriage))
+    slopes, like = state.nodes.position[state.joint_node[carriage]], system.cable.gravity
+    return scale(0.5, add_scaled(1.0, along(load(slopes[BEFORE], like)), along(load(slopes[AFTER], like))))
+
+
+@inlined_kernel
+def along(r_x):
+    """Derivative r_x / |r_x|² (dim,) of arc length by position."""
     return scale(1.0 / dot(r_x, r_x), r_x)
 
 

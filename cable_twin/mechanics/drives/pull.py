@@ -49,10 +49,10 @@ def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
     if state.axis[carriage] == DRUM:
         condense_drum(system, state, carriage, mass_factor, rate_factor, work)
     elif system.haul_ropes.axial_stiffness[carriage] > 0.0:  # held at rest, by its rope
-        r_x = joint_tangent(system.cable, state, carriage)
+        d = haul_direction(system, state, carriage)
         state.drives.force[carriage] = driven_force(system, state, carriage)
-        work.haul_force[carriage] = state.drives.force[carriage] * sqrt(dot(r_x, r_x))
-        store(haul_direction(system, state, carriage), work.haul_direction[carriage])
+        work.haul_force[carriage] = state.drives.force[carriage] / sqrt(dot(d, d))
+        store(d, work.haul_direction[carriage])
 
 
 @inlined_kernel
@@ -65,12 +65,13 @@ def recover_drive(state, carriage, moved, work):
 @kernel
 def observe_haul(system, state, carriage):
     """Drum travel (m) and speed (m/s) of a haul rope, force (N) of haul rope or clamp on the vehicle; NaN without."""
-    r_x = joint_tangent(system.cable, state, carriage)
     if state.clamp_holds[carriage]:
+        r_x = joint_tangent(system.cable, state, carriage)
         return nan, nan, dot(load(state.clamp_force[carriage], r_x), r_x) / sqrt(dot(r_x, r_x))
     if state.axis[carriage] != DRUM:
         return nan, nan, nan
-    force = pull_on_carriage(system, state, carriage) / sqrt(dot(r_x, r_x))
+    d = haul_direction(system, state, carriage)
+    force = pull_on_carriage(system, state, carriage) * sqrt(dot(d, d))
     return state.drums.position[carriage], state.drums.velocity[carriage], force
 
 
@@ -101,5 +102,5 @@ def release_joints(system: System, state: Any, axes: IntArray, modes: IntArray) 
     own = vehicles_of(system, state)
     state.drives.force[own & (((modes != SPEED) & (axes != DRUM)) | ~state.attached)] = 0.0
     for carriage in np.flatnonzero(own & (axes == DRUM)).tolist():  # along the haul rope, on the arc length
-        state.drives.force[carriage] *= np.linalg.norm(joint_tangent(system.cable, state, carriage))
+        state.drives.force[carriage] /= np.linalg.norm(haul_direction(system, state, carriage))
     state.axis[own], state.drives.mode[own] = axes[own], modes[own]
