@@ -196,7 +196,7 @@ class Tramway:
         """
         self._haul.hang(self._first, self._place())
         settings = self._settings(SETTLING, round(SETTLING / self._step))
-        self._system.SetPreStepUserFunction(lambda system, _end: bool(self._drive(system.systemData.GetTime(), 0.0)))
+        self._system.SetPreStepUserFunction(lambda system, _end: bool(self._drive(self._begun(system), 0.0)))
         self._system.SolveDynamic(settings, updateInitialValues=True)
         for one in self._dampers:
             self._system.SetObjectParameter(one, "activeConnector", False)
@@ -212,7 +212,7 @@ class Tramway:
 
         def before_step(system: Any, _end: float) -> bool:
             nonlocal told
-            time = float(system.systemData.GetTime())  # of the beginning, as Exudyn halves steps where it has to
+            time = self._begun(system)
             row, number = self._drive(time, float(np.interp(time, times, course.speed))), round(time / self._step)
             if number > told:  # at first joints have no forces yet
                 told = number
@@ -224,6 +224,10 @@ class Tramway:
         settings = self._settings(steps * self._step, steps)
         self._system.SetPreStepUserFunction(before_step)
         self._system.SolveDynamic(settings)
+
+    def _begun(self, system: Any) -> float:
+        """Time (s) at which the present step begins; Exudyn halves steps where it has to, and tries them again."""
+        return float(system.systemData.GetTime(self._exudyn.ConfigurationType.StartOfStep))
 
     def _settings(self, duration: float, steps: int) -> Any:
         """Settings of Exudyn's time integration, as of the benchmarks."""
