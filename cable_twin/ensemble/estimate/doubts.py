@@ -1,4 +1,4 @@
-"""Detection of faulty sensors: stuck, of another unit, swapped, or in contradiction to all others."""
+"""Detection of faulty sensors: stuck, jumping, of another unit, swapped, or in contradiction to all others."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import with_unit
+from cable_twin.ensemble.estimate.jumps import Jumps
 from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -38,7 +39,7 @@ def with_deviation(value: float, deviation: float, unit: str) -> str:
 
 
 class Doubts:
-    """Detector of faulty sensors of a plant: stuck, of another unit, swapped, or contradicting the others.
+    """Detector of faulty sensors of a plant: stuck, jumping, of another unit, swapped, or contradicting the others.
 
     Attributes:
         left_out: sensors that are left out for good, each with its alarm.
@@ -52,6 +53,7 @@ class Doubts:
         self._suspected: dict[str, int] = {}
         self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
         self._moved: dict[str, tuple[float, float, float]] = {}  # time, place and speed of the last move of an encoder
+        self._jumps = {name: Jumps(one.noise) for name, one in readings.items() if one.unit == "m"}
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
 
@@ -64,11 +66,23 @@ class Doubts:
     def forget(self) -> None:
         """Forget which sensors are suspected, as at a restart; sensors already left out stay so."""
         self._suspected.clear()
+        for jumps in self._jumps.values():
+            jumps.forget()
 
-    def of_samples(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
-        """Alarms for stuck sensors and wrong units, which are then left out; `numbers` (n,): frame of the twin."""
+    def of_samples(
+        self, time: float, measurements: Sequence[Measurement], numbers: FloatArray, at_tower: bool = False
+    ) -> list[Alarm]:
+        """Alarms for sensors that are stuck, jump or have a wrong unit, and which are then left out.
+
+        Args:
+            time: s.
+            measurements: of that time.
+            numbers: (n,) frame of the twin.
+            at_tower: whether a vehicle passes a tower, which shakes it otherwise than its twin.
+        """
         known = [one for one in measurements if one.sensor in self._readings]
-        return self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
+        alarms = self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
+        return alarms + self._jumped(time, [] if at_tower else known, numbers)
 
     def contradicting(self, sensors: Sequence[str], squares: Squares) -> str:
         """Sensor that contradicts all others; ONE/OTHER for two swapped ones, `PLANT` for several, empty for none."""
@@ -128,6 +142,19 @@ class Doubts:
                 self._moved[one.sensor] = time, size, (size - before[1]) / max(time - before[0], 1e-3)
             if same and count + 1 == most and abs(self._moved.get(one.sensor, (0.0, 0.0, np.inf))[2]) > SUDDEN:
                 text = f"sensor {one.sensor} is stuck at {with_unit(size, reading.unit, 6)} and is left out"
+                alarms.append(self._leave_out(one.sensor, time, text))
+        return alarms
+
+    def _jumped(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
+        """Alarms for encoders whose places jump against those of the twin."""
+        alarms = []
+        for one in measurements:
+            jumps = self._jumps.get(one.sensor)
+            if jumps is None or one.sensor in self.left_out:
+                continue
+            size = jumps.note(time, one.values[0], float(self._readings[one.sensor].of(numbers[None, :])[0]))
+            if size:
+                text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
                 alarms.append(self._leave_out(one.sensor, time, text))
         return alarms
 

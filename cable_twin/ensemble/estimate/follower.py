@@ -207,7 +207,7 @@ class Follower:
         """
         self._advance(time)
         numbers = self._ensemble.numbers()
-        self._alarms += self.doubts.of_samples(time, measurements, numbers[0])
+        self._alarms += self.doubts.of_samples(time, measurements, numbers[0], self._at_tower)
         rates = (
             0.0 if self._before is None else np.abs(numbers[0] - self._before[1]) / max(time - self._before[0], 1e-3)
         )

@@ -1,0 +1,76 @@
+"""Jumps of an encoder are told from its quanta, and from bounces and drifts of the twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cable_twin.ensemble.estimate.doubts import Doubts
+from cable_twin.ensemble.estimate.jumps import HALF, Jumps
+from cable_twin.ensemble.estimate.quantities import Errors, Reading
+from cable_twin.frame.sensors import Measurement
+
+QUANTUM = 0.01  # m
+NOISE = QUANTUM / np.sqrt(12.0)
+TIMES = 0.1 * np.arange(400)
+
+
+def told(jump, speed=4.0, apart=None, seed=0):
+    """Times and sizes (m) of jumps that are told when an encoder jumps at 20 s, `apart` (m) from its twin otherwise."""
+    start = np.random.default_rng(seed).uniform(0.0, 1.0)
+    twin = start + speed * TIMES
+    place = twin + (0.0 if apart is None else apart) + np.where(TIMES > 20.0, jump, 0.0)
+    jumps, found = Jumps(NOISE), []
+    for time, one, other in zip(TIMES, QUANTUM * np.round(place / QUANTUM), twin, strict=True):
+        if size := jumps.note(float(time), float(one), float(other)):
+            found.append((float(time), size))
+    return found
+
+
+@pytest.mark.parametrize("jump", [0.02, -0.02, 0.5])
+@pytest.mark.parametrize("speed", [0.0, 0.37, -6.1])
+def test_a_jump_is_told_with_its_size(jump, speed):
+    found = told(jump, speed)
+    time, size = found[0]
+    assert 20.0 < time < 20.1 + 0.1 * HALF
+    assert size == pytest.approx(jump, abs=0.011)
+
+
+def test_five_standard_deviations_are_mostly_told():
+    assert sum(bool(told(5.0 * NOISE, speed=3.77, seed=seed)) for seed in range(40)) >= 32
+
+
+@pytest.mark.parametrize(
+    "apart",
+    [
+        None,
+        0.05 * np.sin(2.0 * TIMES),  # a bounce in the haul rope
+        0.3 * np.exp(-0.3 * TIMES) * np.cos(1.3 * TIMES),
+        np.where(TIMES > 20.0, 0.2 * (TIMES - 20.0), 0.0),  # another speed
+        np.where(TIMES > 20.0, 0.6 * (TIMES - 20.0) ** 2, 0.0),  # a stop
+    ],
+)
+@pytest.mark.parametrize("speed", [0.0, 0.37, -6.1])
+def test_quanta_bounces_and_drifts_are_no_jumps(apart, speed):
+    assert not any(told(0.0, speed, apart, seed) for seed in range(5))
+
+
+def test_neither_a_gap_nor_samples_of_before_a_restart_are_jumps():
+    jumps = Jumps(NOISE)
+    assert not any(jumps.note(time, time > 20.0, 0.0) for time in TIMES if not 18.0 < time < 22.0)
+    jumps.forget()
+    assert not any(jumps.note(100.0 + time, 2.0, 0.0) for time in TIMES)
+
+
+def test_an_encoder_that_jumps_is_left_out_but_not_at_a_tower():
+    reading = Reading("encoder", "m", np.zeros(1, dtype=np.intp), NOISE, Errors(0.05, 0.05), 0.2)
+    for at_tower in (False, True):
+        doubts, alarms = Doubts({"encoder": reading}), []
+        for time in TIMES:
+            place = 4.0 * time
+            measured = [Measurement("encoder", float(time), (place + (0.05 if time > 20.0 else 0.0),))]
+            alarms += doubts.of_samples(float(time), measured, np.array([place]), at_tower)
+        assert [one.reason for one in alarms] == ["sensor encoder has jumped by 0.05 m and is left out"] * (
+            not at_tower
+        )
+        assert [*doubts.left_out] == ["encoder"] * (not at_tower)
