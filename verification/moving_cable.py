@@ -286,4 +286,4 @@ def open_system() -> Iterator[Result]:
     ends -= 0.5 * cable.mass_per_length * (speed * slopes) ** 2
     ends += cable.mass_per_length * cable.gravity[1] * state.nodes.position[[0, -1], 0, 1]
     expected = float(ends[1] - ends[0])
-    yield Result("force of the drive from both ends", "N", expected, drive.force, 0.002 * abs(expected))
+    yield Result("force of the drive from both ends", "N", expected, drive.force, 0.0002 * abs(expected))

@@ -10,24 +10,26 @@ from math import inf
 
 from cable_twin.mechanics.drives.speed_reference import approach_target, follow
 from cable_twin.mechanics.drives.stations import loop_coordinate, park
-from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import dot, load
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import dot, load, scale
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import joint_tangent, tangent_moment
 from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import START
 from cable_twin.mechanics.rope.ale import transport_velocity
 from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.point import point_at, slope
+from cable_twin.mechanics.rope.patch import at_node
+from cable_twin.mechanics.rope.point import AFTER, BEFORE, point_at, slope
 
 
 @kernel
 def moving_rope_force(system, state):
     """Force (N) of the drive on a moving rope: rate of axial momentum, plus vehicles' forces, less tower friction.
 
-    It is d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·r_x + m ∂α/∂s) - Σ F·r_x.
+    It is d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·t + m ∂α/∂s) - Σ F·r_x.
 
-    λ and m are joint force and hinge moment of clamped vehicles, F the force of a tower contact on the cable, of which
+    t is r_x, or at a node, with the slopes r_x⁻ and r_x⁺ on both sides and their mean r, r (r_x⁻² + r_x⁺²) / (2 r²),
+    which gives the difference of T |r_x| on both sides, whatever the angle of the bend. λ and m are joint force and hinge moment of clamped vehicles, F the force of a tower contact on the cable, of which
     only friction counts, since the normal force is across r_x. This is the equation of motion of the rope travel. Times
     v it is the power into the strand and its vehicles, where the energy that the cable carries out at one end comes
     back at the other: on a closed loop.
@@ -38,14 +40,24 @@ def moving_rope_force(system, state):
     force = by_acceleration + rate * squared + 2.0 * speed * by_rate
     for carriage in range(system.carriages.fixed.size):
         if system.carriages.clamped[carriage] and rides(system, state, carriage):
-            r_x = joint_tangent(cable, state, carriage)
             pull = load(state.multipliers[system.carriages.body_offset[carriage]], cable.gravity)
-            force += dot(pull, r_x)
+            force += dot(pull, pulled_slope(cable, state, carriage))
             force += tangent_moment(system, state, carriage)[1]
     for contact in range(system.towers.stiffness.size):
         r_x = slope(state.nodes.position, point_at(cable, state, state.contact_arc_length[contact]), cable.gravity)
         force -= dot(contact_force(cable, system.towers, state, contact)[0], r_x)
     return force
+
+
+@inlined_kernel
+def pulled_slope(cable, state, carriage):
+    """Vector (dim,) by which the force of a rope on a clamped vehicle becomes its part in the force of the drive."""
+    r_x = joint_tangent(cable, state, carriage)
+    if not at_node(cable, state, carriage):
+        return r_x
+    slopes = state.nodes.position[state.joint_node[carriage]]
+    before, after = load(slopes[BEFORE], r_x), load(slopes[AFTER], r_x)
+    return scale(0.5 * (dot(before, before) + dot(after, after)) / dot(r_x, r_x), r_x)
 
 
 @kernel
