@@ -8,7 +8,7 @@ import pytest
 
 from cable_twin.key_figures import QUANTITIES, KeyFigures
 from cable_twin.mechanics.solution.dissipation import numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.newmark import coefficients
+from cable_twin.mechanics.solution.prediction import coefficients
 from cable_twin.offline import simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation

@@ -46,7 +46,7 @@ from cable_twin.simulation.first_compilation import parts_of
 from cable_twin.mechanics.solution.bundle.bullwheels import move_bullwheels
 from cable_twin.mechanics.solution.generalized_alpha import begin_rope, step
 from cable_twin.mechanics.solution.equations_of_motion import assemble_unheld
-from cable_twin.mechanics.solution.newmark import Coefficients, predict_rope
+from cable_twin.mechanics.solution.prediction import Coefficients, predict_rope
 from cable_twin.scenario import load_scenario, scenario_names
 from cable_twin.simulation.engine import Engine
 

@@ -8,7 +8,7 @@ from cable_twin.mechanics.parameters import mesh_fields
 from cable_twin.mechanics.rope.point import element_at
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import Grading, build_system, load_scenario
-from cable_twin.scenario.builders.system import graded_nodes, short_zones
+from cable_twin.scenario.builders.mesh import graded_nodes, short_zones
 
 GRADING = {"target": 8.0, "at_towers": 1.4, "growth": 1.5}
 ROPEWAYS = ("chairlift", "gondola", "aerial_tramway")

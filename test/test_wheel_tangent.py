@@ -15,8 +15,8 @@ from cable_twin.mechanics.solution.bundle.bullwheels import NOTHING, ROPE, WHEEL
 from cable_twin.mechanics.solution.bundle.clamp import follow_clamps
 from cable_twin.mechanics.solution.bundle.records import SERVES
 from cable_twin.mechanics.solution.bundle.wheel_tangent import LAGGING
-from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors
 from cable_twin.mechanics.solution.newton import solve_increments
+from cable_twin.mechanics.solution.prediction import coefficients, correct_rope, factors
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 

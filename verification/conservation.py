@@ -10,7 +10,7 @@ import numpy as np
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.rope.point import AFTER, BEFORE, R
 from cable_twin.mechanics.rope.shape_functions import MASS
-from cable_twin.mechanics.solution.newmark import coefficients
+from cable_twin.mechanics.solution.prediction import coefficients
 from cable_twin.simulation import Simulation
 from verification import Result, case
 from verification.models import GRAVITY, beam, changing, observed_order, seed, start_moving

@@ -228,7 +228,9 @@ def _limits(scenario: Scenario, command: str | Mapping[str, str]) -> dict[str, t
         if limit == math.inf:
             owner = f"drives.{name}" if name in scenario.drives else f"carriages.{name}.drive"
             unit = KINDS[kind].unit
-            raise ValueError(f"{owner}.limits.{kind}: given null; allowed: a limit in {unit}, which overrides can set")
+            raise ValueError(
+                f"{owner}.limits.{kind}: given null; allowed: a limit in {unit}, to scale actions, as overrides can set"
+            )
         found[name] = (kind, limit)
     if not found:
         raise ValueError(f"scenario: given '{scenario.name}'; allowed: one with a driven carriage or drive")

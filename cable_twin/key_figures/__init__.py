@@ -7,7 +7,7 @@ The cost and the memory of an update do not grow with the run.
 
 from cable_twin.key_figures.extremes import supports_of
 from cable_twin.key_figures.figure import FigureId, KeyFigure, Subject, figure, figure_from_values, values_of
-from cable_twin.key_figures.gathered import KeyFigures, compile_figures
+from cable_twin.key_figures.figures_of_run import KeyFigures, compile_figures
 from cable_twin.key_figures.quantities import QUANTITIES, Quantity
 
 __all__ = [

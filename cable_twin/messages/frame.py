@@ -358,7 +358,7 @@ def wrench_template(header: Header, force: FloatArray) -> Template:
 
 
 def vector_template(header: Header, vector: FloatArray) -> Template:
-    """Template of a Vector3Stamped with a vector (3,)."""
+    """Encoded Vector3Stamped, of which each frame overwrites the stamp and the vector (3,) alone."""
     return Template(Vector3Stamped(header, Vector3(*map(float, marks(3)))), [vector])
 
 
@@ -371,7 +371,7 @@ def transform_of(
 
 
 def cloud_template(header: Header, fields: Sequence[str], sources: Sequence[FloatArray]) -> Template:
-    """Template of a PointCloud2 of float32 fields, with a point for each row of the sources (n, k)."""
+    """Encoded PointCloud2 of float32 fields, which frames fill, with a point for each row of the sources (n, k)."""
     count, step = len(sources[0]), 4 * len(fields)
     numbers = marks(count * len(fields), "<f4")
     points = np.empty((count, len(fields)), "<f4")

@@ -123,7 +123,7 @@ def walk(stream: IO[bytes]) -> Iterator[Record | McapError]:
 
 
 def _signatures(stream: IO[bytes], offset: int) -> Iterator[int]:
-    """Offsets in an MCAP file of probable chunk starts from a byte on, found by the signature in their head."""
+    """Offsets in a damaged MCAP file, from a byte on, at which chunks probably start: a signature is in their head."""
     within, before = HEAD.size + CHUNK_HEAD.size - 4, b""
     stream.seek(offset)
     while data := stream.read(SEARCHED):
@@ -154,7 +154,7 @@ def unpacked_size(content: bytes) -> int:
 
 
 def has_messages(content: bytes) -> bool:
-    """Whether an MCAP chunk declares messages, by the stamp of the last message in its header."""
+    """Whether an MCAP chunk has messages: the stamp of its last one, which its header has, is not 0."""
     return bool(CHUNK_HEAD.unpack_from(content)[1])
 
 

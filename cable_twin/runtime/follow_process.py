@@ -54,7 +54,7 @@ class Decoder:
 
 
 def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimated]:
-    """Answers of the process with a tracker's news: estimates, alarms, lines to log and counts."""
+    """Replies of the follow process to the node for one result of a tracker: estimates, alarms, log lines, counts."""
     correction, lines = news.correction, list(news.lines)
     message = b""
     if correction is not None:

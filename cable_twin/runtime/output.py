@@ -111,7 +111,7 @@ class Output:
         self._frames.listen(group, listening)
 
     def send_again(self, topic: str) -> None:
-        """Publish a frame topic from the present snapshot, outside its rate; for the solver's thread."""
+        """Publish a frame topic from the present snapshot, outside its rate; to be called in the solver's thread."""
         for name, data in self._frames.encoder.frame(self._simulation.snapshot, (topic,)):
             self._publishers[name](data)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cable_twin.frame.records import Command, Energy
-from cable_twin.mechanics.drives.pull import hold_all, release_joints
+from cable_twin.mechanics.drives.joint_drive import hold_all, release_joints
 from cable_twin.mechanics.language.by_reference import Known, pack
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.declared import Kept, Memory, arrays_of, clone, write

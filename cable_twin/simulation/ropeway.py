@@ -26,7 +26,7 @@ from cable_twin.mechanics.readout.sections import Sections, allocate_sections
 from cable_twin.mechanics.rope.element import element_tensions
 from cable_twin.mechanics.solution.catenary import EquilibriumError, beyond_travel, check_rest
 from cable_twin.mechanics.solution.equilibrium import lay_cable, lay_straight, settle, without_stops
-from cable_twin.mechanics.solution.newmark import Coefficients
+from cable_twin.mechanics.solution.prediction import Coefficients
 from cable_twin.mechanics.state import State, Workspace
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.vehicles import Carriage

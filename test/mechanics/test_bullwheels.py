@@ -21,7 +21,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     Bullwheels,
     bullwheels_at_rest,
 )
-from cable_twin.mechanics.solution.newmark import coefficients
+from cable_twin.mechanics.solution.prediction import coefficients
 
 STEP = 0.01  # s
 INERTIA, WRAPPED, ADHESION = 2000.0, 40.0, 1.5  # kg, kg, -

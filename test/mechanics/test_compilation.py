@@ -14,7 +14,7 @@ import cable_twin
 ROOT = Path(cable_twin.__file__).resolve().parents[1]
 CODE = """
 from numba.core import event
-from cable_twin.mechanics.solution.newmark import coefficients
+from cable_twin.mechanics.solution.prediction import coefficients
 from cable_twin.mechanics.rope.shape_functions import shape_functions
 from cable_twin.mechanics.language.compilation import kernel
 

@@ -4,8 +4,8 @@ import pytest
 from cable_twin.mechanics.language.declared import arrays_of, clone
 from cable_twin.mechanics.solution.bundle.assembly import Assembly, Rope
 from cable_twin.mechanics.solution.generalized_alpha import advance
-from cable_twin.mechanics.solution.newmark import coefficients, correct, predict
 from cable_twin.mechanics.solution.newton import largest_increment
+from cable_twin.mechanics.solution.prediction import coefficients, correct, predict
 from cable_twin.mechanics.solution.stepping import Outcome
 from cable_twin.mechanics.state import Motion, allocate_workspace
 from cable_twin.scenario import load_scenario

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from systems import difference, disturbed_state, make_system
 
-from cable_twin.mechanics.drives.pull import joint_forces
+from cable_twin.mechanics.drives.joint_drive import joint_forces
 from cable_twin.mechanics.language.declared import clone
 from cable_twin.mechanics.on_rope.buffer import (
     CLOSING,
@@ -22,8 +22,8 @@ from cable_twin.mechanics.on_rope.buffer import (
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_position, joint_tangent, place_joint
 from cable_twin.mechanics.parameters import VehicleBuffers
 from cable_twin.mechanics.solution.equations_of_motion import assemble, measure_gaps, solve
-from cable_twin.mechanics.solution.newmark import coefficients, correct_rope, factors, predict_rope
 from cable_twin.mechanics.solution.newton import largest_increment
+from cable_twin.mechanics.solution.prediction import coefficients, correct_rope, factors, predict_rope
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.models import for_kernels

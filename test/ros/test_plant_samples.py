@@ -10,11 +10,11 @@ import pytest
 from cable_twin.messages import SECOND, decode, stamp_in
 from cable_twin.messages.sensor_messages import Imu, WrenchStamped, measurements_from_message
 from cable_twin.messages.topics import JointState, Vector3Stamped
-from cable_twin.ros.door.assembly import Assembly
 from cable_twin.ros.door.clocks import Correction, OneWay, RoundTrips
 from cable_twin.ros.door.link import without
 from cable_twin.ros.door.plant_map import Tag
 from cable_twin.ros.door.samples import Measured, Sample, TagState
+from cable_twin.ros.door.tags_to_messages import Assembly
 from cable_twin.scenario.schema import Sensor
 
 NOW = 1_800_000_000 * SECOND

@@ -211,7 +211,7 @@ def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> 
 
 
 class Hidden(NamedTuple):
-    """Estimated quantity that no sensor need measure: index in the row of a frame, and error of the model."""
+    """Quantity that is estimated even where no sensor measures it: its place in a frame, and the error of the model."""
 
     name: str
     unit: str

@@ -28,11 +28,10 @@ def moving_rope_force(system, state):
 
     It is d/dt ∫ρA r_x·(r_t + v r_x) dx + Σ (λ·t + m ∂α/∂s) - Σ F·r_x.
 
-    t is r_x, or at a node, with the slopes r_x⁻ and r_x⁺ on both sides and their mean r, r (r_x⁻² + r_x⁺²) / (2 r²),
-    which gives the difference of T |r_x| on both sides, whatever the angle of the bend. λ and m are joint force and hinge moment of clamped vehicles, F the force of a tower contact on the cable, of which
-    only friction counts, since the normal force is across r_x. This is the equation of motion of the rope travel. Times
-    v it is the power into the strand and its vehicles, where the energy that the cable carries out at one end comes
-    back at the other: on a closed loop.
+    t is `pulled_slope`. λ and m are joint force and hinge moment of clamped vehicles, F the force of a tower contact on
+    the cable, of which only friction counts, since the normal force is across r_x. This is the equation of motion of
+    the rope travel. Times v it is the power into the strand and its vehicles, where the energy that the cable carries
+    out at one end comes back at the other: on a closed loop.
     """
     cable = system.cable
     speed, rate = state.rope.velocity[0], state.rope.acceleration[0]
@@ -51,7 +50,11 @@ def moving_rope_force(system, state):
 
 @inlined_kernel
 def pulled_slope(cable, state, carriage):
-    """Vector (dim,) by which the force of a rope on a clamped vehicle becomes its part in the force of the drive."""
+    """Vector t (dim,) with which the force λ of a rope on a clamped vehicle has the part λ·t in that of the drive.
+
+    It is r_x, and at a node, with a and b the slopes on both sides and r their mean, r (a·a + b·b) / (2 r·r): then λ·t
+    is the difference of T |r_x| on both sides, whatever the angle of the bend.
+    """
     r_x = joint_tangent(cable, state, carriage)
     if not at_node(cable, state, carriage):
         return r_x

@@ -206,7 +206,7 @@ def _trace(function: Callable[..., Any]) -> None:
 
 
 class _Number:
-    """Traced number of a formula: its type, and its value in the compiled code once instructions are generated.
+    """Stand-in for a number while a formula is traced: its numba type, and later its value in the compiled code.
 
     A product keeps its factors, for the sums that it goes into; it is multiplied out where it is used otherwise.
     """

@@ -289,7 +289,7 @@ def couple_neighbours(system, state, carriage, by_force, work):
 
 @kernel
 def contact_error(system, state, work, increment, previous):
-    """Estimated error (m) of vehicles in buffer contact after a Newton iteration; 0 if the tangent is complete.
+    """Estimated error (m) that a Newton iteration leaves in vehicles whose buffers touch; 0 where it is exact.
 
     Args:
         system: parameters.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import inf, isnan, nan
 from typing import Annotated, NamedTuple
 
+from cable_twin.mechanics.drives.joint_drive import joint_forces, observe_haul
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
-from cable_twin.mechanics.drives.pull import joint_forces, observe_haul
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.declared import Of

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.mechanics.drives.pull import joint_forces
+from cable_twin.mechanics.drives.joint_drive import joint_forces
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.simd import WIDTH, spread

@@ -446,7 +446,7 @@ def energy_by_node(cable, state, element, lane, e, like, work):
 
 @inlined_kernel
 def beyond_elastic(group, elastic_group, row, lane, like):
-    """Vector or matrix of one element of a group, from `row` on, without the elastic part."""
+    """Residual or tangent of one element of a SIMD group, less its elastic part: inertia and load, from `row` on."""
     return subtract(load(group[row:, lane], like), load(elastic_group[row:, lane], like))
 
 

@@ -14,7 +14,7 @@ Left out is that on forces of dampers and contacts.
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.pull import joint_forces
+from cable_twin.mechanics.drives.joint_drive import joint_forces
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import cross, inertia_of, no_turn, orientation, turn_between
 from cable_twin.mechanics.language.simd import WIDTH, gather, gather_numbers, sum_of_lanes

@@ -13,7 +13,7 @@ element, so they are eliminated first (`chain`, then `sliding_joint`); row 2 is 
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.pull import (
+from cable_twin.mechanics.drives.joint_drive import (
     condense_drive,
     recover_drive,
     reference_acceleration,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.mechanics.drives.pull import hold_all, release_joints
+from cable_twin.mechanics.drives.joint_drive import hold_all, release_joints
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.language.declared import arrays_of, declared
 from cable_twin.mechanics.on_rope.load_node import AT_END, LEAST

@@ -1,6 +1,6 @@
 """Real-time integrator: generalized-alpha on the index-3 equations (Arnold, Brüls 2007), Newton's method in `newton`.
 
-One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, of all ropes at once, with the updates of `newmark`.
+One step solves M q_ddot + Φ_qᵀ λ = Q and Φ = 0 at its end, of all ropes at once, with the updates of `prediction`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from cable_twin.mechanics.solution.bundle.records import (
     take_motion,
 )
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.newmark import coefficients_of_step, predict_rope
 from cable_twin.mechanics.solution.newton import iterate, least_curvature, worst_element
+from cable_twin.mechanics.solution.prediction import coefficients_of_step, predict_rope
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 
 

@@ -15,8 +15,8 @@ from cable_twin.mechanics.solution.bundle.pantograph import recover_pantographs
 from cable_twin.mechanics.solution.bundle.records import STATE, WORK, rope_of
 from cable_twin.mechanics.solution.bundle.wheel_tangent import begin_wheels, is_found_now, recover_wheels
 from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hold_ends, measure_gaps, recover
-from cable_twin.mechanics.solution.newmark import correct_rope, factors
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
+from cable_twin.mechanics.solution.prediction import correct_rope, factors
 
 REFRESH = 1.03  # growth of the remembered curvature in a step, so that it is measured again now and then
 LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure

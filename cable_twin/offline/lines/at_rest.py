@@ -148,7 +148,7 @@ def haul_travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[floa
 
 
 def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
-    """Scenario changes for vehicles on haul ropes after a travel (m) of the haul ropes."""
+    """Values of a scenario, by key, with all vehicles where they are once haul ropes have moved by `passed` (m)."""
     # the travel of a drive is counted from the start
     changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
     for name, one in scenario.carriages.items():

@@ -23,11 +23,11 @@ from cable_twin.messages import (
     statuses_of_message,
 )
 from cable_twin.messages.topics import DiagnosticArray
-from cable_twin.ros.door.assembly import Assembly
 from cable_twin.ros.door.background import Background
 from cable_twin.ros.door.link import Link
 from cable_twin.ros.door.plant_map import PlantMap, Tag
 from cable_twin.ros.door.samples import Level, Measured, Sample, TagState
+from cable_twin.ros.door.tags_to_messages import Assembly
 from cable_twin.ros.endpoints import Endpoints, message_class
 from cable_twin.ros.startup import discovery_time
 

@@ -130,7 +130,7 @@ def _announce(node: object, read: Warned) -> None:
 
 def _check(read: Warned) -> int:
     """Print the topic and quantity that each tag of a map becomes; returns the exit code."""
-    from cable_twin.ros.door.assembly import topic_of  # noqa: PLC0415 - half a second
+    from cable_twin.ros.door.tags_to_messages import topic_of  # noqa: PLC0415 - half a second
 
     plan = read.plan
     wide = max(map(len, plan.tags), default=0)

@@ -13,9 +13,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cable_twin.ros.door.assembly import PLANT
 from cable_twin.ros.door.plant_map import UNIT_OF_TAG, Mqtt, OpcUa, PlantMap, Secret, Server, Tag
 from cable_twin.ros.door.quantities import QUANTITIES, units_of
+from cable_twin.ros.door.tags_to_messages import PLANT
 from cable_twin.scenario.checks.fault import allowed
 
 PAGE, JSON_SCHEMA = "plant_map_reference.md", "plant_map.schema.json"

@@ -28,7 +28,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     STATE,
     SYSTEM,
 )
-from cable_twin.mechanics.solution.newmark import factors, predict_one
+from cable_twin.mechanics.solution.prediction import factors, predict_one
 
 HYDRAULIC_ACCELERATION = 0.2  # m/s², with which a tensioning cylinder takes up its speed
 NOTHING, ROPE, WHEEL = range(3)  # BullwheelMotion.by_forces
@@ -145,7 +145,7 @@ def move_cylinder(sheaves, motion, sheave, h):
 
 @kernel
 def add_increment(kind, row, c, h, delta):
-    """Apply a Newton increment to one coordinate and its rates, see `newmark.correct`."""
+    """Apply a Newton increment to one coordinate and its rates, see `prediction.correct`."""
     by_acceleration, by_velocity = factors(c, h)
     kind.position[row] += delta
     kind.velocity[row] += by_velocity * delta

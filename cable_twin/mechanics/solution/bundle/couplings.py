@@ -31,7 +31,7 @@ from cable_twin.mechanics.solution.bundle.connector import add_connectors, conne
 from cable_twin.mechanics.solution.bundle.pantograph import add_pantographs, push_direction
 from cable_twin.mechanics.solution.bundle.records import SECTIONS, STATE, SYSTEM, rope_of
 from cable_twin.mechanics.solution.bundle.wheel_tangent import add_travel, add_wheels
-from cable_twin.mechanics.solution.newmark import correct, predict
+from cable_twin.mechanics.solution.prediction import correct, predict
 
 
 @kernel

@@ -322,5 +322,11 @@ def bullwheels_at_rest(count: int) -> BullwheelMotion:
 
 
 def allocate_bundle_work(bundle: Bundle, vehicles: int = 0, patch: int = 0) -> BundleWork:
-    """Allocate the solver's workspace for couplings of ropes, with `patch` rows for each of `vehicles` at nodes."""
+    """Allocate the solver's workspace for couplings of several ropes.
+
+    Args:
+        bundle: of ropes.
+        vehicles: number of vehicles that have a node of the mesh which follows them.
+        patch: number of unknowns of the two elements beside such a node.
+    """
     return allocate(BundleWork, sizes_of_bundle(bundle) | {"vehicle": vehicles, "patch": patch})

@@ -28,14 +28,14 @@ from cable_twin.key_figures.extremes import (
     ropes_of,
     supports_of,
 )
-from cable_twin.key_figures.figure import KeyFigure, Subject, figure
-from cable_twin.key_figures.measures import (
+from cable_twin.key_figures.extremes_by_frame import (
     CLEARANCE_PERIOD,
     MEAN,
     take_frame,
     take_passing,
     take_surroundings,
 )
+from cable_twin.key_figures.figure import KeyFigure, Subject, figure
 from cable_twin.key_figures.stops import CarriedStops, DriveStops, Group, SeatStops, groups_of
 from cable_twin.mechanics.language.by_reference import pack
 from cable_twin.mechanics.language.declared import Memory
