@@ -20,7 +20,7 @@ from cable_twin.scenario.sections.vehicles import Body
 
 EXTREME = 7  # numbers of an extreme, by these indices; NaN where there is none
 VALUE, TIME, PLACE, ROPE, WIND = range(5)  # -, s, m, number of the rope, and x, y, z in m/s from there on
-PLACES = 12  # frames with positions that are kept for accelerations: more than 2 MEAN / LOOK of `measures`
+PLACES = 12  # frames with positions that are kept for accelerations: more than 2 MEAN / LOOK of `extremes_by_frame`
 TOUCH = 4  # numbers of a touch: row of the other vehicle, arc length (m), speed (m/s), time (s)
 NO_ROPE = -1  # number of the rope of extremes on no rope, and of carriers, which ride several strands
 
