@@ -22,7 +22,7 @@ def told(jump, speed=4.0, apart=None, seed=0):
     place = twin + (0.0 if apart is None else apart) + np.where(TIMES > 20.0, jump, 0.0)
     jumps, found = Jumps(NOISE), []
     for time, one, other in zip(TIMES, QUANTUM * np.round(place / QUANTUM), twin, strict=True):
-        if size := jumps.note(float(time), float(one), float(other)):
+        if size := jumps.note(float(time), float(one - other)):
             found.append((float(time), size))
     return found
 
@@ -45,6 +45,7 @@ def test_five_standard_deviations_are_mostly_told():
     [
         None,
         0.05 * np.sin(2.0 * TIMES),  # a bounce in the haul rope
+        0.01 * np.sign(np.sin(2.0 * TIMES)) * np.minimum(np.abs(2.0 * np.sin(2.0 * TIMES)), 1.0),  # after boarding
         0.3 * np.exp(-0.3 * TIMES) * np.cos(1.3 * TIMES),
         np.where(TIMES > 20.0, 0.2 * (TIMES - 20.0), 0.0),  # another speed
         np.where(TIMES > 20.0, 0.6 * (TIMES - 20.0) ** 2, 0.0),  # a stop
@@ -55,11 +56,32 @@ def test_quanta_bounces_and_drifts_are_no_jumps(apart, speed):
     assert not any(told(0.0, speed, apart, seed) for seed in range(5))
 
 
-def test_neither_a_gap_nor_samples_of_before_a_restart_are_jumps():
+@pytest.mark.parametrize("speed", [0.05, 0.2, -0.4])
+def test_lost_samples_of_a_drift_are_no_jump(speed):
+    """A twin that is slower than its plant, of which up to three samples in a row, or all of four seconds, are lost."""
+    generator = np.random.default_rng(3)
+    kept = generator.uniform(size=TIMES.size) > 0.05
+    kept[150:153] = False
+    kept[(TIMES > 24.0) & (TIMES < 28.0)] = False
     jumps = Jumps(NOISE)
-    assert not any(jumps.note(time, time > 20.0, 0.0) for time in TIMES if not 18.0 < time < 22.0)
+    places = QUANTUM * np.round(speed * TIMES / QUANTUM)
+    assert not any(jumps.note(float(time), float(one)) for time, one in zip(TIMES[kept], places[kept], strict=True))
+
+
+def test_neither_a_restart_nor_a_correction_of_the_twin_is_a_jump():
+    jumps = Jumps(NOISE)
+    assert not any(jumps.note(time, 0.0) for time in TIMES)
     jumps.forget()
-    assert not any(jumps.note(100.0 + time, 2.0, 0.0) for time in TIMES)
+    assert not any(jumps.note(100.0 + time, 2.0) for time in TIMES)
+    jumps.shift(0.5)  # of the twin, whose distance from the encoder becomes smaller
+    assert not any(jumps.note(140.0 + time, 1.5) for time in TIMES)
+    assert any(jumps.note(180.0 + time, 1.45) for time in TIMES)
+
+
+def test_an_encoder_without_noise_may_be_corrected_by_a_little():
+    jumps = Jumps(1e-12)
+    assert not any(jumps.note(time, 1e-6 * (time > 20.0)) for time in TIMES)
+    assert any(jumps.note(100.0 + time, 0.01 * (time > 20.0)) for time in TIMES)
 
 
 def test_an_encoder_that_jumps_is_left_out_but_not_at_a_tower():

@@ -9,6 +9,7 @@ from cable_twin.mechanics.drives.haul_rope import (
     direct_haul,
     drum_force,
     hang_in_rope,
+    haul_direction,
     haul_energies,
     leave_place,
     pull_on_carriage,
@@ -16,8 +17,11 @@ from cable_twin.mechanics.drives.haul_rope import (
     take_up,
 )
 from cable_twin.mechanics.language.rotations import cross, orientation
-from cable_twin.mechanics.on_rope.sliding_joint import joint_position, place_joint
+from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent, joint_velocity, place_joint
 from cable_twin.mechanics.parameters import DRUM, END, FORCE, FREE, SPEED, START
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
+from verification.models import for_kernels
 
 
 def setup(chains=(2,), *, station=END, sheave=FORCE, cable=ELASTIC, **changes):
@@ -164,3 +168,44 @@ def test_what_the_track_rope_moves_along_itself_is_taken_up_at_the_sheave():
     np.testing.assert_array_equal(state.hauled.position, state.joints.position)
     np.testing.assert_allclose(state.drums.position - state.hauled.position, ahead, atol=1e-14)
     np.testing.assert_array_equal(state.reference.position, state.drums.position)
+
+
+def tangent(system, state, carriage):
+    return joint_tangent(system.cable, state, carriage)
+
+
+def at_rest(scenario, place, **cable):
+    """Simulation of a shipped scenario in still air, whose cabin hangs at a place (m), and the position of that."""
+    values = {f"cable.{key}": value for key, value in cable.items()} | {"cable.axial_stiffness": 482e9}
+    air = load_scenario(scenario).air.wind
+    simulation = Simulation(
+        load_scenario(scenario, {**values, "air.wind": [0.0] * len(air), "carriages.cabin.arc_length": place})
+    )
+    return simulation, np.array(joint_position(simulation.system.cable, for_kernels(simulation)[0], 0))
+
+
+@pytest.mark.parametrize("scenario", ["aerial_tramway", "windy_tramway"])
+def test_the_way_of_a_vehicle_is_the_rope_that_it_passes(scenario):
+    """From one rest to the next of a light rope: d·Δp is Δs and what the rope moves along itself; the path is longer."""
+    way, end = 0.5, {"start.travel": [-9.0, 9.0], "mass_per_length": 0.01}
+    (low, before), (simulation, _), (high, after) = (
+        at_rest(scenario, 700.0 + side * way, **end) for side in (-0.5, 0, 0.5)
+    )
+    pulled = high.snapshot.supports["start"].travel - low.snapshot.supports["start"].travel  # by the counterweight
+    state, _ = for_kernels(simulation)
+    d, r_x = (np.array(of(simulation.system, state, 0)) for of in (haul_direction, tangent))
+    assert d @ (after - before) == pytest.approx(way - 0.5 * pulled, rel=5e-5)  # on the one side alone
+    assert np.linalg.norm(after - before) > way * 1.0007
+    assert np.linalg.norm(r_x) * np.linalg.norm(d) < 0.999  # the bend is not small
+
+
+@pytest.mark.parametrize("scenario", ["aerial_tramway", "windy_tramway"])
+def test_a_start_in_motion_moves_the_vehicle_as_its_drum(scenario):
+    simulation = Simulation(
+        load_scenario(scenario, {"carriages.cabin.speed": 7.0, "carriages.cabin.arc_length": 300.0})
+    )
+    state, _ = for_kernels(simulation)
+    d = np.array(haul_direction(simulation.system, state, 0))
+    assert d @ np.array(joint_velocity(simulation.system.cable, state, 0)) == pytest.approx(7.0, abs=1e-9)
+    forces = [simulation.advance_to(0.01 * step).carriages["cabin"].haul_rope.force for step in range(1, 11)]
+    assert np.ptp(forces) < 1e3  # N

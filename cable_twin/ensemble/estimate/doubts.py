@@ -66,8 +66,7 @@ class Doubts:
     def forget(self) -> None:
         """Forget which sensors are suspected, as at a restart; sensors already left out stay so."""
         self._suspected.clear()
-        for jumps in self._jumps.values():
-            jumps.forget()
+        self._forget_places()
 
     def of_samples(
         self, time: float, measurements: Sequence[Measurement], numbers: FloatArray, at_tower: bool = False
@@ -78,11 +77,24 @@ class Doubts:
             time: s.
             measurements: of that time.
             numbers: (n,) frame of the twin.
-            at_tower: whether a vehicle passes a tower, which shakes it otherwise than its twin.
+            at_tower: whether a vehicle passes a tower, which shakes it otherwise than its twin; no jump is told then.
         """
         known = [one for one in measurements if one.sensor in self._readings]
         alarms = self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
-        return alarms + self._jumped(time, [] if at_tower else known, numbers)
+        if at_tower:
+            self._forget_places()
+            return alarms
+        return alarms + self._jumped(time, known, numbers)
+
+    def corrected(self, before: FloatArray, after: FloatArray) -> None:
+        """Note that a correction has changed the frame (n,) of the twin, which is no jump of an encoder."""
+        for name, jumps in self._jumps.items():
+            reading = self._readings[name]
+            jumps.shift(float(reading.of(after[None, :])[0] - reading.of(before[None, :])[0]))
+
+    def _forget_places(self) -> None:
+        for jumps in self._jumps.values():
+            jumps.forget()
 
     def contradicting(self, sensors: Sequence[str], squares: Squares) -> str:
         """Sensor that contradicts all others; ONE/OTHER for two swapped ones, `PLANT` for several, empty for none."""
@@ -149,11 +161,11 @@ class Doubts:
         """Alarms for encoders whose places jump against those of the twin."""
         alarms = []
         for one in measurements:
-            jumps = self._jumps.get(one.sensor)
-            if jumps is None or one.sensor in self.left_out:
+            sensor = self.taken(one.sensor)
+            if sensor not in self._jumps:
                 continue
-            size = jumps.note(time, one.values[0], float(self._readings[one.sensor].of(numbers[None, :])[0]))
-            if size:
+            twin = float(self._readings[sensor].of(numbers[None, :])[0])
+            if size := self._jumps[sensor].note(time, one.values[0] - twin):
                 text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
                 alarms.append(self._leave_out(one.sensor, time, text))
         return alarms

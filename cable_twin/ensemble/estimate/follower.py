@@ -208,9 +208,8 @@ class Follower:
         self._advance(time)
         numbers = self._ensemble.numbers()
         self._alarms += self.doubts.of_samples(time, measurements, numbers[0], self._at_tower)
-        rates = (
-            0.0 if self._before is None else np.abs(numbers[0] - self._before[1]) / max(time - self._before[0], 1e-3)
-        )
+        then, before = self._before or (time, numbers[0])
+        rates = np.abs(numbers[0] - before) / max(time - then, 1e-3)
         self._before = time, numbers[0].copy()
         if time > self._from + SETTLING or self._from == 0.0:
             for one in measurements:
@@ -218,8 +217,7 @@ class Follower:
                     continue
                 reading = self.readings[sensor]
                 value = reading.measured(one) - self._offsets.get(sensor, 0.0)
-                rate = 0.0 if isinstance(rates, float) else float(np.linalg.norm(rates[reading.places]))
-                variance = self._variance(reading) + (TIMING * rate) ** 2
+                variance = self._variance(reading) + (TIMING * float(np.linalg.norm(rates[reading.places]))) ** 2
                 self._rows.append(_Row(sensor, value, reading.of(numbers), variance, numbers))
         if self._passes_a_tower(numbers[0]) != self._at_tower:
             self._at_tower = not self._at_tower
@@ -234,7 +232,9 @@ class Follower:
         if lasted < window - 1e-6 or (lasted < LONGEST_WINDOW and not self._ensemble.alike):
             return None
         alarms, self._alarms = self._alarms, []
-        return self._correct(time, numbers, alarms)
+        correction = self._correct(time, numbers, alarms)
+        self.doubts.corrected(numbers[0], self._ensemble.numbers()[0])
+        return correction
 
     def place_of(self, sensor: str) -> float:
         """Present reading (m) of an encoder in the twin."""

@@ -1,8 +1,8 @@
 """Jumps of an encoder: a step between its place and that of the twin, told from waves and from drifts.
 
-A bounce of the plant, a quantum of the sensor and a correction of the twin each look like a step to some fits. A jump
-is a step of the same size to all of them: polynomials of several degrees over windows of several lengths about one
-moment, each with a step there.
+A bounce of the plant, or a quantum of the sensor, each looks like a step to some fits. A jump is a step of about the
+same size to all of them: polynomials of several degrees over windows of several lengths about one moment, each with a
+step there; and it is between two samples.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from cable_twin.mechanics.parameters import FloatArray
 
-FITS = (15, 1), (20, 1), (30, 1), (20, 3), (30, 3), (30, 5)  # samples on each side, degree of the polynomial
+FITS = (10, 1), (15, 1), (20, 1), (30, 1), (20, 3), (30, 3), (30, 5)  # samples on each side, degree of the polynomial
 HALF = max(count for count, _ in FITS)
 SMALLEST = 3.7  # standard deviations of a sample, of which a jump is at least: one quantum is 3.5 and no jump
-SUREST = 3.0  # standard deviations of the step of each fit, as its own residuals are
+LEAST = 5e-3  # m, smaller steps are of no account
+SUREST = 3.5  # standard deviations of the step of each fit, as its own residuals are
 ALIKE = 2.0  # times the smallest step of all fits, which the largest one is at most
-SHARP, BESIDE = 0.5, 9  # share of the step that is between two samples, beyond what is between those beside them
+SHARP, BESIDE, ABOUT = 0.8, 2, 2  # share of the step that is between the means of two samples beside the middle
 FLIPS, FLIP = 6, 1.5  # fewest changes of more than that many deviations where places are spread over quanta
-GAP = 1.3  # times the usual time of as many samples, in which some may be lost
+LOST = 3.5  # times the usual time between two samples, up to which lost ones are interpolated
 
 
 class _Fit:
@@ -50,32 +50,41 @@ class Jumps:
 
     def __init__(self, noise: float) -> None:
         self._noise, self._fits = noise, [_Fit(count, degree) for count, degree in FITS]
-        self._kept: deque[tuple[float, float, float]] = deque(maxlen=2 * HALF)
+        self._times: deque[float] = deque(maxlen=2 * HALF)
+        self._apart: deque[float] = deque(maxlen=2 * HALF)
 
     def forget(self) -> None:
         """Forget all samples, as after a restart of the twin or while a vehicle passes a tower."""
-        self._kept.clear()
+        self._times.clear()
+        self._apart.clear()
 
-    def note(self, time: float, place: float, twin: float) -> float:
-        """Take a sample (m) of a time (s) and the place of the twin then (m); size (m) of a jump, 0 for none.
+    def shift(self, way: float) -> None:
+        """Note that the twin has been corrected by a way (m), which is no jump of the encoder."""
+        self._apart = deque((one - way for one in self._apart), maxlen=2 * HALF)
 
-        It is told at most `HALF` samples after it.
+    def note(self, time: float, apart: float) -> float:
+        """Take the place of the encoder less that of the twin (m) at a time (s); size (m) of a jump, 0 for none.
+
+        A jump is told at most `HALF` samples after it.
         """
-        self._kept.append((time, place, twin))
-        if len(self._kept) < 2 * HALF:
+        self._times.append(time)
+        self._apart.append(apart)
+        if len(self._times) < 2 * HALF:
             return 0.0
-        times, places, twins = np.array(self._kept).T
-        if times[-1] - times[0] > GAP * (2 * HALF - 1) * float(np.median(np.diff(times))):
+        times = np.array(self._times)
+        between = np.diff(times)
+        usual = float(np.median(between))
+        if not usual > 0.0 or between.max() > LOST * usual:
             return 0.0
-        values = places - twins
+        values = np.interp(time - usual * np.arange(2 * HALF - 1, -1, -1), times, np.array(self._apart))
         found = [fit.step(values[fit.samples] - values.mean(), self._noise) for fit in self._fits]
-        sign, least = np.sign(found[0][0]), SMALLEST * self._noise
+        sign, least = np.sign(found[0][0]), max(SMALLEST * self._noise, LEAST)
         steps = sign * np.array([step for step, _ in found])
         sure = all(sign * step > max(least, SUREST * deviation) for step, deviation in found)
+        size = float(np.median(steps))
         if not sure or steps.max() > ALIKE * steps.min():
             return 0.0
-        changes = sign * np.diff(values)
-        changes -= median_filter(changes, BESIDE, mode="nearest")
-        spread = np.count_nonzero(np.abs(changes) > FLIP * self._noise) >= FLIPS
-        size = float(changes.max())
-        return float(sign * size) if size > (SHARP * steps.min() if spread else least) else 0.0
+        moments = range(HALF - ABOUT, HALF + ABOUT + 1)
+        at_once = max(sign * (values[one : one + BESIDE].mean() - values[one - BESIDE : one].mean()) for one in moments)
+        spread = np.count_nonzero(np.abs(np.diff(values)) > FLIP * self._noise) >= FLIPS
+        return float(sign * size) if at_once > max(SHARP * size, 0.0 if spread else least) else 0.0

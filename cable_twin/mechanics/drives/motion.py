@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cable_twin.mechanics.drives.haul_rope import drum_force
+from cable_twin.mechanics.drives.haul_rope import drum_force, haul_direction
 from cable_twin.mechanics.drives.moving_rope import move_rope
 from cable_twin.mechanics.drives.speed_reference import advance_reference, follow
 from cable_twin.mechanics.language.compilation import kernel
-from cable_twin.mechanics.language.vectors import scale, store
+from cable_twin.mechanics.language.vectors import dot, scale, store
 from cable_twin.mechanics.on_rope.brakes import force_limit
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.presence import belongs, rides
@@ -117,7 +117,10 @@ def set_going(system, state, carriage, speed):
     place_joint(cable, state, carriage)
     if at_node(cable, state, carriage):  # which goes along, between the velocities of the rope on either side
         node = state.joint_node[carriage]
-        store(scale(speed, mean_slope(state.nodes.position, node, cable.gravity)), state.nodes.velocity[node, R])
+        r_x = mean_slope(state.nodes.position, node, cable.gravity)
+        # its path is longer than the rope that it passes, as far as its haul rope says
+        pace = speed / dot(haul_direction(system, state, carriage), r_x)
+        store(scale(pace, r_x), state.nodes.velocity[node, R])
     velocity = joint_velocity(cable, state, carriage)
     # the rope is bent there by the vehicle itself, and the bend goes along with it: no v²/r of that
     move_chain(system.carriages, cable.gravity, state, carriage, velocity, scale(0.0, velocity))
