@@ -100,8 +100,8 @@ def pull_on_carriage(system, state, carriage):
 def haul_direction(system, state, carriage):
     """Haul direction d (dim,): derivative of a vehicle's travel along the track by its position.
 
-    It is r_x / |r_x|², and at a node the mean of that of both sides: a track rope that hangs in a bend of the angle 2α
-    at the vehicle and moves across itself alone has d·p_dot = s_dot, while the vehicle's path is longer by 1 / cos α.
+    It is r_x / |r_x|², and at a node the mean of that of both sides: in a bend of the angle 2α of a track rope that
+    moves across itself alone, d·p_dot is s_dot, while the path of the vehicle is longer by 1 / cos α.
     """
     if not at_node(system.cable, state, carriage):
         return along(joint_tangent(system.cable, state, carriage))

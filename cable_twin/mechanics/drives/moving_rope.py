@@ -53,7 +53,7 @@ def pulled_slope(cable, state, carriage):
     """Vector t (dim,) with which the force λ of a rope on a clamped vehicle has the part λ·t in that of the drive.
 
     It is r_x, and at a node, with a and b the slopes on both sides and r their mean, r (a·a + b·b) / (2 r·r): then λ·t
-    is the difference of T |r_x| on both sides, whatever the angle of the bend.
+    is the difference of T |r_x| less the strain energy per length on both sides, whatever the angle of the bend.
     """
     r_x = joint_tangent(cable, state, carriage)
     if not at_node(cable, state, carriage):
