@@ -186,7 +186,7 @@ def at_rest(scenario, place, **cable):
 
 @pytest.mark.parametrize("scenario", ["aerial_tramway", "windy_tramway"])
 def test_the_way_of_a_vehicle_is_the_rope_that_it_passes(scenario):
-    """From one rest to the next of a light rope: d·Δp is Δs and what the rope moves along itself; the path is longer."""
+    """From rest to rest of a light rope: d·Δp is Δs and what the rope moves along itself; the path is longer."""
     way, end = 0.5, {"start.travel": [-9.0, 9.0], "mass_per_length": 0.01}
     (low, before), (simulation, _), (high, after) = (
         at_rest(scenario, 700.0 + side * way, **end) for side in (-0.5, 0, 0.5)
