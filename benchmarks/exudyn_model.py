@@ -88,7 +88,7 @@ class ExudynModel:
         settings.timeIntegration.numberOfSteps = round(duration / solver.step)
         settings.timeIntegration.verboseMode = 0
         settings.timeIntegration.generalizedAlpha.spectralRadius = solver.spectral_radius
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # as ours: released from rest
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True  # as ours
         newton = settings.timeIntegration.newton
         newton.relativeTolerance = newton.absoluteTolerance = setting.tolerance
         newton.useModifiedNewton = setting.modified
