@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
+from cable_twin.ensemble.estimate.departures import REMEMBERED, Departures, Estimate
+from cable_twin.ensemble.estimate.quantities import slow_quantities
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import load_scenario
 from verification import alarms
@@ -83,11 +85,44 @@ def test_what_a_doubt_explains_does_not_make_a_fault_observable():
     assert readings_of_a_force().time_of(later, error, 25.0) == 20.4
 
 
+def departures():
+    """Departures of the slow quantities of `aerial_tramway`, and estimates that are the scenario's but for one."""
+    slow = slow_quantities(load_scenario("aerial_tramway"))
+
+    def estimates(name, value, deviation):
+        return {one.name: Estimate(one.plan, 1e-9, one.unit) for one in slow} | {name: Estimate(value, deviation, "-")}
+
+    return Departures(slow), estimates
+
+
+def test_a_sudden_change_is_told_where_the_value_is_not_sure():
+    """Rolling friction of 0.0082, 0.0005 either way, is within 0.0025 and three deviations of 0.005, not of 0.0038."""
+    told, estimates = departures()
+    assert told.alarms(1.0, estimates("cabin/rolling", 0.0085, 0.0005)) == []
+    told.changed(2.0, "cabin/rolling", 0.0038)
+    told.changed(4.0, "cabin/rolling", 0.0080)  # still the same change
+    (alarm,) = told.alarms(4.0, estimates("cabin/rolling", 0.0085, 0.0005))
+    assert alarm.reason == "cabin/rolling is 0.0085, standard deviation 0.0005, after 0.0038; 0.005 in the scenario"
+    assert told.alarms(6.0, estimates("cabin/rolling", 0.0085, 0.0005)) == []
+    (later,) = told.alarms(8.0, estimates("cabin/rolling", 0.0150, 0.0005))
+    assert later.reason == "cabin/rolling is 0.015, standard deviation 0.0005; 0.005 in the scenario"
+
+
+def test_a_change_is_forgotten_and_payloads_may_change():
+    told, estimates = departures()
+    told.changed(2.0, "cabin/rolling", 0.0038)
+    assert told.alarms(2.5 + REMEMBERED, estimates("cabin/rolling", 0.0085, 0.0005)) == []
+    assert told.alarms(3.0 + REMEMBERED, estimates("cabin/rolling", 0.0085, 0.0005)) == []
+    told.changed(30.0, "cabin/payload", 6300.0)
+    assert told.alarms(31.0, estimates("cabin/payload", 6450.0, 20.0)) == []
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["payload", "rolling", "counterweight", "drive"])
-def test_a_fault_under_way_is_told(name):
-    twin = alarms.twin_of("aerial_tramway", 1)
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_fault_under_way_is_told(name, seed):
+    twin = alarms.twin_of("aerial_tramway", seed)
     (fault,) = [one for one in alarms.faults(twin, alarms.CASES["aerial_tramway"], alarms.FAULT) if name in one.name]
-    outcome = alarms.trial("aerial_tramway", fault, 1, [])
+    outcome = alarms.trial("aerial_tramway", fault, seed, [])
     assert outcome.alarm is not None
     assert not outcome.others

@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy  # loads `special` where it is used
 
-from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
 from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts, with_deviation
+from cable_twin.ensemble.estimate.departures import Departures, Estimate
+from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
@@ -63,15 +63,6 @@ FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves w
 FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
 RESTS = 8  # at most, that are tried for one window
 FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
-CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
-
-
-class Estimate(NamedTuple):
-    """Estimated value with its standard deviation."""
-
-    value: float
-    deviation: float
-    unit: str
 
 
 class Correction(NamedTuple):
@@ -142,7 +133,7 @@ class Follower:
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
         self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
-        self._told: dict[str, float] = {}  # values of quantities with an alarm
+        self._departures = Departures(self.slow)
         self._alarms: list[Alarm] = []  # of samples, to be told with the next correction
 
     @property
@@ -268,7 +259,7 @@ class Follower:
         lasted, self._since, self._from = time - self._since, time, time
         hidden, slow = self._hidden(numbers), self._slow()
         self._go_on(lasted, numbers)
-        alarms += self._against_plan(time, slow)
+        alarms += self._departures.alarms(time, slow)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _rest_where_believed(self, time: float) -> bool:
@@ -398,20 +389,6 @@ class Follower:
         """Rows of a window with measured angles, which show the swing of vehicles."""
         return [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
 
-    def _against_plan(self, time: float, slow: Mapping[str, Estimate]) -> list[Alarm]:
-        """Alarms for slow quantities whose estimates surely differ from the values of the scenario."""
-        alarms = []
-        for one in self.slow:
-            got = slow[one.name]
-            sure = one.tolerance + CERTAIN * got.deviation
-            if abs(got.value - one.plan) + CERTAIN * got.deviation < one.tolerance:
-                self._told.pop(one.name, None)
-            elif min(abs(got.value - known) for known in (one.plan, self._told.get(one.name, np.inf))) > sure:
-                self._told[one.name] = got.value
-                found, plan = with_deviation(got.value, got.deviation, one.unit), with_unit(one.plan, one.unit)
-                alarms.append(Alarm(time, f"{one.name} is {found}; {plan} in the scenario"))
-        return alarms
-
     def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
         """Rows of a window without a sensor that contradicts all others; adds an alarm for one that keeps doing so."""
         self._doubt_what_changed()
@@ -450,6 +427,7 @@ class Follower:
             covariance = self._belief.covariance.copy()
             covariance[found.number, found.number] += found.size**2
             self._belief = self._belief._replace(covariance=covariance)
+            self._departures.changed(self.time, self.slow[found.number].name, float(self._belief.mean[found.number]))
 
     def _boards(self, one: Slow, numbers: FloatArray) -> bool:
         """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame."""

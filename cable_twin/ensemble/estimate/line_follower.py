@@ -15,8 +15,9 @@ import scipy  # loads `special` where it is used
 
 from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
+from cable_twin.ensemble.estimate.departures import CERTAIN, Estimate
 from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, with_deviation
-from cable_twin.ensemble.estimate.follower import CERTAIN, Correction, Estimate
+from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Reading, Slow, readings
