@@ -12,6 +12,7 @@ from cable_twin.ensemble.estimate.doubts import Alarm, with_deviation
 from cable_twin.ensemble.estimate.quantities import Slow
 
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
+SUDDEN = 2.0  # the same of a sudden change, for which measurements speak already
 REMEMBERED = 20.0  # s, for which an estimate is held against the one before a sudden change
 
 
@@ -60,7 +61,7 @@ class Departures:
             elif min(abs(got.value - one.plan), abs(got.value - told)) > sure:
                 self._told[name] = got.value
                 found.append(Alarm(time, f"{said}; {plan} in the scenario"))
-            elif name not in self._told and abs(got.value - before) > sure:
+            elif name not in self._told and abs(got.value - before) > one.tolerance + SUDDEN * got.deviation:
                 self._told[name] = got.value
                 found.append(Alarm(time, f"{said}, after {with_unit(before, one.unit)}; {plan} in the scenario"))
         return found
