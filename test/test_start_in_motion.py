@@ -83,8 +83,8 @@ def test_a_carriage_without_a_drive_just_goes():
     simulation = Simulation(load_scenario("single_span", overrides))
     assert simulation.commands == {}
     assert simulation.snapshot.carriages["cabin"].speed == 4.0
-    # the wave that it sets off in the rope holds it back: 3.8505 m/s with steps of 0.3 ms
-    assert simulation.advance_to(0.005).carriages["cabin"].speed == pytest.approx(3.8505, abs=2e-3)
+    # the wave that it sets off in the rope holds it back: 3.8619 m/s with steps of 0.3 ms
+    assert simulation.advance_to(0.005).carriages["cabin"].speed == pytest.approx(3.8619, abs=2e-3)
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
