@@ -49,10 +49,9 @@ class Departures:
         found = []
         for name, one in self._slow.items():
             got, margin = slow[name], CERTAIN * slow[name].deviation
-            since, before = self._before.get(name, (time, one.plan))
-            if time - since > REMEMBERED:
+            if name in self._before and time - self._before[name][0] > REMEMBERED:
                 del self._before[name]
-                before = one.plan
+            before = self._before[name][1] if name in self._before else got.value
             sure, told = one.tolerance + margin, self._told.get(name, np.inf)
             plan = with_unit(one.plan, one.unit)
             said = f"{name} is {with_deviation(got.value, got.deviation, one.unit)}"
