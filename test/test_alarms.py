@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
-from cable_twin.ensemble.estimate.departures import REMEMBERED, Departures, Estimate
-from cable_twin.ensemble.estimate.quantities import slow_quantities
+from cable_twin.ensemble.estimate.departures import REMEMBERED, Departures
+from cable_twin.ensemble.estimate.quantities import Estimate, slow_quantities
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import load_scenario
 from verification import alarms

@@ -22,19 +22,17 @@ def span(drive: dict[str, Any], **changes: Any) -> Simulation:
     """A carriage at 170 m of a rope that rises 60 m over 240 m, pinned above and pulled by a counterweight below."""
     weight = {"support": "counterweight", "direction": [-0.95, -0.31], "mass": PULL / GRAVITY}
     body = {"mass": LOAD, "inertia": 1.0, "upper_pivot": [0.0, 0.0]}
-    settings: dict[str, Any] = {
-        "length": 247.2,
-        "bending": 0.0,
-        "elements": 160,
-        "end": (240.0, 60.0),
-        "supports": ("pinned", "pinned"),
-        "shape": "equilibrium",
-        "cable": {"start": {"position": [0.0, 0.0], **weight}},
-        "carriages": {"car": {"arc_length": 170.0, "drive": drive, "bodies": {"body": body}}},
-        "step": 2e-3,
-        "tolerance": 1e-10,
-    }
-    return beam(**(settings | TRACK | changes))
+    cable = {"start": {"position": [0.0, 0.0], **weight}}
+    carriages = {"car": {"arc_length": 170.0, "drive": drive, "bodies": {"body": body}}}
+    return beam(
+        length=247.2,
+        bending=0.0,
+        elements=160,
+        end=(240.0, 60.0),
+        supports=("pinned", "pinned"),
+        shape="equilibrium",
+        **(TRACK | {"cable": cable, "carriages": carriages, "step": 2e-3, "tolerance": 1e-10} | changes),
+    )
 
 
 def carried(tension: float, height: float) -> float:

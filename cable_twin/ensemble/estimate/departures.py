@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.doubts import Alarm, with_deviation
-from cable_twin.ensemble.estimate.quantities import Slow
+from cable_twin.ensemble.estimate.quantities import Estimate, Slow
 
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not that of the scenario
 SUDDEN = 2.0  # the same of a sudden change, for which measurements speak already
 REMEMBERED = 20.0  # s, for which an estimate is held against the one before a sudden change
-
-
-class Estimate(NamedTuple):
-    """Estimated value with its standard deviation."""
-
-    value: float
-    deviation: float
-    unit: str
 
 
 class Departures:

@@ -90,7 +90,7 @@ class Doubts:
         """Note that a correction has changed the frame (n,) of the twin, which is no jump of an encoder."""
         for name, jumps in self._jumps.items():
             reading = self._readings[name]
-            jumps.shift(float(reading.of(after[None, :])[0] - reading.of(before[None, :])[0]))
+            jumps.shift(reading.in_frame(after) - reading.in_frame(before))
 
     def _forget_places(self) -> None:
         for jumps in self._jumps.values():
@@ -164,15 +164,15 @@ class Doubts:
             sensor = self.taken(one.sensor)
             if sensor not in self._jumps:
                 continue
-            twin = float(self._readings[sensor].of(numbers[None, :])[0])
-            if size := self._jumps[sensor].note(time, one.values[0] - twin):
+            apart = one.values[0] - self._readings[sensor].in_frame(numbers)
+            if size := self._jumps[sensor].note(time, apart):
                 text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
                 alarms.append(self._leave_out(one.sensor, time, text))
         return alarms
 
     def _bears_nothing(self, reading: Reading, size: float, numbers: FloatArray) -> bool:
         """Whether a load cell reads no force where the twin expects hardly any: the rope has lifted off its support."""
-        return reading.places.size > 1 and size == 0.0 and float(reading.of(numbers[None, :])[0]) < LEAST_FORCE
+        return reading.places.size > 1 and size == 0.0 and reading.in_frame(numbers) < LEAST_FORCE
 
     def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for sensors that read about a thousand times more or less than the twin predicts."""
@@ -181,7 +181,7 @@ class Doubts:
             reading = self._readings[one.sensor]
             if one.sensor in self.left_out:
                 continue
-            wanted = abs(float(reading.of(numbers[None, :])[0]))
+            wanted = abs(reading.in_frame(numbers))
             size = abs(reading.measured(one))
             share = size / wanted if wanted > WELL_ABOVE * reading.noise else 1.0
             if any(THOUSANDFOLD[0] <= ratio <= THOUSANDFOLD[1] for ratio in (share, 1.0 / max(share, 1e-12))):

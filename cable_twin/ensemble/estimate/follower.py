@@ -19,12 +19,13 @@ import scipy  # loads `special` where it is used
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
 from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.departures import Departures, Estimate
+from cable_twin.ensemble.estimate.departures import Departures
 from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
     OF_SQUARE,
+    Estimate,
     Hidden,
     Reading,
     Slow,
@@ -229,7 +230,7 @@ class Follower:
 
     def place_of(self, sensor: str) -> float:
         """Present reading (m) of an encoder in the twin."""
-        return float(self.readings[sensor].of(self._ensemble.numbers()[:1])[0]) + self._offsets.get(sensor, 0.0)
+        return self.readings[sensor].in_frame(self._ensemble.numbers()[0]) + self._offsets.get(sensor, 0.0)
 
     def _advance(self, time: float) -> None:
         self._ensemble.advance_to(max(time, self.time) - self._zero)

@@ -77,7 +77,7 @@ class Jumps:
         if not usual > 0.0 or between.max() > LOST * usual:
             return 0.0
         values = np.interp(time - usual * np.arange(2 * HALF - 1, -1, -1), times, np.array(self._apart))
-        found = [fit.step(values[fit.samples] - values.mean(), self._noise) for fit in self._fits]
+        found = [fit.step(values[fit.samples], self._noise) for fit in self._fits]
         sign, least = np.sign(found[0][0]), max(SMALLEST * self._noise, LEAST)
         steps = sign * np.array([step for step, _ in found])
         sure = all(sign * step > max(least, SUREST * deviation) for step, deviation in found)

@@ -15,12 +15,12 @@ import scipy  # loads `special` where it is used
 
 from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.beginning import Motion, values_at
-from cable_twin.ensemble.estimate.departures import CERTAIN, Estimate
+from cable_twin.ensemble.estimate.departures import CERTAIN
 from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, with_deviation
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
-from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Reading, Slow, readings
+from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
@@ -176,7 +176,7 @@ class LineFollower:
 
     def place_of(self, sensor: str) -> float:
         """Present reading (m) of an encoder in the twin."""
-        return float(self._encoders[sensor].of(self._twin.snapshot.numbers[None, :])[0]) + self._offsets[sensor]
+        return self._encoders[sensor].in_frame(self._twin.snapshot.numbers) + self._offsets[sensor]
 
     def close(self) -> None:
         """End the follower, which has no threads."""

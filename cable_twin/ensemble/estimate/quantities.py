@@ -108,6 +108,10 @@ class Reading(NamedTuple):
         found: FloatArray = numbers[:, self.places]
         return found[:, 0] if self.places.size == 1 else np.linalg.norm(found, axis=1)
 
+    def in_frame(self, numbers: FloatArray) -> float:
+        """Value that the sensor would read without errors, from the row (n,) of one frame."""
+        return float(self.of(numbers[None, :])[0])
+
     def measured(self, measurement: Measurement) -> float:
         """Scalar value of a measurement by the sensor; for a vector, its length."""
         values = measurement.values
@@ -208,6 +212,14 @@ def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> 
             fast = FAST_ANGLE if alone else FAST_ANGLE_OF_ROPES
             found[name] = Reading(name, "rad", place, noise, fast, ANGLE_ERROR)
     return found
+
+
+class Estimate(NamedTuple):
+    """Estimated value with its standard deviation."""
+
+    value: float
+    deviation: float
+    unit: str
 
 
 class Hidden(NamedTuple):

@@ -27,8 +27,7 @@ from cable_twin.mechanics.on_rope.chain import carriage_mass
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.on_rope.sliding_joint import joint_position, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, END, SPEED
-from cable_twin.mechanics.rope.patch import at_node
-from cable_twin.mechanics.rope.point import AFTER, BEFORE
+from cable_twin.mechanics.rope.patch import at_node, both_slopes
 
 SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the drive hauls the carriage too far
 
@@ -105,8 +104,8 @@ def haul_direction(system, state, carriage):
     """
     if not at_node(system.cable, state, carriage):
         return along(joint_tangent(system.cable, state, carriage))
-    slopes, like = state.nodes.position[state.joint_node[carriage]], system.cable.gravity
-    return scale(0.5, add_scaled(1.0, along(load(slopes[BEFORE], like)), along(load(slopes[AFTER], like))))
+    before, after = both_slopes(state.nodes.position, state.joint_node[carriage], system.cable.gravity)
+    return scale(0.5, add_scaled(1.0, along(before), along(after)))
 
 
 @inlined_kernel

@@ -118,7 +118,7 @@ def set_going(system, state, carriage, speed):
     if at_node(cable, state, carriage):  # which goes along, between the velocities of the rope on either side
         node = state.joint_node[carriage]
         r_x = mean_slope(state.nodes.position, node, cable.gravity)
-        # its path is longer than the rope that it passes, as far as its haul rope says
+        # so that it passes the rope at `speed`: its path is longer than that, with or without a haul rope
         pace = speed / dot(haul_direction(system, state, carriage), r_x)
         store(scale(pace, r_x), state.nodes.velocity[node, R])
     velocity = joint_velocity(cable, state, carriage)

@@ -18,8 +18,8 @@ from cable_twin.mechanics.on_rope.tower import contact_force
 from cable_twin.mechanics.parameters import START
 from cable_twin.mechanics.rope.ale import transport_velocity
 from cable_twin.mechanics.rope.flow import flow_integrals
-from cable_twin.mechanics.rope.patch import at_node
-from cable_twin.mechanics.rope.point import AFTER, BEFORE, point_at, slope
+from cable_twin.mechanics.rope.patch import at_node, both_slopes
+from cable_twin.mechanics.rope.point import point_at, slope
 
 
 @kernel
@@ -58,8 +58,7 @@ def pulled_slope(cable, state, carriage):
     r_x = joint_tangent(cable, state, carriage)
     if not at_node(cable, state, carriage):
         return r_x
-    slopes = state.nodes.position[state.joint_node[carriage]]
-    before, after = load(slopes[BEFORE], r_x), load(slopes[AFTER], r_x)
+    before, after = both_slopes(state.nodes.position, state.joint_node[carriage], r_x)
     return scale(0.5 * (dot(before, before) + dot(after, after)) / dot(r_x, r_x), r_x)
 
 

@@ -40,7 +40,7 @@ from cable_twin.mechanics.rope.following_nodes import (
     stand_still,
     take_node,
 )
-from cable_twin.mechanics.rope.patch import mean_slope, pull_at_node
+from cable_twin.mechanics.rope.patch import both_slopes, mean_slope, pull_at_node
 from cable_twin.mechanics.rope.point import (
     AFTER,
     BEFORE,
@@ -60,7 +60,7 @@ AT_END = 0.5  # of the element at an end of a moving rope: room that a node keep
 @inlined_kernel
 def rope_passing(coordinates, node, like):
     """Stretched length per arc length (-) of rope that passes a moving load's node: mean |r_x| of both sides."""
-    before, after = load(coordinates[node, BEFORE], like), load(coordinates[node, AFTER], like)
+    before, after = both_slopes(coordinates, node, like)
     return 0.5 * (sqrt(dot(before, before)) + sqrt(dot(after, after)))
 
 

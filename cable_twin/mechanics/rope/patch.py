@@ -64,9 +64,16 @@ def at_node(cable, state, carriage):
 
 
 @inlined_kernel
+def both_slopes(coordinates, node, like):
+    """Slopes (dim,) before and after a node, from its coordinates or their rates."""
+    return load(coordinates[node, BEFORE], like), load(coordinates[node, AFTER], like)
+
+
+@inlined_kernel
 def mean_slope(coordinates, node, like):
     """Mean (dim,) of the slopes on both sides of a node, from its coordinates or their rates."""
-    return scale(0.5, add_scaled(1.0, load(coordinates[node, BEFORE], like), load(coordinates[node, AFTER], like)))
+    before, after = both_slopes(coordinates, node, like)
+    return scale(0.5, add_scaled(1.0, before, after))
 
 
 @inlined_kernel
