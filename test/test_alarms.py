@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
-from cable_twin.ensemble.estimate.departures import REMEMBERED, Departures
+from cable_twin.ensemble.estimate.departures import REMEMBERED, Departures, Expected
 from cable_twin.ensemble.estimate.quantities import Estimate, slow_quantities
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import load_scenario
@@ -87,34 +87,38 @@ def test_what_a_doubt_explains_does_not_make_a_fault_observable():
 
 def departures():
     """Departures of the slow quantities of `aerial_tramway`, and estimates that are the scenario's but for one."""
-    slow = slow_quantities(load_scenario("aerial_tramway"))
+    slow, told = slow_quantities(load_scenario("aerial_tramway")), Departures()
+    expected = {one.name: Expected(one.plan, one.tolerance, bool(one.payload_of)) for one in slow}
 
     def estimates(name, value, deviation):
         return {one.name: Estimate(one.plan, 1e-9, one.unit) for one in slow} | {name: Estimate(value, deviation, "-")}
 
-    return Departures(slow), estimates
+    def alarms_with(time, name, value, deviation):
+        return told.alarms(time, estimates(name, value, deviation), expected)
+
+    return told, alarms_with
 
 
 def test_a_sudden_change_is_told_where_the_value_is_not_sure():
     """Rolling friction of 0.0085, 0.0005 either way, is within 0.0025 and three deviations of 0.005, not of 0.0038."""
-    told, estimates = departures()
-    assert told.alarms(1.0, estimates("cabin/rolling", 0.0085, 0.0005)) == []
+    told, alarms_with = departures()
+    assert alarms_with(1.0, "cabin/rolling", 0.0085, 0.0005) == []
     told.changed(2.0, "cabin/rolling", 0.0038)
     told.changed(4.0, "cabin/rolling", 0.0080)  # still the same change
-    (alarm,) = told.alarms(4.0, estimates("cabin/rolling", 0.0085, 0.0005))
+    (alarm,) = alarms_with(4.0, "cabin/rolling", 0.0085, 0.0005)
     assert alarm.reason == "cabin/rolling is 0.0085, standard deviation 0.0005, after 0.0038; 0.005 in the scenario"
-    assert told.alarms(6.0, estimates("cabin/rolling", 0.0085, 0.0005)) == []
-    (later,) = told.alarms(8.0, estimates("cabin/rolling", 0.0150, 0.0005))
+    assert alarms_with(6.0, "cabin/rolling", 0.0085, 0.0005) == []
+    (later,) = alarms_with(8.0, "cabin/rolling", 0.0150, 0.0005)
     assert later.reason == "cabin/rolling is 0.015, standard deviation 0.0005; 0.005 in the scenario"
 
 
 def test_a_change_is_forgotten_and_payloads_may_change():
-    told, estimates = departures()
+    told, alarms_with = departures()
     told.changed(2.0, "cabin/rolling", 0.0038)
-    assert told.alarms(2.5 + REMEMBERED, estimates("cabin/rolling", 0.0085, 0.0005)) == []
-    assert told.alarms(3.0 + REMEMBERED, estimates("cabin/rolling", 0.0085, 0.0005)) == []
+    assert alarms_with(2.5 + REMEMBERED, "cabin/rolling", 0.0085, 0.0005) == []
+    assert alarms_with(3.0 + REMEMBERED, "cabin/rolling", 0.0085, 0.0005) == []
     told.changed(30.0, "cabin/payload", 6300.0)
-    assert told.alarms(31.0, estimates("cabin/payload", 6450.0, 20.0)) == []
+    assert alarms_with(31.0, "cabin/payload", 6450.0, 20.0) == []
 
 
 @pytest.mark.long

@@ -96,3 +96,12 @@ def test_an_encoder_that_jumps_is_left_out_but_not_at_a_tower():
             not at_tower
         )
         assert [*doubts.left_out] == ["encoder"] * (not at_tower)
+
+
+def test_an_encoder_that_has_gone_far_before_its_twin_begins_is_not_of_another_unit():
+    reading = Reading("encoder", "m", np.zeros(1, dtype=np.intp), NOISE, Errors(0.05, 0.05), 0.2, offset=800.0)
+    for offset, said in ((800.0, []), (0.0, ["encoder"])):
+        doubts = Doubts({"encoder": reading._replace(offset=offset)})
+        for time in TIMES:
+            doubts.of_samples(time, [Measurement("encoder", time, (800.0 + 0.1 * time,))], np.array([0.1 * time]))
+        assert [*doubts.left_out] == said

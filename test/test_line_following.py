@@ -104,6 +104,22 @@ def test_a_load_cell_of_a_lift_that_lies_is_named_within_ten_seconds(under_way, 
     assert [alarm for alarm in alarms if alarm is follower.left_out[sensor]]
 
 
+@pytest.mark.parametrize(
+    ("spoil", "said"), [(lambda place, at: at, "is stuck at 1010"), (lambda place, at: place + 0.05, "has jumped by ")]
+)
+def test_an_encoder_of_a_lift_that_lies_is_named_within_ten_seconds(under_way, spoil, said):
+    sensor, begins = "encoder_haul_rope", 4.0  # s
+    (at, *_) = [one.values[0] for one in under_way[1] if one.sensor == sensor and one.time > begins]
+
+    def spoiled(one):
+        return replace(one, values=(spoil(one.values[0], at), *one.values[1:]))
+
+    follower, _ = followed(under_way, lambda one: spoiled(one) if one.sensor == sensor and one.time > begins else one)
+    assert [*follower.left_out] == [sensor]
+    assert said in follower.left_out[sensor].reason
+    assert abs(follower.place_of(sensor) - GONE - SPEED * follower.time) < 0.1  # m
+
+
 def test_swapped_load_cells_of_a_lift_are_named(under_way):
     to = {"load_tower_1_up": "load_tower_5_up", "load_tower_5_up": "load_tower_1_up"}
     follower, alarms = followed(under_way, lambda one: replace(one, sensor=to.get(one.sensor, one.sensor)))

@@ -104,7 +104,11 @@ class PlantSubscriber:
                         self._drive(now, joint)
             elif name == JOINTS:
                 for one in measurements_from_message(name, data, self._sensors, 0):
-                    if self._sensors[one.sensor].kind == "encoder":
+                    if self._sensors[one.sensor].kind != "encoder":
+                        continue
+                    if one.sensor in self._following.left_out:
+                        self._pursuit.leave(self._sensors[one.sensor].of)
+                    else:
                         self._measure(now, one.time, self._sensors[one.sensor].of, one.values[0])
         except (CommandError, ValueError):  # the estimator tells of it
             return

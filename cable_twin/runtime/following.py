@@ -76,6 +76,11 @@ class LiveFollowing:
         """End the process that follows the plant, and the threads."""
         self._companion.stop()
 
+    @property
+    def left_out(self) -> Mapping[str, str]:
+        """Sensors that are left out as faulty at present, each with the reason."""
+        return self._last.left_out
+
     def take(self, topic: str, data: bytes) -> None:
         """Queue a message of the plant for the process."""
         self._arrived = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import NamedTuple
 
 import pytest
@@ -10,6 +11,8 @@ from ros_participant import Participant
 from sensor_msgs.msg import JointState
 from twin_process import COMPILING, TwinProcess, allocate_domain, environment, release_domain, run_module
 
+from cable_twin.messages.sensor_messages import plant_names
+from cable_twin.offline.plant import plant_of
 from cable_twin.recording.log_reader import read_log
 
 COARSE = ["--set", "cable.elements={target: 20.0, at_towers: 6.0, growth: 1.7}"]  # for speed
@@ -116,3 +119,44 @@ def test_a_plant_is_followed_through_its_end_and_from_its_next_start(followed, t
     assert {*recorded} == {"/plant/joint_states", "estimate"}
     replayed = run_module("offline.replay", str(log), directory=tmp_path)
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
+
+
+@pytest.mark.long
+def test_a_twin_goes_on_where_the_encoder_of_its_lift_sticks(tmp_path, domain, started):
+    """A twin that took the place of a stuck encoder for that of its plant would stop there."""
+    (tmp_path / "plant").mkdir()
+    scenario = plant_of("chairlift", {}).scenario
+    sensors = json.dumps({name: one.model_dump(exclude_defaults=True) for name, one in scenario.sensors.items()})
+    names = plant_names(scenario) | {"sensors/joint_states": "/measured/joint_states"}
+    remapped = {"__node": "virtual_plant", "~/joint_commands": "/plant/joint_commands"}
+    remapped |= {f"~/{own}": name for own, name in names.items()}
+    rules = [part for own, name in remapped.items() for part in ("-r", f"{own}:={name}")]
+    options = ["chairlift", "--set", f"sensors={sensors}", "--outlook=false", "--rerun=none", "--ros-args", *rules]
+    variables = environment(tmp_path, domain)
+    started.append(TwinProcess(tmp_path / "plant", *options, domain=domain, variables=variables))
+    options = ["chairlift", "--follow", "--outlook=false", "--rerun=none"]
+    started.append(TwinProcess(tmp_path, *options, domain=domain, variables=variables))
+    participant = Participant(domain)
+    participant.subscribe("/diagnostics", DiagnosticArray)
+    participant.subscribe("joint_states", JointState)
+    relay, places, sticks = participant.node.create_publisher(JointState, "/plant/joint_states", 50), [], []
+
+    def pass_on(message):
+        if message.position:  # of the encoder, not of the force
+            places.append(message.position)
+            message.position = places[sticks[0] if sticks else -1]
+        relay.publish(message)
+
+    participant.node.create_subscription(JointState, "/measured/joint_states", pass_on, 50)
+    participant.until(lambda: following(participant) == "follows", COMPILING, "a twin that follows")
+    commands = participant.node.create_publisher(JointState, "/plant/joint_commands", 10)
+    command = JointState(name=["haul_rope"], velocity=[2.5])
+    participant.node.create_timer(0.1, lambda: commands.publish(command))
+    participant.until(lambda: participant.speed > 2.4, COMPILING, "a twin under way")
+    sticks.append(len(places) - 1)
+    participant.until(lambda: "left out: encoder_haul_rope" in following(participant), COMPILING, "an alarm")
+    participant.until(lambda: participant.speed > 2.4, COMPILING, "a twin that goes on")
+    place = participant.arc_length
+    participant.until(lambda: participant.arc_length > place + 20.0, COMPILING, "a twin that still goes on")
+    assert participant.speed > 2.4
+    participant.close()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.scenario import Scenario
 
 Motion = Mapping[str, tuple[float, float]]  # place (m) and speed (m/s) by name of a carriage or drive
@@ -37,6 +38,14 @@ def values_at(scenario: Scenario, motion: Motion) -> tuple[dict[str, Any], dict[
     return values, offsets
 
 
+def with_offsets(
+    readings: Mapping[str, Reading], scenario: Scenario, offsets: Mapping[str, float]
+) -> dict[str, Reading]:
+    """Readings of encoders by name with the offsets (m) of their drives, as `values_at` returns them."""
+    of = {name: scenario.sensors[name].of for name in readings if scenario.sensors[name].kind == "encoder"}
+    return {name: readings[name]._replace(offset=offsets.get(drive, 0.0)) for name, drive in of.items()}
+
+
 def _gone_by(scenario: Scenario, drive: str, place: float) -> dict[str, Any]:
     """Scenario values by dotted key of a drive and its vehicles after a length (m) of rope has passed the drive."""
     values: dict[str, Any] = {}
@@ -60,4 +69,4 @@ def _gone_by(scenario: Scenario, drive: str, place: float) -> dict[str, Any]:
     return values
 
 
-__all__ = ["Motion", "values_at"]
+__all__ = ["Motion", "values_at", "with_offsets"]

@@ -17,9 +17,9 @@ import numpy as np
 import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
-from cable_twin.ensemble.estimate.beginning import Motion, values_at
+from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.departures import Departures
+from cable_twin.ensemble.estimate.departures import Departures, Expected
 from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
@@ -126,15 +126,14 @@ class Follower:
         self._belief = Belief(mean, np.diag(np.concatenate([self._deviation, swing, errors]) ** 2))
         self._points, self._at_tower, self._stirred = self._stencil(), False, 0.0
         self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
-        self._encoders = [name for name in self.readings if scenario.sensors[name].kind == "encoder"]
-        self._offsets: dict[str, float] = {}  # m, of encoders that do not begin with 0
         self._change(rest=True)
         self._swing()
         self._rows: list[_Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
         self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
-        self._departures = Departures(self.slow)
+        self._departures = Departures()
+        self._expected = {one.name: Expected(one.plan, one.tolerance, bool(one.payload_of)) for one in self.slow}
         self._alarms: list[Alarm] = []  # of samples, to be told with the next correction
 
     @property
@@ -164,7 +163,7 @@ class Follower:
         except (EquilibriumError, ValueError):
             self._motion = before
             raise
-        self._offsets = {name: offsets.get(self._scenario.sensors[name].of, 0.0) for name in self._encoders}
+        self.readings |= with_offsets(self.readings, self._scenario, offsets)
         count, covariance = len(self.slow), self._belief.covariance.copy()
         fast, mean = slice(count, count + len(self._fast)), self._belief.mean.copy()
         mean[fast], covariance[fast, :], covariance[:, fast] = 0.0, 0.0, 0.0
@@ -208,7 +207,7 @@ class Follower:
                 if not (sensor := self.doubts.taken(one.sensor)):
                     continue
                 reading = self.readings[sensor]
-                value = reading.measured(one) - self._offsets.get(sensor, 0.0)
+                value = reading.measured(one)
                 variance = self._variance(reading) + (TIMING * float(np.linalg.norm(rates[reading.places]))) ** 2
                 self._rows.append(_Row(sensor, value, reading.of(numbers), variance, numbers))
         if self._passes_a_tower(numbers[0]) != self._at_tower:
@@ -230,7 +229,7 @@ class Follower:
 
     def place_of(self, sensor: str) -> float:
         """Present reading (m) of an encoder in the twin."""
-        return self.readings[sensor].in_frame(self._ensemble.numbers()[0]) + self._offsets.get(sensor, 0.0)
+        return self.readings[sensor].in_frame(self._ensemble.numbers()[0])
 
     def _advance(self, time: float) -> None:
         self._ensemble.advance_to(max(time, self.time) - self._zero)
@@ -260,7 +259,7 @@ class Follower:
         lasted, self._since, self._from = time - self._since, time, time
         hidden, slow = self._hidden(numbers), self._slow()
         self._go_on(lasted, numbers)
-        alarms += self._departures.alarms(time, slow)
+        alarms += self._departures.alarms(time, slow, self._expected)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _rest_where_believed(self, time: float) -> bool:

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # loads `special` where it is used
 
-from cable_twin.basics.units import with_unit
-from cable_twin.ensemble.estimate.beginning import Motion, values_at
-from cable_twin.ensemble.estimate.departures import CERTAIN
-from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, with_deviation
+from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
+from cable_twin.ensemble.estimate.departures import Departures, Expected
+from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
@@ -97,7 +96,7 @@ class LineFollower:
     Attributes:
         slow: none; the truth of a payload is no key of a scenario.
         window: s, between two corrections.
-        readings: sensors that are read, by name: load cells of towers and forces of drives.
+        readings: sensors that are read, by name: load cells of towers, forces of drives, encoders.
         doubts: detector of faulty sensors.
         carriers: names of the carriers.
 
@@ -120,10 +119,10 @@ class LineFollower:
         self.readings: dict[str, Reading] = {
             name: one
             for name, one in known.items()
-            if self._kinds[name] == "drive_force" or self._of[name] in layout.towers
+            if self._kinds[name] in ("drive_force", "encoder") or self._of[name] in layout.towers
         }
-        self._encoders = {name: one for name, one in known.items() if self._kinds[name] == "encoder"}
-        self._zero, self._offsets = 0.0, dict.fromkeys(self._encoders, 0.0)
+        self._of_forces = [name for name in self.readings if self._kinds[name] != "encoder"]
+        self._zero = 0.0
         self.doubts = Doubts(self.readings)
         self.carriers = layout.carriers
         self._rows = np.array([layout.vehicle_rows[name] for name in self.carriers])
@@ -132,18 +131,18 @@ class LineFollower:
         self._capacity = max(kind.payload.capacity for kind in kinds if kind.payload is not None)
         self._statics = LineStatics(scenario, start)
         self._known = len(self.carriers) + 2  # payloads, friction, ice
-        size = self._known + len(self.readings)
+        size = self._known + len(self._of_forces)
         self._ice = next(iter(scenario.cables.values())).ice
-        self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self.readings])
+        self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self._of_forces])
         deviations = np.concatenate(
             [[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION, FIRST_ICE], self._bias]
         )
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         self._plan = start.columns.payload[self._rows].copy()
         self._sums: dict[str, list[_Sample]] = {}
-        self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self.readings})
+        self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self._of_forces})
         self._since, self._speed = 0.0, (0.0, 0.0)
-        self._told: set[str] = set()
+        self._departures = Departures()
         self._alarms: list[Alarm] = []  # of this window
 
     @property
@@ -168,7 +167,7 @@ class LineFollower:
         """
         values, offsets = values_at(self._scenario, motion)
         self._twin = Simulation(load_scenario(self._scenario.resolved(), values), samples=ENDS)
-        self._offsets = {name: offsets.get(self._of[name], 0.0) for name in self._encoders}
+        self.readings |= with_offsets(self.readings, self._scenario, offsets)
         self._plan = self._twin.snapshot.columns.payload[self._rows].copy()
         self._forget(range(len(self.carriers)))
         self._zero, self._since, self._sums, self._speed = time, time, {}, (0.0, 0.0)
@@ -176,7 +175,7 @@ class LineFollower:
 
     def place_of(self, sensor: str) -> float:
         """Present reading (m) of an encoder in the twin."""
-        return self._encoders[sensor].in_frame(self._twin.snapshot.numbers) + self._offsets[sensor]
+        return self.readings[sensor].in_frame(self._twin.snapshot.numbers)
 
     def close(self) -> None:
         """End the follower, which has no threads."""
@@ -227,7 +226,7 @@ class LineFollower:
             innovation = normalised_square(rows[0], jacobian, rows[1], self._belief.covariance) / len(terms)
             self._belief = update(self._belief, rows[0], jacobian, rows[1])
         slow, hidden = self._slow(), self._hidden(snapshot)  # of this window, before the doubt of the next one
-        alarms += self._against_plan(time, slow)
+        alarms += self._departures.alarms(time, slow, self._expected())
         self._drift(time - self._since)
         self._since, self._sums = time, {}
         return Correction(time, slow, hidden, innovation, tuple(alarms))
@@ -270,25 +269,17 @@ class LineFollower:
         left = [name for name in found if other or name != one]
         return {name: self._terms(name, found[to.get(name, name)], found[name]) for name in left}
 
-    def _against_plan(self, time: float, slow: dict[str, Estimate]) -> list[Alarm]:
-        """Alarms for payloads, friction and ice whose estimates surely differ from plan and scenario."""
-        alarms = []
-        for row, name in enumerate(self.carriers):
-            got, plan = slow[f"{name}/payload"], float(self._plan[row])
-            if name not in self._told and abs(got.value - plan) > PLAN * self._capacity + CERTAIN * got.deviation:
-                self._told.add(name)
-                found = with_deviation(got.value, got.deviation, "kg")
-                alarms.append(Alarm(time, f"{name}/payload is {found}; {with_unit(plan, 'kg')} in the plan"))
-        for name, usual, tolerance in (
-            ("towers/friction", 1.0, FRICTION_TOLERANCE),
-            ("ropes/ice", self._ice, ICE_TOLERANCE),
-        ):
-            got = slow[name]
-            if name not in self._told and abs(got.value - usual) > tolerance + CERTAIN * got.deviation:
-                self._told.add(name)
-                found = with_deviation(got.value, got.deviation, got.unit)
-                alarms.append(Alarm(time, f"{name} is {found}; {with_unit(usual, got.unit)} in the scenario"))
-        return alarms
+    def _expected(self) -> dict[str, Expected]:
+        """Payloads of the plan, and friction and ice of the scenario, by the names of their estimates."""
+        tolerance = PLAN * self._capacity
+        return {
+            **{
+                f"{name}/payload": Expected(float(self._plan[row]), tolerance, may_change=True, source="plan")
+                for row, name in enumerate(self.carriers)
+            },
+            "towers/friction": Expected(1.0, FRICTION_TOLERANCE, may_change=False),
+            "ropes/ice": Expected(self._ice, ICE_TOLERANCE, may_change=False),
+        }
 
     def _slow(self) -> dict[str, Estimate]:
         deviations, mean = np.sqrt(np.diag(self._belief.covariance)), self._belief.mean
@@ -330,11 +321,13 @@ class LineFollower:
         for row in rows:
             mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
             covariance[row, row] = self._doubt(row) ** 2
-            self._told.discard(self.carriers[row])
+            self._departures.forget([f"{self.carriers[row]}/payload"])
         self._belief = Belief(mean, covariance)
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
-        """Whether a sensor can be predicted at present: no carrier on the sheaves of its tower, or a steady drive."""
+        """Whether a sensor tells payloads at present: no carrier on the sheaves of its tower, or a steady drive."""
+        if self._kinds[sensor] == "encoder":
+            return False
         if self._kinds[sensor] == "drive_force":
             row = snapshot.layout.drive_rows[self._of[sensor]]
             speed, (time, before) = float(snapshot.columns.drive_speed[row]), self._speed
@@ -350,7 +343,7 @@ class LineFollower:
         own = (self._statics.of_tower if tower else self._statics.of_drive)(self._of[sensor], snapshot)
         row = np.zeros(self._belief.mean.size)
         row[: self._known] = *own.payloads, own.friction, own.ice
-        row[self._known + [*self.readings].index(sensor)] = 1.0
+        row[self._known + self._of_forces.index(sensor)] = 1.0
         return row
 
     def _scale(self, sensor: str, of_tower: float, of_drive: float) -> float:

@@ -102,11 +102,12 @@ class Reading(NamedTuple):
     noise: float  # of a sample
     fast: Errors  # of the model
     error: float  # slow error of the model
+    offset: float = 0.0  # of an encoder: its reading where that of the twin is 0
 
     def of(self, numbers: FloatArray) -> FloatArray:
         """Values (members,) that the sensor would read without errors, from frame rows (members, n)."""
         found: FloatArray = numbers[:, self.places]
-        return found[:, 0] if self.places.size == 1 else np.linalg.norm(found, axis=1)
+        return found[:, 0] + self.offset if self.places.size == 1 else np.linalg.norm(found, axis=1)
 
     def in_frame(self, numbers: FloatArray) -> float:
         """Value that the sensor would read without errors, from the row (n,) of one frame."""
