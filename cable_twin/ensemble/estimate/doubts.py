@@ -20,6 +20,7 @@ STUCK_SAMPLES = 30  # equal ones of a sensor with noise
 STANDING_SAMPLES = 5  # equal ones of an encoder, which before was faster than
 SUDDEN = 1.0  # m/s, from which no drive stops within a sample
 WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
+LOST = 0.1  # share of the force of a drive, from which on its sensor is not the only one that may be at fault
 
 
 # squares of the innovations by sensor, over their limit; some sensors may be taken for others
@@ -36,6 +37,24 @@ class Alarm(NamedTuple):
 def with_deviation(value: float, deviation: float, unit: str) -> str:
     """Text of an estimate and its standard deviation, both in SI units, in readable units."""
     return f"{with_unit(value, unit)}, standard deviation {with_unit(deviation, unit, 2)}"
+
+
+def fault_of_drive(reading: Reading, drive: str, got: float, wanted: float) -> str:
+    """Message about a drive whose force (N) is not the predicted one, read by a sensor; empty for a small difference.
+
+    Args:
+        reading: of the sensor of its force.
+        drive: name.
+        got: N, mean measured force.
+        wanted: N, mean predicted force.
+    """
+    if abs(wanted) < WELL_ABOVE * reading.noise or abs(got / wanted - 1.0) < LOST:
+        return ""
+    share = f"{100.0 * abs(got / wanted - 1.0):.0f} % {'more' if abs(got) > abs(wanted) else 'less'} force"
+    return (
+        f"the drive of {drive} takes {share} than payload and friction need, {got / 1e3:.1f} instead of "
+        f"{wanted / 1e3:.1f} kN, or its sensor {reading.name} is wrong, which is left out"
+    )
 
 
 class Doubts:

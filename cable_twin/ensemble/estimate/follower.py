@@ -20,7 +20,7 @@ from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.changes import best_change
 from cable_twin.ensemble.estimate.departures import Departures, Expected
-from cable_twin.ensemble.estimate.doubts import PLANT, WELL_ABOVE, Alarm, Doubts
+from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
@@ -57,7 +57,6 @@ NEAR = 40.0  # m along the track from a tower, where slow quantities go on by th
 SURELY = 5.0  # standard deviations of a change of tension at an end
 WRONG = 5.0  # times its noise, by which a sensor may be wrong all at once, a standard deviation
 RARER = 4.0  # logarithm of how much rarer that is than a change of the plant that explains as much
-LOST = 0.1  # share of the force of a drive, from which on its sensor is not the only one that may be at fault
 BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
 SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
@@ -483,13 +482,7 @@ class Follower:
         if not rows or (sensor := self._scenario.sensors[rows[0].sensor]).kind != "drive_force":
             return ""
         got, wanted = (float(np.mean(of)) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
-        if abs(wanted) < WELL_ABOVE * self.readings[rows[0].sensor].noise or abs(got / wanted - 1.0) < LOST:
-            return ""
-        share = f"{100.0 * abs(got / wanted - 1.0):.0f} % {'more' if abs(got) > abs(wanted) else 'less'} force"
-        return (
-            f"the drive of {sensor.of} takes {share} than payload and friction need, {got / 1e3:.1f} instead of "
-            f"{wanted / 1e3:.1f} kN, or its sensor {rows[0].sensor} is wrong, which is left out"
-        )
+        return fault_of_drive(self.readings[rows[0].sensor], sensor.of, got, wanted)
 
     def _variance(self, reading: Reading) -> float:
         """Variance of a sample: noise of the sensor and usual fast error of the model."""

@@ -7,6 +7,7 @@ sparse row of derivatives.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.departures import Departures, Expected
-from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts
+from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
@@ -58,7 +59,8 @@ class FastErrors:
     """Variance of the model's fast error in each sensor: at least a given one, more while waves run along the rope.
 
     A cabin that boards with another payload than planned starts other waves. They show in how a sensor's difference
-    from its prediction changes from one window to the next, to which slow quantities add little.
+    from its prediction changes from one window to the next, to which slow quantities add little. A single large change
+    is no wave but a fault of the sensor or the plant: of the last three, the second largest counts.
 
     Args:
         least: standard deviation of each sensor.
@@ -68,6 +70,7 @@ class FastErrors:
         self._least = {name: one**2 for name, one in least.items()}
         self._present = dict(self._least)
         self._last: dict[str, tuple[float, float, FloatArray]] = {}
+        self._changes = {name: deque([one, one], maxlen=3) for name, one in self._least.items()}  # squared, halved
 
     def variance(self, sensor: str) -> float:
         """Present variance of the model's fast error in a sensor."""
@@ -86,7 +89,8 @@ class FastErrors:
         then, before, others = self._last.get(sensor, (-np.inf, 0.0, effects))
         self._last[sensor] = time, apart, effects
         if time - then < 1.5 * WINDOW:
-            found, present = 0.5 * (apart - before - float((effects - others) @ mean)) ** 2, self.variance(sensor)
+            self._changes[sensor].append(0.5 * (apart - before - float((effects - others) @ mean)) ** 2)
+            found, present = sorted(self._changes[sensor])[1], self.variance(sensor)
             self._present[sensor] = present + (min(found, SUDDEN * present) - present) / REMEMBERED
 
 
@@ -96,7 +100,8 @@ class LineFollower:
     Attributes:
         slow: none; the truth of a payload is no key of a scenario.
         window: s, between two corrections.
-        readings: sensors that are read, by name: load cells of towers, forces of drives, encoders.
+        readings: sensors that are read, by name; the values of load cells at towers and of drive forces are compared
+            with the model, the others only looked at for faults of their own.
         doubts: detector of faulty sensors.
         carriers: names of the carriers.
 
@@ -113,15 +118,12 @@ class LineFollower:
         start, layout = self._twin.snapshot, self._twin.layout
         supports = layout.support_rows
         self._rest = {name: float(np.linalg.norm(start.columns.support_force[row])) for name, row in supports.items()}
-        known = readings(scenario, layout, self._rest)
-        self._of = {name: scenario.sensors[name].of for name in known}
-        self._kinds = {name: scenario.sensors[name].kind for name in known}
-        self.readings: dict[str, Reading] = {
-            name: one
-            for name, one in known.items()
-            if self._kinds[name] in ("drive_force", "encoder") or self._of[name] in layout.towers
-        }
-        self._of_forces = [name for name in self.readings if self._kinds[name] != "encoder"]
+        self.readings: dict[str, Reading] = readings(scenario, layout, self._rest)
+        self._of = {name: scenario.sensors[name].of for name in self.readings}
+        self._kinds = {name: scenario.sensors[name].kind for name in self.readings}
+        self._of_forces = [  # whose values tell payloads, friction and ice
+            name for name in self.readings if self._kinds[name] == "drive_force" or self._of[name] in layout.towers
+        ]
         self._zero = 0.0
         self.doubts = Doubts(self.readings)
         self.carriers = layout.carriers
@@ -261,13 +263,22 @@ class LineFollower:
             return dict(zip(sensors, alone.tolist(), strict=True))
 
         contradicting = self.doubts.contradicting([*found], squares)
-        alarms += self.doubts.judge(time, contradicting)
+        reason = self._fault_of_drive(contradicting, found.get(contradicting, []))
+        alarms += self.doubts.judge(time, contradicting, reason)
         if contradicting == PLANT:
             return {}
         one, _, other = contradicting.partition("/")
         to = {one: other, other: one} if other else {}
         left = [name for name in found if other or name != one]
         return {name: self._terms(name, found[to.get(name, name)], found[name]) for name in left}
+
+    def _fault_of_drive(self, sensor: str, found: Sequence[_Sample]) -> str:
+        """Message about a drive whose force is not the predicted one, by its sensor's samples; empty for none."""
+        if not found or self._kinds[sensor] != "drive_force":
+            return ""
+        wanted = [one.predicted + float(one.effects @ self._belief.mean) for one in found]
+        got = float(np.mean([one.value for one in found]))
+        return fault_of_drive(self.readings[sensor], self._of[sensor], got, float(np.mean(wanted)))
 
     def _expected(self) -> dict[str, Expected]:
         """Payloads of the plan, and friction and ice of the scenario, by the names of their estimates."""
@@ -326,7 +337,7 @@ class LineFollower:
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
         """Whether a sensor tells payloads at present: no carrier on the sheaves of its tower, or a steady drive."""
-        if self._kinds[sensor] == "encoder":
+        if sensor not in self._of_forces:
             return False
         if self._kinds[sensor] == "drive_force":
             row = snapshot.layout.drive_rows[self._of[sensor]]
