@@ -156,10 +156,10 @@ TRACKS = {"haul_up": "track_up", "haul_down": "track_down"}
         (
             "tracks",
             {"haul_up": "track_up", "haul_down": "track_up"},
-            "tracks.haul_down: given 'track_up': the track of",
+            "tracks.haul_down: given 'track_up': it is the track of",
         ),
         ("tracks", {"haul_up": "track_down", "haul_down": "track_up"}, "it runs against the direction of 'haul_up'"),
-        ("clamp_offset", [0.0, -40.0], "'haul_up' is 39.5 m away from a clamp; allowed: up to 5 m"),
+        ("clamp_offset", [0.0, -40.0], "'haul_up' is 39.5 m away from a clamp; allowed: a distance of up to 5 m"),
     ],
 )
 def test_tracks_are_checked(keys, value, said):
@@ -175,7 +175,7 @@ def test_what_only_a_track_needs_is_a_fault_without_one():
     faults = faults_of(data)
     assert any("carriers.clamp_offset: given [" in fault and "m: without a track" in fault for fault in faults)
     assert any(
-        "carriers.friction: given a mapping: without a track; allowed: only beside `tracks`" in fault
+        "friction: given a mapping: without a track; allowed: rolling and viscous of 0, or with `tracks`" in fault
         for fault in faults
     )
 

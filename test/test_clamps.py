@@ -145,7 +145,7 @@ def changed(**changes):
     ("changes", "said"),
     [
         ({"clamped_to": {"rail": 1.0}}, "clamped_to.rail: given the rope 'rail'; allowed: track, haul"),
-        ({"clamped_to": {"track": 1.0}}, "carriages.cabin_1.clamped_to.track: given 'track': the rope on which it sli"),
+        ({"clamped_to": {"track": 1.0}}, "carriages.cabin_1.clamped_to.track: given 'track': the carriage slides on"),
         ({"clamped_to": {"haul": -1.0}}, "carriages.cabin_1.clamped_to: given -1 m: on no ropes"),
         ({"clamped_to": {"haul": "x"}}, "carriages.cabin_1.clamped_to.haul: given 'x'"),
         ({"joint": "fixed"}, "carriages.cabin_1.clamped_to: given a mapping: a joint or drive holds the carriage"),
@@ -164,7 +164,7 @@ def test_two_clamps_at_one_place_are_a_fault():
     data["carriages"]["cabin_2"]["clamped_to"] = data["carriages"]["cabin_1"]["clamped_to"]
     (fault,) = faults_of(data)
     assert "carriages.cabin_2.clamped_to.haul: given" in fault
-    assert "the place of 'cabin_1' too; allowed: another place" in fault
+    assert "'cabin_1' is clamped there; allowed: another place, in m" in fault
 
 
 def test_clamp_beside_one_cable_is_a_fault():

@@ -156,7 +156,7 @@ def test_cabins_pass_each_other_half_way_as_near_as_the_wind_brings_them(trip):
 @needs_kernels
 def test_a_cabin_is_moved_by_its_haul_rope_alone(trip):
     simulation, *_ = trip
-    with pytest.raises(CommandError, match="'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"):
+    with pytest.raises(CommandError, match="'cabin_1' is clamped to haul_1, which pulls it; allowed drives: haul_rope"):
         simulation.command("cabin_1", speed=1.0)
 
 

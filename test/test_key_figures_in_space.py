@@ -163,7 +163,7 @@ def test_a_plane_has_no_rows_of_what_it_has_not():
     [
         (
             {"terrain_sides": LEANING},
-            "terrain_sides: given a mapping: without terrain; allowed: null; only beside terrain, the profile",
+            "terrain_sides: given a mapping: without terrain; allowed: null; only with `terrain`, the profile",
         ),
         (
             {

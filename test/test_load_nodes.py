@@ -13,8 +13,8 @@ LENGTHS = "target", "at_towers"  # of elements, m
 @pytest.mark.parametrize(
     ("scenario", "changes", "said"),
     [
-        ("single_span", {"cable.elastic_model": "element_frame"}, "beside elastic_model element_frame"),
-        ("single_span", {"solver.integrator": "runge_kutta"}, "beside integrator runge_kutta"),
+        ("single_span", {"cable.elastic_model": "element_frame"}, "with elastic_model element_frame"),
+        ("single_span", {"solver.integrator": "runge_kutta"}, "with integrator runge_kutta"),
     ],
 )
 def test_refused_beside_what_it_cannot_do(scenario, changes, said):
@@ -23,7 +23,7 @@ def test_refused_beside_what_it_cannot_do(scenario, changes, said):
 
 
 def test_refused_on_a_haul_rope_with_mass_damping():
-    with pytest.raises(ScenarioError, match="beside mass_damping of a rope that moves over bullwheels"):
+    with pytest.raises(ScenarioError, match="with mass_damping of a rope that moves over bullwheels"):
         load_scenario("bicable", {f"ropes.{rope}.joint": "node" for rope in load_scenario("bicable").ropes})
 
 

@@ -33,7 +33,7 @@ def test_bullwheels_is_another_name_of_sheaves():
     renamed = {key.replace("sheaves", "bullwheels"): value for key, value in changed.items()}
     assert load_scenario(other, renamed) == load_scenario(content, changed)
     (fault,) = faults_of({**other, "sheaves": content["sheaves"]})
-    assert fault == "mapping: bullwheels: given a mapping: beside `sheaves`; allowed: one of the two"
+    assert fault == "mapping: bullwheels: given a mapping: also given as `sheaves`; allowed: one of the two"
     (fault,) = faults_of({**other, "bullwheels": {**content["sheaves"], "other": 5}})
     assert fault == "mapping: bullwheels.other: given 5; allowed: a mapping"
     assert explained("bullwheels.NAME.radius") == explained("sheaves.NAME.radius")

@@ -61,7 +61,7 @@ def test_a_limit_is_warned_of_before_it_is_passed():
     assert twin.time < passed <= swing.time
     (line,) = [line for line in first.warnings if "swing" in line]
     assert line.startswith("emergency stop: cabin: swing along the track: ")
-    assert f"allowed: at most 1.719 deg, passed by {passed:.2f} s (scenario: limits.swing)" in line
+    assert f"allowed: at most 1.719 deg, violated no later than {passed:.2f} s (scenario: limits.swing)" in line
     assert line in twin.outlook(horizon=3.0).warnings
 
 

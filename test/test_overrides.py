@@ -69,7 +69,7 @@ def test_the_whole_goes_before_what_is_in_it_and_files_and_shared_lists_stay():
         ("cable.mass_per_length.x", 1.0, "cable.mass_per_length.x: this key does not exist; nothing can be set below"),
         ("terrain.13.0", 1.0, "terrain.13: this key does not exist; allowed: a number from 0 to 12"),
         ("cable.loads.0.force.x", 1.0, "cable.loads.0: this key does not exist; nothing can be set below this"),
-        ("sensors.place.rate", 9.0, "allowed: a whole one, as in sensors.place={...}"),
+        ("sensors.place.rate", 9.0, "allowed: a whole mapping, as in sensors.place={...}"),
         ("sensors.place", {"kind": "scale", "of": "cabin"}, "sensors.place.kind: given 'scale'; allowed: one of"),
         ("towers.tower_1.position", [545.0, 30.0], "towers.tower_1: this key does not exist; did you mean 'tower'?"),
         ("carriages.cabbin.speed", 1.0, "carriages.cabbin: this key does not exist; did you mean 'cabin'?"),

@@ -81,7 +81,7 @@ def test_shipped_documents_are_valid_and_counted_as_the_page_has_them():
         ({"unit": "km/h"}, "checks.A-1.unit: given 'km/h': speed is in m/s; allowed: m/s"),
         ({"limit": None}, "checks.A-1.limit: given nothing; allowed: a number, a formula, or a list of cases"),
         ({"limit": "2 * sped"}, "given '2 * sped': unknown variable sped; allowed: haul_ropes,"),
-        ({"limit": "open('x')"}, "no formula; allowed: a number, or a formula with + - * /"),
+        ({"limit": "open('x')"}, "not a valid formula; allowed: a number, or a formula with + - * /"),
         ({"limit": [2.0]}, "allowed: a number, a formula, or a list of cases"),
         ({"comparison": "within", "limit": [2.0, 1.0]}, "given [2.0, 1.0]: nothing can be within it; allowed: the l"),
         ({"comparison": "under"}, "given 'under'; allowed: one of at most, at least, below, above, within"),

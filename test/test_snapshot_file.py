@@ -262,7 +262,7 @@ def change_arrays(**changes):
             f"format version {FORMAT_VERSION - 1}; this cable_twin reads {FORMAT_VERSION}",
         ),
         (change_header(format_version="x"), f"format version 'x'; this cable_twin reads {FORMAT_VERSION}"),
-        (change_header(format="other"), "not a snapshot of cable_twin: its header is another one"),
+        (change_header(format="other"), "not a snapshot of cable_twin: its header has another format"),
         (change_arrays(**{"state/reference.velocity": None}), f"no array reference.velocity in its state; {MADE}"),
         (change_arrays(**{"start/clock": None}), f"no array clock in its start; {MADE}"),
         (change_arrays(**{"state/weather": np.zeros(1)}), f"unknown array weather in its state; {MADE}"),

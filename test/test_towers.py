@@ -24,7 +24,7 @@ FAULTS = [
     ("cable.end.mass", 8e6, "a strain of 19.7 %; allowed: a pull of at most 19900 kN, for a strain of 5 %"),
     ("cable.end.direction", None, "given nothing: a counterweight needs it"),
     ("cable.end.direction", [0, 0], "allowed: a direction, not all numbers zero"),
-    ("cable.end.direction", [-1, 0], "lets the cable go slack; allowed: one that pulls it away from [500.0, 80.0]"),
+    ("cable.end.direction", [-1, 0], "slack; allowed: a direction that pulls the cable away from [500.0, 80.0]"),
     ("cable.end.travel", [3, -3], "given [3.0, -3.0] m; allowed: the least travel, then a greater one, in m"),
     ("cable.end.travel", [2, 2], "allowed: the least travel, then a greater one"),
     ("cable.start.mass", 3.0, "where support is pinned; allowed: null, or a value in kg with support: counterweight"),
@@ -36,8 +36,8 @@ FAULTS = [
     ("towers.tower.contacts", 0, "given 0; allowed: a whole number at least 1"),
     ("towers.tower.length", 0.0, "given 0.0 m: for 13 contacts; allowed: a number above 0, in m"),
     ("towers.tower.length", 41.0, "more than one radian of a circle of 40 m; allowed: at most 40 m"),
-    ("towers.tower.position", [-5, 80], "x between 0 m of the start and 1000 m of the end, in order along the cable"),
-    ("towers.tower.position", [0, 80], "x between 0 m of the start and 1000 m of the end"),
+    ("towers.tower.position", [-5, 80], "x between 0 m (the start) and 1000 m (the end), in order along the cable"),
+    ("towers.tower.position", [0, 80], "x between 0 m (the start) and 1000 m (the end)"),
 ]
 
 
@@ -56,9 +56,9 @@ def test_a_tower_behind_the_end_also_turns_the_pull_round():
 def test_counterweights_and_free_ends_that_contradict():
     second = {"support": "counterweight", "position": [0, 0], "direction": [-1, 0], "mass": 1e4}
     (fault,) = faults_of(TRAMWAY, {"cable.start": second})
-    assert "cable.end.support: given 'counterweight': at both ends; allowed: at one of them" in fault
+    assert "cable.end.support: given 'counterweight': at both ends; allowed: a counterweight at one end only" in fault
     (fault,) = faults_of(TRAMWAY, {"cable.start": {"support": "free", "position": [0, 0]}})
-    assert "towers: given a mapping: beside a free end; allowed: only where both ends of the rope are held" in fault
+    assert "towers: given a mapping: an end is free; allowed: only where both ends of the rope are held" in fault
     (fault,) = faults_of(TRAMWAY, {"gravity": 0.0})
     assert "cable.end.force: given nothing: there is no weight without gravity" in fault
 
@@ -66,9 +66,9 @@ def test_counterweights_and_free_ends_that_contradict():
 def test_towers_are_in_order_and_do_not_share_names_with_the_ends():
     tower = TRAMWAY["towers"]["tower"]
     towers = {"upper": tower, "lower": tower | {"position": [300.0, 40.0]}}
-    with pytest.raises(ScenarioError, match=r"towers\.lower\.position: .* between 500 m of tower 'upper' and 1000 m"):
+    with pytest.raises(ScenarioError, match=r"towers\.lower\.position: .* between 500 m \(tower 'upper'\) and 1000 m"):
         load_scenario({**TRAMWAY, "towers": towers})
-    with pytest.raises(ScenarioError, match=r"towers\.end: given the name 'end': that of an end"):
+    with pytest.raises(ScenarioError, match=r"towers\.end: given the name 'end': an end of the cable"):
         load_scenario({**TRAMWAY, "towers": {"end": tower}})
 
 

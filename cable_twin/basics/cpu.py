@@ -88,12 +88,12 @@ def choose(wanted: str, kind: str, host: Target) -> Target:
 
 @cache
 def chosen(host: Target) -> Target:
-    """Compilation target by the variable CABLE_TWIN_CPU; an unknown name gives the default target, with a warning."""
+    """Compilation target named by the environment variable CABLE_TWIN_CPU; if unknown, the default, with a warning."""
     try:
         return choose(os.environ.get(VARIABLE, "").strip(), machine(), host)
     except ValueError as error:
         default = choose("", machine(), host)
-        logging.getLogger("cable_twin").warning("%s; %s is taken", error, default.name)
+        logging.getLogger("cable_twin").warning("%s; %s is used", error, default.name)
         return default
 
 

@@ -26,7 +26,7 @@ MOST = 100_000  # values and keys, those of an alias each time that it stands
 
 
 class UnreadableYamlError(ValueError):
-    """Text that is not valid YAML or exceeds the limits: fault in a line, allowed range, and place.
+    """Error for a text that is not valid YAML or exceeds the limits: reason, what is allowed, and line number.
 
     Attributes:
         where: number of the line as in ":12", or empty.
@@ -151,7 +151,9 @@ class _LimitedComposer(Composer):
         self._above -= 1
         if is_alias:
             if id(node) not in self._sizes:
-                raise UnreadableYamlError("an alias within its own anchor; allowed: an alias after it", line)
+                raise UnreadableYamlError(
+                    "an alias within its own anchor; allowed: an alias after the anchored value", line
+                )
             inner, below = self._sizes[id(node)]
             self._count += inner
             self._deepest = max(self._deepest, self._above + below)
@@ -195,7 +197,7 @@ def _check_size(size: int, largest: int) -> None:
 
 
 class _Representer(SafeRepresenter):
-    """YAML floats with a decimal point: 1e-06 is a text in YAML 1.1, 1.0e-06 is a number."""
+    """Writer of YAML floats with a decimal point: 1e-06 is a text in YAML 1.1, 1.0e-06 is a number."""
 
     def represent_float(self, value: float) -> Any:
         text = repr(value)

@@ -28,6 +28,6 @@ def printable(text: object, longest: int = LONGEST) -> str:
 
 
 def printable_lines(text: object, longest: int = LONGEST_MESSAGE) -> str:
-    """Text of several lines, each made safe by `printable`; `longest` limits the characters of all."""
+    """Text of several lines, each made safe by `printable`, cut to `longest` characters in all."""
     joined = "\n".join(printable(line, longest) for line in str(text)[: longest + 1].split("\n"))
     return joined if len(joined) <= longest else f"{joined[: longest - len(CUT)]}{CUT}"

@@ -16,7 +16,7 @@ PLAIN = -4, 7  # powers of ten between which a number has no exponent
 
 
 def shown_unit(unit: str, size: float) -> tuple[str, float]:
-    """Readable unit for SI values of a size, and the conversion factor to this unit."""
+    """Readable unit for an SI value of magnitude `size`, and the factor from the SI unit to it."""
     if unit == "rad":
         return "deg", 180.0 / math.pi
     for least, larger, one in LARGER.get(unit, ()):

@@ -44,7 +44,7 @@ class Members(NamedTuple):
 
 @by_reference
 class Looks(NamedTuple):
-    """Conditions for interrupting the steps of a member: loading, stations, and vehicles that can meet."""
+    """Settings of the checks between calls of the integrator: vehicle pairs that can meet, payloads, step counts."""
 
     before: IntArray  # (pairs,) vehicle that can meet another one
     after: IntArray  # (pairs,) the one after it on its rope
@@ -57,7 +57,7 @@ class Looks(NamedTuple):
 def advance_members(
     code, queue, order, first, budget, members, looks, bundles, like, moving, good, before, scratch, system, state, work
 ):
-    """Advance members of an ensemble from a queue until the queue is empty or stopped, or a member needs Python.
+    """Advance members from a queue until it is empty or stopped, or an event of a member must be handled in Python.
 
     Args:
         code: address of the integrator.
@@ -101,7 +101,7 @@ def advance_members(
 
 @kernel
 def advance_member(code, queue, member, budget, members, looks, bundles, arguments):
-    """Advance one member by `budget` steps or a few more; returns whether the next step needs Python."""
+    """Advance a member by about `budget` steps; returns whether Python must handle an event before the next step."""
     like, moving, good, before, scratch, any_system, state, work = arguments
     bundle, system = record_at(bundles[member], like), record_at(members.systems[member, 0], any_system)
     copy_array(members.states[member], state.memory)
@@ -165,7 +165,7 @@ def are_pressed(looks, state):
 
 @kernel
 def changed_places(members, member, state):
-    """Change of any vehicle since the last record: one `CAME` to a rope or station, else `LEFT` a station, or `NOBODY`.
+    """Change of rope or station of any vehicle since the last record: `CAME` to one, `LEFT` a station, or `NOBODY`.
 
     The integrator ends its call at the step of each change.
     """

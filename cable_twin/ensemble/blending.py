@@ -37,7 +37,7 @@ class Turn(NamedTuple):
 
 
 def are_alike(states: MemberStates) -> bool:
-    """Whether members have their vehicles in the same elements, and their drives in the same modes."""
+    """Whether members have each vehicle in the same rope element, and each drive in the same mode."""
     return all(
         bool((block[name] == block[name][0]).all())
         for block in (states.block, states.motions)
@@ -47,7 +47,7 @@ def are_alike(states: MemberStates) -> bool:
 
 
 def blend(states: MemberStates, weights: FloatArray) -> None:
-    """Replace the state of each member by a weighted sum of the states of all, at equal payloads.
+    """Replace the state of each member by a weighted sum of the states of all members, calculated at equal payloads.
 
     Payloads, wind, temperature and friction stay those of the member. As bodies rotate, joints of the summed states are
     open to second order: they are closed here, else the first step would close them with forces beyond any drive's.
@@ -94,7 +94,7 @@ def turn(states: MemberStates, member: int, turns: Sequence[Turn]) -> None:
 
 
 def _turn_body(state: State, dim: int, one: Turn) -> None:
-    """Rotate a body of a vehicle in place; its joints are open afterwards."""
+    """Rotate a body of a vehicle in place, which violates the constraints of its joints until they are closed again."""
     place, velocity = state.bodies.position[one.body, dim:], state.bodies.velocity[one.body, dim:]
     if dim == 2:
         place += one.angle

@@ -1,4 +1,4 @@
-"""Columns over the members of an ensemble, by name and unit."""
+"""Results of an ensemble as columns: one (members,) for each quantity, by name and unit."""
 
 from __future__ import annotations
 

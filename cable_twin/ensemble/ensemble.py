@@ -105,7 +105,7 @@ class Ensemble:
 
     @property
     def faults(self) -> Mapping[int, str]:
-        """Reason for each ended member, in a line: a failed step, or vehicles that have passed through each other.
+        """Reason why each ended member has ended, a line each: a failed step, or vehicles passed through each other.
 
         An ended member stays at its last good state, until it is forked or reset.
         """
@@ -118,7 +118,7 @@ class Ensemble:
 
     @property
     def memory(self) -> int:
-        """Memory (bytes) of one member: its state with outcomes, without parameters of its own."""
+        """Memory (bytes) of one member: its state and solver outcome, without parameters of its own."""
         return sum(array.nbytes for array in self._states.arrays) // len(self)
 
     def change(self, parameters: Values, members: Chosen = None, *, rest: bool = False) -> None:
@@ -189,7 +189,10 @@ class Ensemble:
             return
         states, base = self._states, self._states.base
         if simulation.scenario is not self._alike and simulation.scenario.resolved() != base.scenario.resolved():
-            raise ValueError(f"fork: given a simulation of another scenario or values; allowed: '{base.scenario.name}'")
+            raise ValueError(
+                "fork: given a simulation of another scenario, or with other values of its keys; "
+                f"allowed: a simulation of '{base.scenario.name}' with the values of the ensemble"
+            )
         self._alike = simulation.scenario  # known to be: comparing takes longer than all that follows
         rows, settings = self._rows(members), simulation.engine.settings()
         states.arrays.states[rows] = simulation.engine.memory
@@ -202,7 +205,7 @@ class Ensemble:
 
     @property
     def alike(self) -> bool:
-        """Whether all members have their vehicles in the same elements and their drives in the same modes."""
+        """Whether all members have each vehicle in the same rope element, and each drive in the same mode."""
         return are_alike(self._states)
 
     def blend(self, weights: FloatArray) -> None:
@@ -224,7 +227,7 @@ class Ensemble:
         blend(self._states, weights)
 
     def swing(self, member: int, turns: Sequence[Turn]) -> None:
-        """Rotate bodies of a member and move all bodies below along; the rope and its joint keep their state."""
+        """Rotate bodies of a member, with all bodies that hang below them; the rope and its joint keep their state."""
         (row,) = self._rows(member)
         turn(self._states, row, turns)
 
@@ -325,7 +328,7 @@ class Ensemble:
         return self._states.read(row).snapshot
 
     def snapshots(self) -> list[Snapshot]:
-        """Snapshots of the present states of all members; with one rope much faster than one by one."""
+        """Snapshots of the present states of all members; with a single rope much faster than `snapshot` of each."""
         states = self._states
         return [Snapshot(self.layout, row, states.report(member)) for member, row in enumerate(states.numbers())]
 
@@ -344,7 +347,10 @@ class Ensemble:
             ValueError: the ensemble was made without `figures_period`.
         """
         if not self._figures_steps:
-            raise ValueError("figures: given an ensemble without figures; allowed: with figures_period (s), as 0.05")
+            raise ValueError(
+                "figures: given an ensemble without key figures; allowed: with figures_period (s), such as 0.05, "
+                "given when it was made"
+            )
         return figure_columns([one.figures() for one in self._figures])
 
     def close(self) -> None:
@@ -354,7 +360,7 @@ class Ensemble:
     def _made(
         self, member: int, values: Mapping[str, Any], rest: bool
     ) -> tuple[Simulation, NDArray[np.uint8], NDArray[np.uint8], Settings]:
-        """Simulation of a member with values of its own, and its state, couplings and settings at the start."""
+        """Build the simulation of a member with its own scenario values; returns also state, couplings, settings."""
         base, engine = self._states.base, self._states.base.engine
         engine.go_to_start()
         try:
@@ -365,7 +371,7 @@ class Ensemble:
         return variant, engine.memory.copy(), engine.moving.memory.copy(), settings
 
     def _fork_at(self, simulation: Simulation, rows: Sequence[int], at: Any) -> None:
-        """Run a simulation through the times (s) of some members, in their order, and fork each at its own."""
+        """Run a simulation through given times (s) in ascending order; copy its state into one member at each time."""
         times = np.broadcast_to(np.asarray(at, dtype=np.float64), (len(rows),))
         for member, time in zip(rows, times.tolist(), strict=True):
             if not math.isfinite(time) or time < simulation.time - 0.5 * simulation.step:
@@ -380,7 +386,7 @@ class Ensemble:
                 show()
 
     def _go_on_with(self, member: int, settings: Settings, parameters: Settings) -> None:
-        """Continue the state of a member with the settings of another simulation and parameters of its own."""
+        """Replace the settings of a member, except the parameters, which are those of `parameters`; its state stays."""
         states, vehicles = self._states, settings.vehicles._replace(carried=None)
         states.take([member], settings._replace(parameters=parameters.parameters, vehicles=vehicles))
         simulation = states.enter(member)
@@ -388,7 +394,7 @@ class Ensemble:
         states.leave(member, simulation)
 
     def _carry_over(self, member: int, before: Simulation, parameters: Settings, keys: set[str]) -> None:
-        """Continue the present state of a member with changed parameters, payloads, wind and temperature included."""
+        """Continue a member's present state with changed scenario values: parameters, payloads, wind, temperature."""
         states = self._states
         self._go_on_with(member, states.settings[member], parameters)
         simulation = states.enter(member)
@@ -406,7 +412,7 @@ class Ensemble:
         states.leave(member, simulation)
 
     def _advance(self, targets: NDArray[np.int64], on_part: Callable[[], object]) -> None:
-        """Advance members to clocks (members,) in steps, and record the faults of those that end."""
+        """Advance members to clocks (members,), counted in steps, and record the reason of each member that ends."""
         states, arrays, clocks = self._states, self._states.arrays, self._states.clocks.copy()
         arrays.left[:] = np.where(self._alive, np.maximum(targets - clocks, 0), 0)
         order = np.flatnonzero(arrays.left > 0)
@@ -429,7 +435,7 @@ class Ensemble:
         states.leave(member, simulation)
 
     def _apply_each(self, rows: Sequence[int], commands: Sequence[Command]) -> None:
-        """Apply a command to each of some members, or none where one is refused."""
+        """Apply one command to each of some members; if any command is refused, no member is changed."""
         states, arrays = self._states, self._states.arrays
         before = arrays.states[rows].copy(), arrays.motions[rows].copy()
         settings = [states.settings[member] for member in rows]
@@ -483,7 +489,7 @@ class Ensemble:
         self._revive(range(len(self)))
 
     def _revive(self, rows: Sequence[int]) -> None:
-        """Clear the faults of members that begin anew, and restart their counts and key figures."""
+        """Clear the failure reasons of restarted members, and restart their counts and key figures."""
         states = self._states
         for member in rows:
             self._faults.pop(member, None)
@@ -538,7 +544,7 @@ class Ensemble:
 
 
 def wind_of(scenario: Scenario) -> dict[str, float]:
-    """Values of a command that sets the mean wind (m/s) of a scenario."""
+    """Values by axis, in m/s, of the command that sets the mean wind of a scenario."""
     along, *across, up = scenario.air.wind
     return {"x": along, "z": up} | ({"y": across[0]} if across else {})
 

@@ -85,7 +85,7 @@ class MemberStates:
         self.take(rows, self.settings[0])
 
     def enter(self, member: int) -> Simulation:
-        """Load the present state of a member into the simulation with its parameters."""
+        """Load the present state of a member into the simulation that has the member's parameters."""
         variant, arrays, settings = self.variants[member], self.arrays, self.settings[member]
         self._write(member)
         stations, ropes = arrays.stations[member].copy(), arrays.ropes[member].copy()
@@ -110,7 +110,7 @@ class MemberStates:
         self.take([member], simulation.engine.settings())
 
     def take(self, rows: Sequence[int], settings: Settings) -> None:
-        """Store settings of a simulation as those of some members."""
+        """Assign the settings of a simulation to some members."""
         arrays, self._entered = self.arrays, (None, None, None)
         for member in rows:
             self.settings[member] = settings
@@ -196,7 +196,7 @@ def is_same(one: Any, other: Any) -> bool:
 
 
 def looks_of(base: Simulation) -> Looks:
-    """Conditions for interrupting the steps of members: loading, stations and vehicles that can meet."""
+    """Settings of the checks between calls of the integrator, for members that share a simulation's system."""
     before, after = base.meeting_pairs
     nodes = sum(len(part.state.nodes.position) for part in base.engine.parts)
     return Looks(

@@ -168,7 +168,7 @@ class _Run:
         self._last = snapshot
 
     def note(self) -> None:
-        """Keep the extremes up to the present time, to find the times of exceeded limits among them later."""
+        """Store the present extremes, from which the times of exceeded limits are found after the run."""
         self._kept.append(self.figures.extremes())
 
     def _exceeded(self, found: Sequence[KeyFigure]) -> dict[FigureId, float]:

@@ -40,7 +40,7 @@ class Lane:
         self._bundles: dict[int, int] = {}
 
     def bundle_of(self, bundle: Bundle) -> int:
-        """Address of the parameters of rope couplings, with the rope records of this thread's memory."""
+        """Address of the parameters of rope couplings, in a copy that refers to the ropes in this thread's memory."""
         if id(bundle) not in self._bundles:
             own = Addresses([(bundle._replace(records=self._assembly.bundle.records),)])
             self._tables[id(bundle)], self._bundles[id(bundle)] = own, int(own.table[0, 0])

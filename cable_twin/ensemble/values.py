@@ -39,7 +39,7 @@ def values_of(members: int, parameters: Values, kept: Sequence[int] | None = Non
             if len(each) != members:
                 raise ValueError(
                     f"parameters: {printable(key)}: given {len(each)} values; allowed: {members}, one for each member, "
-                    "or one value for all, a list as [[...]] * members"
+                    "or one value for all; if a value is a list itself, [[...]] * members"
                 )
         else:
             each = [each] * members

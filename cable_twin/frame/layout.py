@@ -1,4 +1,4 @@
-"""Layout of a frame: names of all objects, and index of each number in the row of a frame."""
+"""Layout of a frame: names of all objects, and index of each value in the row of a frame."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Layout:
         self.body_rows = tuple(numbered(bodies) for bodies in self.vehicles.values())
 
     def _lay_out(self) -> tuple[list[tuple[int, int, tuple[int, ...]]], int]:
-        """Index range and shape of each column in the row of a frame, and the total count of numbers."""
+        """Index range and shape of each column in the row of a frame, and the total number of values."""
         counts: dict[str | int, int] = {
             "vehicles": len(self.vehicles),
             "carriages": len(self.carriages),
@@ -196,7 +196,7 @@ class Layout:
         return bool(self.several and self.carriers)
 
     def columns_of(self, rope: int, columns: Columns) -> Columns:
-        """Views of a frame's columns, reduced to the samples, supports and tension range of one rope, by its number.
+        """Views of a frame's columns, reduced to the samples, supports and tension range of one rope, by its index.
 
         Columns of vehicles and bodies stay whole; drives of several ropes belong to bullwheels and to no rope.
         """
@@ -230,7 +230,7 @@ class Layout:
 
     @cached_property
     def places(self) -> Columns:
-        """Columns with the index of each number in a frame."""
+        """Columns that hold, instead of values, the index of each value in the row of a frame."""
         return self.columns(np.arange(self.size))
 
     def columns(self, numbers: NDArray[Any]) -> Columns:
@@ -247,7 +247,7 @@ class Layout:
 
 
 def numbered(names: Iterable[str]) -> dict[str, int]:
-    """Row numbers by name, for names in the order of the rows of a column."""
+    """Row indices by name, for names in the order of the rows of a column."""
     return {name: number for number, name in enumerate(names)}
 
 

@@ -54,7 +54,7 @@ def driven(layout: Layout, c: Columns) -> Driven:
 
 
 def _told(kind: str, of_carriages: str, of_drives: str) -> Callable[[Layout, Columns], FloatArray]:
-    """Make a reader of commanded speeds or forces: NaN under a command of another kind; an emergency stop is 0 m/s."""
+    """Make a function that reads commanded speeds or forces: NaN for other commands, 0 m/s for an emergency stop."""
     taken = [COMMANDED.index(one) for one in ((kind, "emergency stop") if kind == "speed" else (kind,))]
 
     def read(layout: Layout, c: Columns) -> FloatArray:

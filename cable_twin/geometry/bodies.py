@@ -43,7 +43,7 @@ def body_outline(body: Body) -> FloatArray:
 
 
 def body_box(body: Body) -> FloatArray | None:
-    """Length, width and height (3,) in m of the bounding box of a body about its centre of mass; None for a line."""
+    """Length, width and height (3,) in m of a body's bounding box about its centre of mass; None if only a line."""
     outline = body_outline(body)
     if body.size is None and len(outline) < CORNERS:
         return None

@@ -136,7 +136,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         return self._ended is not None and self._ended(after)
 
     def prepare(self, simulation: Simulation, generator: np.random.Generator) -> None:
-        """Change the start of an episode by wind, payload, a command or some time; may be overridden in a subclass."""
+        """Prepare the start of an episode: wind, payload, command, time to settle; may be overridden in a subclass."""
         if self._prepare is not None:
             self._prepare(simulation, generator)
 

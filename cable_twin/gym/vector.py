@@ -108,7 +108,7 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
         self.ensemble.close()
 
     def _begin(self, rows: Any) -> None:
-        """Begin an episode in the environments of some rows."""
+        """Begin an episode in the environments with the given indices."""
         one = self.environment
         for row in rows:
             one.go_to_start(self._generators[row])

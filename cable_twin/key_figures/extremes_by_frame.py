@@ -168,7 +168,7 @@ def take_drive(extremes, index, time, place, rope, speed, force):
 
 @kernel
 def take_vehicles(extremes, constants, time, columns):
-    """Update speed, swing, forces, acceleration and touches of all vehicles by a frame."""
+    """Update speed, swing, forces, acceleration and contacts of all vehicles by a frame."""
     looks, wind = begin_look(extremes, time, columns), extremes.wind
     for vehicle in range(columns.arc_length.size):
         body, place = constants.first_body[vehicle + 1] - 1, columns.arc_length[vehicle]  # the last body
@@ -201,7 +201,7 @@ def take_vehicles(extremes, constants, time, columns):
 
 @kernel
 def take_touch(extremes, vehicle, time, columns):
-    """Update the last touch of a vehicle with the one after it, and the highest force between their buffers."""
+    """Update the last contact of a vehicle with the one after it, and the highest force between their buffers."""
     touch = extremes.touch[vehicle]
     touch[0], touch[1] = columns.touched[vehicle] - 1.0, columns.touch_place[vehicle]
     touch[2], touch[3] = columns.touch_speed[vehicle], columns.touch_time[vehicle]
@@ -342,7 +342,7 @@ def take_couplings(extremes, time, columns):
 
 @kernel
 def take_surroundings(extremes, constants, around, columns):
-    """Update the clearances of ropes and vehicles over the ground, and in space those beside the masts of towers."""
+    """Update the clearances of ropes and vehicles above the ground, and in space also from the masts of towers."""
     time, least, wind = columns.time[0], around.lowest[0], extremes.wind
     for rope in range(constants.length.size if around.middle.shape[0] > 0 else 0):
         first, last = constants.first_sample[rope], constants.first_sample[rope + 1]

@@ -69,7 +69,7 @@ class KeyFigure:
 
     @property
     def kept(self) -> bool | None:
-        """True if the limit is kept, to a tolerance of 0.1 % of the limit as for drive speeds; None without a limit."""
+        """Whether the value complies with its limit, to a tolerance of 0.1 % of the limit; None without a limit."""
         return None if self.limit is None else self._keeps(self.value)
 
     @property
@@ -83,7 +83,7 @@ class KeyFigure:
         return "kept" if self.kept else "exceeded"
 
     def __reduce__(self) -> tuple[type[KeyFigure], tuple[Any, ...]]:
-        """Type and values for copies in other processes, in half the time that a dataclass takes by itself."""
+        """Class and constructor arguments for pickling; takes half the time of the default for a dataclass."""
         return KeyFigure, tuple([getattr(self, name) for name in self.__slots__])
 
     def _keeps(self, value: float) -> bool:
@@ -92,13 +92,13 @@ class KeyFigure:
         return beyond <= TOLERANCE * abs(self.limit)
 
     def limited(self, limit: float | None, source: str) -> KeyFigure:
-        """Key figure with a limit and its source, on the side given by its statistic; unchanged for None."""
+        """Copy with a limit and its source, as upper or lower bound according to the statistic; unchanged for None."""
         if limit is None:
             return self
         return replace(self, limit=limit, bound=bound_of(self.id.statistic), source=source)
 
     def limited_by(self, scenario: Scenario, *, clamped: bool = False) -> KeyFigure:
-        """Key figure with the limit that `limits` of a scenario has for its quantity; arguments as of `limit_of`."""
+        """Copy with the limit for its quantity from a scenario's `limits`, else the usual limit, if there is any."""
         if not QUANTITIES[self.id.quantity].limit:
             return self
         return self.limited(*limit_of(scenario, self.id.quantity, clamped=clamped))
@@ -107,7 +107,7 @@ class KeyFigure:
 def figure(
     quantity: str, subject: Subject, statistic: str, value: float, time: float, place: str = "", *, detail: str = ""
 ) -> KeyFigure:
-    """Key figure of a quantity of the table, with its printed name and without a limit.
+    """Key figure of a quantity in the table `QUANTITIES`, with its printed name and without a limit.
 
     Args:
         quantity: row of `QUANTITIES`.

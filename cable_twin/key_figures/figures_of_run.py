@@ -141,7 +141,7 @@ class KeyFigures:
             stops.command(applied)
 
     def touches(self) -> list[Touch]:
-        """Return the last touch of each vehicle with a vehicle after it on its rope."""
+        """Return the last contact of each vehicle with a vehicle after it on its rope."""
         return [self._touch(row, touch) for row, touch in enumerate(self._extremes.touch) if not isnan(touch[0])]
 
     def extremes(self) -> Memory:
@@ -321,7 +321,7 @@ class KeyFigures:
     def _worst(
         self, quantity: str, group: Group, statistic: str, extremes: FloatArray, at: str = "arc length"
     ) -> KeyFigure:
-        """Key figure of the worst vehicle of a group, with its name if there are several, and its rope likewise."""
+        """Key figure of the worst vehicle of a group; its place names the vehicle if several, and a carrier's rope."""
         row = worst_of(extremes, group.rows, statistic)
         found, mast = extreme(quantity, group.subject, statistic, extremes[row], at), extremes[row, PLACE]
         if isnan(found.value):
@@ -335,7 +335,7 @@ class KeyFigures:
         return replace(found, place=place)
 
     def _touch(self, row: int, touch: FloatArray) -> Touch:
-        """Touch of a vehicle with a vehicle after it on its rope."""
+        """Contact of a vehicle with a vehicle after it on its rope, from a row of the stored contacts."""
         other, place, speed, time = touch.tolist()
         return Touch(self._vehicles[row], self._vehicles[int(other)], time, place, speed)
 

@@ -1,4 +1,4 @@
-"""Outlook of a running twin: key figures of some futures from its present state, with limits that would be passed."""
+"""Outlook of a running twin: key figures of some futures from its present state, and limits violated in them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEFT_OUT = "energy_lost"  # of the solver, and no matter of the ropeway
 
 @dataclass(frozen=True, slots=True)
 class Future:
-    """Future of a twin in an outlook: assumption, key figures, tensions over time, limits that would be passed.
+    """Future of a twin in an outlook: assumption, key figures, tensions over time, limits that would be violated.
 
     Attributes:
         name: one of `EMERGENCY_STOP`, `AS_COMMANDED`, `ANNOUNCED`.
@@ -60,20 +60,21 @@ class Future:
 
     @property
     def warnings(self) -> list[str]:
-        """Lines about limits that would be passed in this future, in the order of time."""
+        """Lines about limits that would be violated in this future, in the order of time."""
         beyond = [one for one in self.figures if one.id in self.passed]
         beyond.sort(key=lambda one: self.passed[one.id])
         return [self.warning(one) for one in beyond]
 
     def warning(self, one: KeyFigure) -> str:
-        """Line about a key figure that would pass its limit in this future."""
+        """Line about a key figure that would violate its limit in this future."""
         assert one.limit is not None
         unit, scale = shown_unit(one.unit, max(abs(one.value), abs(one.limit)))
         unit = "" if unit == "-" else f" {unit}"
         place = f", {one.place}" if one.place else ""
         return (
             f"{self.name}: {one.name}: {rounded(one.value * scale)}{unit} at {one.time:.2f} s{place}; allowed: "
-            f"{one.bound} {rounded(one.limit * scale)}{unit}, passed by {self.passed[one.id]:.2f} s ({one.source})"
+            f"{one.bound} {rounded(one.limit * scale)}{unit}, violated no later than "
+            f"{self.passed[one.id]:.2f} s ({one.source})"
         )
 
 
@@ -104,6 +105,6 @@ class Outlook:
 
     @property
     def warnings(self) -> list[str]:
-        """Lines about limits that would be passed in any of the futures, and about futures that ended early."""
+        """Lines about limits that would be violated in any of the futures, and about futures that ended early."""
         lines = [line for future in self.futures for line in future.warnings]
         return lines + [f"{one.name}: {one.fault}" for one in self.futures if one.fault and one.last is not None]

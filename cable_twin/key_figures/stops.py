@@ -144,7 +144,7 @@ class DriveStops:
 
 
 class Travel:
-    """Travel of a point of each vehicle along its rope, between frames that hold the points.
+    """Travel of one point of each vehicle along its rope, between frames that have the positions of the points.
 
     Args:
         scenario: scenario of the run.
@@ -167,7 +167,7 @@ class Travel:
         self._placed: tuple[Snapshot, FloatArray] | None = None  # its points, if they are known
 
     def shows(self, snapshot: Snapshot) -> bool:
-        """Whether a frame comes after the last one and holds the points, which frames of a log may lack."""
+        """Whether a frame is later than the last one and has the positions of the points; logged frames may not."""
         if not self.groups:
             return False
         if snapshot.layout is not self._layout:
@@ -196,7 +196,7 @@ class Travel:
         return np.where((self.attached(snapshot) & self.attached(self.last))[members], steps, nan)
 
     def _of(self, snapshot: Snapshot) -> _Places:
-        """Columns of the points in a frame; kept from the last frame while the layout is the same."""
+        """Indices of the values in a frame that give the points; found anew only for frames of another layout."""
         if snapshot.layout is self._places.layout:
             return self._places
         return _Places.of(snapshot.layout, self.vehicles, self._bodies)
@@ -234,7 +234,7 @@ class Travel:
 
 
 class CarriedStops:
-    """Decisive stop of vehicles on a driven rope: distance and time of each vehicle in space.
+    """Decisive stop of the vehicles clamped to a driven rope: stopping distance along the rope, and stopping time.
 
     The rim of a drive follows its command; the rope slips on it, stretches and swings. A vehicle stops when it stands
     or turns back for the first time. Its travel is along the rope, from frames that hold its position.
@@ -430,7 +430,7 @@ class _Places(NamedTuple):
 
     @classmethod
     def of(cls, layout: Layout, vehicles: Rows, bodies: Rows | None) -> _Places:
-        """Columns in frames of a layout for the points of vehicles, or of bodies, given by rows."""
+        """Indices of the values in frames of a layout that give points of vehicles or bodies, both given by rows."""
         c = layout.places
         points = c.joint_position[vehicles] if bodies is None else c.body_position[bodies]
         turns = c.body_orientation[[] if bodies is None else bodies]
@@ -439,7 +439,7 @@ class _Places(NamedTuple):
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross products (n, 3) of the rows of two arrays (n, 3): those of `numpy.cross`, with less Python around them."""
+    """Cross products (n, 3) of the rows of two arrays (n, 3), with less overhead than `numpy.cross`."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 

@@ -278,7 +278,7 @@ class Workspace(NamedTuple):
 
 
 def sizes_of(system: System) -> dict[str, int]:
-    """Sizes of arrays by name, as "node" or "body", for the shapes declared in the records of a system."""
+    """Sizes of array dimensions by name, as "node" for the number of nodes, for the records of one rope."""
     elements, dim = system.cable.element_count, len(system.cable.gravity)
     turns = turns_of(dim)
     return {

@@ -238,7 +238,7 @@ class _Parts(NamedTuple):
 
 
 class _ShapeError(ValueError):
-    """Fault of a column of unexpected shape or size in a log."""
+    """Error of a column of unexpected shape or size in a log."""
 
 
 def _limited(count: int) -> int:

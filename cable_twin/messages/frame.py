@@ -169,7 +169,7 @@ class MessageEncoder:
         return [(name, (self._encoders.get(name) or self._prepare(name))(stamp)) for name in names]
 
     def offer(self, name: str, make: Callable[[Columns], Filled]) -> None:
-        """Add the message of one more topic, made from the columns of a frame and filled from their present values."""
+        """Register one more topic, with the function that makes its message from the columns of a frame."""
         self._makers[name] = partial(make, self._columns)
 
     def _prepare(self, name: str) -> Callable[[int], bytes]:

@@ -218,17 +218,17 @@ def _run(job: Job, options: argparse.Namespace, console: Console) -> int:
         return DONE
     solution = solve(predictor, found, prior)
     if not all(np.isfinite([one.deviation for one in solution.estimates])):
-        raise _FailedError("the solve found no intervals: nothing is written")
+        raise _FailedError("the estimates have no finite 95 % intervals: nothing is written")
     _print(solution)
     return _write(job, solution, found, options)
 
 
 def _check_units(predictor: Predictor, prior: Evaluation) -> None:
-    """Refuse a sensor whose readings differ from the twin's by a factor near 1000, as of another unit."""
+    """Raise an error for a sensor in another unit: readings about 1000 or 1/1000 times the predicted ones."""
     for name, ratio in predictor.ratios(prior).items():
         if any(THOUSANDFOLD[0] < one < THOUSANDFOLD[1] for one in (ratio, 1.0 / max(ratio, 1e-300))):
             raise CalibrationError(
-                f"sensor {name}: given readings {ratio:.4g} times those of the twin, another unit? allowed: SI"
+                f"sensor {name}: given readings {ratio:.4g} times those of the twin, another unit?; allowed: SI units"
             )
 
 

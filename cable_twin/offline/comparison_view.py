@@ -22,7 +22,7 @@ from cable_twin.view.space import SPACE
 
 
 class _RootedStream:
-    """Rerun stream of one run in a comparison: below a root, with prefixed plot lines, without a blueprint."""
+    """Rerun stream of one run in a comparison: entity paths below a root, prefixed line names, no blueprint."""
 
     def __init__(self, stream: rr.RecordingStream, root: str, first_color: int) -> None:
         self._stream = stream

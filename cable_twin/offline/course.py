@@ -149,7 +149,7 @@ def course(
 
 
 class PlaceWatch:
-    """Watch of scripted commands that wait for a vehicle or drive to reach a place; each is given once.
+    """Monitor of scripted commands that a vehicle or drive triggers, once each, by passing a place.
 
     Args:
         script: commands with a place; each waits from its time on.
@@ -166,7 +166,7 @@ class PlaceWatch:
         return [f"{one.place}: '{one.at.name}' has not passed {one.at.position:g} m" for one in waiting if one.at]
 
     def reached(self, simulation: Scripted) -> list[ScriptedCommand]:
-        """Scripted commands whose place has been reached since the last call; these wait no longer."""
+        """Remove and return the waiting scripted commands whose place has been reached since the last call."""
         while self._later and self._later[0].time <= simulation.time + 0.5 * simulation.step:
             self._waiting.append((self._later.pop(0), 0.0))
         found, waiting = [], []
@@ -196,7 +196,7 @@ def _half(simulation: Scripted) -> float:
 
 
 def _distance(item: ScriptedCommand, simulation: Scripted) -> tuple[float, float]:
-    """Distance (m) of a vehicle or drive past the place of a command, negative before the place; its speed (m/s)."""
+    """Distance (m) of a vehicle or drive past the place of a command, negative before it, and its speed (m/s)."""
     assert item.at is not None
     columns, layout = simulation.snapshot.columns, simulation.layout
     name, position = item.at

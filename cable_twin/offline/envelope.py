@@ -166,7 +166,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> list[CaseResult]:
-    """Results of all load cases: kept results are read, the others calculated in parallel and kept."""
+    """Results of all load cases: stored ones are read, the others are calculated in parallel and stored."""
     found = {job.case.id: result for job in jobs if kept is not None and (result := _read(kept, job)) is not None}
     missing = [job for job in jobs if job.case.id not in found]
     if kept is not None and found:
@@ -195,7 +195,7 @@ def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> lis
 
 
 def _file(kept: Path, job: Job) -> Path:
-    """Path of the kept result of a load case, named by the hash of its scenario, places and program version."""
+    """Path of the stored result of a load case, named by the hash of its scenario, places and program version."""
     scenario = job.case.scenario.resolved()
     for key in ("profile", "installation", "load_cases"):  # judged anew each time
         del scenario["limits"][key]
@@ -206,7 +206,7 @@ def _file(kept: Path, job: Job) -> Path:
 
 
 def _keep(kept: Path, job: Job, result: CaseResult) -> None:
-    """Keep the result of a load case in its file, replaced atomically."""
+    """Store the result of a load case in its file, which is replaced atomically."""
     figures = [{"name": one.name, **values_of(one)} for one in result.figures]
     file = _file(kept, job)
     partial = file.with_suffix(".partial")
@@ -215,7 +215,7 @@ def _keep(kept: Path, job: Job, result: CaseResult) -> None:
 
 
 def _read(kept: Path, job: Job) -> CaseResult | None:
-    """Read the kept result of a load case; None where missing or unreadable."""
+    """Read the stored result of a load case; None where missing or unreadable."""
     try:
         data = json.loads(_file(kept, job).read_text(encoding="utf-8"))
         figures = tuple(figure_from_values(one.pop("name"), one) for one in data["figures"])
@@ -225,7 +225,7 @@ def _read(kept: Path, job: Job) -> CaseResult | None:
 
 
 def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
-    """Extreme of each key figure over load cases, with the id of the governing case: the first of equals.
+    """Extreme of each key figure over load cases, with the id of the governing case (the first, if several tie).
 
     Args:
         results: results of all cases.
@@ -242,7 +242,7 @@ def envelope(results: Sequence[CaseResult]) -> list[tuple[str, KeyFigure]]:
 
 
 def in_case(case: str, verdicts: Sequence[RuleVerdict]) -> list[RuleVerdict]:
-    """Add the id of a load case to the place text of the key figure in each verdict of the case.
+    """Copy the rule verdicts of a load case with its id added to the text of the place of their key figures.
 
     Args:
         case: id of the case.

@@ -105,7 +105,7 @@ class Export:
         return redirect_stdout(sys.stderr) if STDOUT in (self._csv, self._json) else nullcontext()
 
     def write(self, command: str) -> bool:
-        """Write all tables and figures of the runs; prints an error as `command` and returns False where it fails."""
+        """Write all tables and figures of the runs; on failure prints an error of `command` and returns False."""
         try:
             self._write_all()
         except BrokenPipeError:
@@ -195,7 +195,7 @@ def figure_of_columns(columns: Mapping[str, Any]) -> KeyFigure:
     """
     id_, time, limit = FigureId.of_text(columns["id"]), columns["time [s]"], columns["limit"]
     if id_.quantity not in QUANTITIES:
-        raise ValueError(f"id: given {columns['id']!r}, of no known quantity")
+        raise ValueError(f"id: given {columns['id']!r}; allowed: ids of key figures")
     figure = KeyFigure(
         id_,
         str(columns["key_figure"]),

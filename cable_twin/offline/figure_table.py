@@ -106,7 +106,7 @@ def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_a
 
 
 def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
-    """Text of a key figure that exceeds its limit: value and limit, and unless brief time and place."""
+    """Text about a key figure that exceeds its limit: value and limit, and unless `brief` also time and place."""
     assert figure.limit is not None
     unit, scale = shown_unit(figure.unit, max(abs(figure.value), abs(figure.limit)))
     unit = "" if unit == "-" else f" {unit}"
@@ -115,7 +115,7 @@ def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
 
 
 def shown(value: float, scale: float) -> str:
-    """Text of an SI value, scaled to its shown unit; 0 for a mere rounding error."""
+    """Text of an SI value, scaled to its shown unit; a value within rounding error is shown as 0."""
     return "0" if abs(value * scale) < NOISE else rounded(value * scale)
 
 

@@ -116,7 +116,7 @@ def _write(draw: Callable[[], Figure], file: Path, on_file: Callable[[Path], Non
 
 
 def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
-    """Lines of a plotted quantity with any finite value, as run index and name; of several runs, last bodies only."""
+    """Run index and name of each line to plot for a signal; of several runs only each vehicle's last body."""
     lines = []
     for index, run in enumerate(runs):
         names = [
@@ -136,7 +136,7 @@ def _is_end(name: str) -> bool:
 
 
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
-    """Panels of a signal: one; for supports two, rope ends and towers, as loads on towers are far smaller."""
+    """Plot panels of a signal: one, or two for supports, as loads on rope ends and on towers differ in size."""
     if signal.beside:
         return []
     lines = _lines(runs, signal)
@@ -224,7 +224,7 @@ def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, st
 
 
 def _reach(values: np.ndarray, word: str) -> float:
-    """Highest or lowest of values over time, ignoring NaN; an infinity that loses every comparison if all are NaN."""
+    """Highest or lowest of values over time, ignoring NaN; if all are NaN, -inf for the highest, inf for the lowest."""
     extreme = np.fmax.reduce(values) if word == "highest" else np.fmin.reduce(values)
     return float(extreme) if np.isfinite(extreme) else (-np.inf if word == "highest" else np.inf)
 

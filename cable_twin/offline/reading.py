@@ -76,7 +76,7 @@ class Reading:
 
     @property
     def name(self) -> str:
-        """Name of the run: that of its directory, or of a single file."""
+        """Name of the run: name of its directory, or of a single file."""
         return self.log.source.name
 
     @property

@@ -67,7 +67,7 @@ def _topics(log: Log, names: TopicNames) -> list[Topic]:
                 return topics
         except LogError as error:  # noqa: PERF203 - every file has them
             faults.append(error)
-    raise faults[0] if faults else LogError(f"{log.path}: no channel in it")
+    raise faults[0] if faults else LogError(f"{log.path}: it contains no topics")
 
 
 def _topics_of(file: LogFile, names: TopicNames) -> list[Topic]:

@@ -123,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def newest_run(directory: Path) -> list[Path]:
-    """Directory of the run with the most recently written bag below a directory; empty list without a bag."""
+    """List with the directory of the run whose bag was written last below a directory; empty without a bag."""
     written: dict[Path, float] = {}
     for bag in directory.glob("*/*.mcap"):
         with suppress(OSError):  # removed in between

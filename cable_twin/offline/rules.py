@@ -178,7 +178,7 @@ def _of(check: Check) -> str:
 
 
 def _print_decidable(console: Console, scenario: Scenario, profiles: Sequence[Profile]) -> None:
-    """Print the checks of rule profiles that can be decided for a scenario at its start, and what others lack."""
+    """Print which checks of rule profiles can be decided for a scenario at its start, and why others cannot."""
     with left_at_once("rules"), compilation_shown(Console(stderr=True), lambda text: tell("rules", text)):
         simulation = Simulation(scenario, meanwhile=compile_figures)
     figures = KeyFigures(scenario)

@@ -204,5 +204,5 @@ def _run_courses(begun: _Begun, bar: _Bar, stop: threading.Event) -> dict[int, S
 
 
 def _go_on(times: Generator[float, None, Outcome], fault: str | None) -> float:
-    """Continue the generator of a run's times, or raise a fault of the simulation in it; returns the next time (s)."""
+    """Resume the generator of a run's times, with a solver error thrown into it if any; returns the next time (s)."""
     return next(times) if fault is None else times.throw(SolverError(fault))

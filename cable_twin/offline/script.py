@@ -24,6 +24,7 @@ from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.recording.log_reader import Log
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.checks.fault import show
 from cable_twin.simulation.command_handlers import check_ahead
 
 BY_NAME = {name: kind for name, kind in KINDS.items() if kind.quantity and not kind.axes}  # numbers by name
@@ -52,11 +53,11 @@ SIGNAL_ALLOWED = (
 
 
 class ScriptError(ValueError):
-    """Faults of a script of commands, one line each, with file and line."""
+    """Errors in a script of commands, one line each, with file and line."""
 
 
 class Place(NamedTuple):
-    """Place of a scripted command: reached when a vehicle's joint, or a drive's cable, passes in either direction."""
+    """Place that triggers a scripted command when a vehicle's joint, or a drive's cable, passes it in any direction."""
 
     name: str
     position: float  # m, arc length for a vehicle, cable travel for a drive
@@ -125,7 +126,7 @@ def script_of_log(log: Log) -> list[ScriptedCommand]:
 
 
 def commands_ahead(script: Iterable[ScriptedCommand], time: float, step: float) -> list[ScriptedCommand]:
-    """Commands of a script from a time (s) on, to the nearest solver step (s), and all commands given at places."""
+    """Commands of a script at or after a time (s), in whole solver steps (s), and all commands triggered by a place."""
     first = round(time / step)  # solver steps that are done
     return [item for item in script if item.at is not None or round(item.time / step) >= first]
 
@@ -162,7 +163,7 @@ def _refused(scenario: Scenario, script: Iterable[ScriptedCommand], *, stopped: 
 
 
 def _csv_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line number and values of each CSV row of a script, or a fault text; empty cells, # comments are left out."""
+    """Line number and values, or an error text, of each CSV row of a script, without empty cells and # comments."""
     reader = csv.reader(text.splitlines())
     header: list[str] = []
     for line in _readable(reader, file):
@@ -204,7 +205,7 @@ def _number(cell: str) -> float | str:
 
 
 def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
-    """Line number and mapping of each item of a YAML script, or a fault text."""
+    """Line number and mapping, or an error text, of each item of a YAML script."""
     try:
         content, node, doubles = read_yaml(text)
     except UnreadableYamlError as error:
@@ -215,8 +216,7 @@ def _yaml_rows(file: Path, text: str) -> Iterator[tuple[int, Row | str]]:
     if content is None:
         return
     if not isinstance(content, list) or node is None:
-        kind = "mapping" if isinstance(content, Mapping) else type(content).__name__
-        raise ScriptError(f"{file}:1: given a {kind}; allowed: a list of commands, '- {{time: 1, ...}}'")
+        raise ScriptError(f"{file}:1: given {show(content)}; allowed: a list of commands, '- {{time: 1, ...}}'")
     for item, place in zip(content, node.value, strict=True):
         yield place.start_mark.line + 1, item if isinstance(item, Mapping) else f"given {item!r}; {ALLOWED}"
 
@@ -226,7 +226,7 @@ def _commands(row: Row | str, place: str) -> list[ScriptedCommand]:
     if isinstance(row, str):
         raise ScriptError(f"{place}: {row}")
     if unknown := [str(key) for key in row if key not in KEYS]:
-        raise ScriptError(f"{place}: given unknown {', '.join(unknown)}; {ALLOWED}")
+        raise ScriptError(f"{place}: given unknown key {', '.join(unknown)}; {ALLOWED}")
     if "time" not in row and "at" not in row:
         raise ScriptError(f"{place}: time: given none; allowed: zero or more, in s")
     time = row.get("time", 0.0)

@@ -37,7 +37,7 @@ def simulate(
     ended: Callable[[], bool] | None = None,
     rates: Mapping[str, float] = LOGGED,
 ) -> Outcome:
-    """Run a simulation with a script of commands, and record it as the node does.
+    """Run a simulation with a script of commands, and record it as the ROS 2 node records a live run.
 
     Commands take effect as in `course`.
 
@@ -109,7 +109,7 @@ def _go_on(
 
 
 def _record_figures(output: FrameOutput, snapshot: Snapshot, figures: KeyFigures | None) -> None:
-    """Record the key figures up to a snapshot in the log, if any."""
+    """Record the key figures of the run so far in its log, if any, stamped with the time of a snapshot."""
     if output.run is not None and figures is not None:
         stamp_ns = output.encoder.stamp_ns(snapshot)
         output.run.recorder.record([(KEY_FIGURES, figures_message(figures.figures(), stamp_ns))], stamp_ns)

@@ -52,7 +52,7 @@ DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 
 
 class OptionError(Exception):
-    """Faults of the options of `simulate`, one line each."""
+    """Errors in the options of `simulate`, one line each."""
 
 
 UNUSABLE_INPUT = (OptionError, LogError, ScriptError, ScenarioError, EquilibriumError, SnapshotError)

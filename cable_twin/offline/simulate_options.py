@@ -234,7 +234,7 @@ def fact(text: str) -> tuple[str, Any]:
 
 
 def add_rule_options(parser: argparse.ArgumentParser, more: str = "") -> None:
-    """Add options `--profile` and `--fact` to judge recorded runs to a parser; `more` ends the help of `--profile`."""
+    """Add the options `--profile` and `--fact`, by which rules judge runs, to a parser; `more` ends a help text."""
     parser.add_argument(
         "--profile",
         action="append",

@@ -285,7 +285,7 @@ def _plots(
 
 
 def _report(study: Study, kept: Kept, shown: Shown, faults: Sequence[str]) -> int:
-    """Print the table of the shown key figures of a study, and its faults; returns the exit code."""
+    """Print the table of the shown key figures of a study, and its errors; returns the exit code."""
     results = shown.results
     print(f"{study.name}: {len(study.cases)} cases, {study.design.method}, in {kept.directory}")
     keys = [one.key for one in study.design.factors] if shown.indices else []

@@ -16,7 +16,7 @@ from cable_twin.key_figures.figure import TOLERANCE
 
 @dataclass(frozen=True, slots=True)
 class SweptRun:
-    """Result of the run at one swept value: key figures, fault, refused commands."""
+    """Result of the run at one swept value: key figures, error, refused commands."""
 
     value: float
     figures: Sequence[KeyFigure]
@@ -49,7 +49,7 @@ class SweptFigure:
 
     @property
     def worst(self) -> tuple[float, KeyFigure]:
-        """Swept value with the largest utilisation of the limit, and the key figure there; the first of equals."""
+        """First swept value with the largest utilisation of the limit, and the key figure there."""
         there = [(value, one) for value, one in zip(self.values, self.figures, strict=True) if one is not None]
         return max(there, key=lambda item: use_of(item[1]))
 

@@ -29,7 +29,7 @@ DIGITS = 5  # of a swept value
 def print_sweep(
     console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], rows: Collection[float]
 ) -> None:
-    """Print a sweep: a row for each value in `rows` with the first exceeded figures, ranges of exceeded limits."""
+    """Print a sweep: for each value in `rows` a row of the first exceeded figures, then ranges of exceeded limits."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
     shown_figures = figures[:room]
     table = Table(escape(_on_lines(title)), box=box.SIMPLE_HEAD, pad_edge=False)

@@ -210,7 +210,7 @@ def compare(first: Frames, *others: Frames) -> list[Comparison]:
 
 
 def _noting(frames: Frames, names: set[str]) -> Frames:
-    """Pass on frames and collect the names of their signals, as a log may hold signals at a few frames only."""
+    """Pass on frames and add the names of their signals to a set, as a log may hold signals at a few frames only."""
     for frame in frames:
         names.update(frame[1])
         yield frame

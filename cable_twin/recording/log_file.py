@@ -60,7 +60,7 @@ SHOWN = 40  # characters of what is given
 
 
 class LogError(ValueError):
-    """Fault of a file that is no readable log of this package: one line with the file and the fault."""
+    """Error of a file that is not a readable log of this package: one line with the file and the reason."""
 
 
 class _Piece(NamedTuple):
@@ -231,7 +231,7 @@ class LogFile:
                         return
 
     def _pieces(self, stream: IO[bytes], wanted: Collection[str] | None) -> Iterator[_Piece]:
-        """Unpacked chunks of the file in order: by the index those with wanted topics, without an index all."""
+        """Unpacked chunks of the file in order: those with wanted topics if there is an index, else all."""
         total, allowed = 0, CHUNK_LIMIT + RATIO_LIMIT * self.size
         for place, record in self._chunk_records(stream, wanted):
             try:
@@ -276,7 +276,7 @@ class LogFile:
         return 0 <= stamp_ns < LATEST and (last is None or stamp_ns - last <= LONGEST_GAP * SECOND)
 
     def _lose(self, why: str, last: int | None, place: ChunkPlace | None = None) -> None:
-        """Note a loss of data in `damage`, and the stamp after which commands may be lost."""
+        """Record a loss of data: add a line to `damage`, and the stamp after which commands may be missing."""
         commands = self.names.full(APPLIED_COMMANDS)
         channels = self.index.channels if self.index is not None else {}
         if (
@@ -336,7 +336,9 @@ def _check_metadata(file: Path, metadata: Mapping[str, str]) -> None:
     except (ValueError, RecursionError):
         remapped = None
     if not isinstance(remapped, dict) or not all(isinstance(name, str) for name in remapped.values()):
-        raise LogError(f"{file}: remapped: given {_shown(metadata['remapped'])}; allowed: full topic names by topic")
+        raise LogError(
+            f"{file}: remapped: given {_shown(metadata['remapped'])}; allowed: a mapping of topics to full names"
+        )
 
 
 def _check_format(file: Path, metadata: Mapping[str, str]) -> None:

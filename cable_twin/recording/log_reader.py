@@ -77,7 +77,7 @@ class Log:
         try:
             applied = applied_command_from_message(data, self.epoch_ns)
             if abs(applied.time - when) > STAMPS_APART:
-                raise ValueError(f"it took effect at {applied.time:.6f} s")
+                raise ValueError(f"its message gives {applied.time:.6f} s as its time")
         except UNREADABLE as error:
             raise LogError(f"{self.path}: command at {when:.6f} s is unreadable: {one_line(error)}") from error
         return applied
@@ -123,7 +123,7 @@ class Log:
     def files_in_turn(
         self, on_position: Callable[[int], None] | None = None
     ) -> Iterator[tuple[LogFile, Callable[[int], None] | None]]:
-        """Iterate over the files of the log; yields each with `on_position` offset by the size of previous files."""
+        """Yield each file of the log with a progress callback that adds the size (bytes) of the previous files."""
         before = 0
         for file in self.files:
             yield file, None if on_position is None else partial(_add_and_tell, on_position, before)

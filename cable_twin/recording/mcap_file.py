@@ -157,7 +157,7 @@ class McapFile:
         self.flush()
 
     def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Append a message to the MCAP file; raises OSError where the disk refuses, flushed ones stay readable."""
+        """Append a message to the MCAP file; raises OSError if the disk fails, flushed messages stay readable."""
         if self._stream is None:
             raise ValueError(f"{self.path}: log is closed")
         if topic not in self._channels:

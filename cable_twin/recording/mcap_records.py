@@ -64,7 +64,7 @@ class Index(NamedTuple):
 
 
 def parsed(kind: type, content: bytes) -> Any:
-    """Parse an MCAP record of a class of the package mcap from its content; raises one of UNREADABLE."""
+    """Parse the content of an MCAP record into a class of the package mcap; raises one of the errors in UNREADABLE."""
     return kind.read(ReadDataStream(BytesIO(content)))  # type: ignore[attr-defined]
 
 
@@ -212,7 +212,7 @@ def chunk_messages(data: bytes, names: dict[int, str]) -> Iterator[tuple[int, in
 
 
 def declared(data: bytes) -> Iterator[Channel | Schema]:
-    """Channels and schemas declared in an unpacked MCAP chunk; raises as `chunk_messages`."""
+    """Channels and schemas declared in an unpacked MCAP chunk; raises one of the errors in UNREADABLE."""
     position = 0
     while position < len(data):
         opcode, length = HEAD.unpack_from(data, position)

@@ -50,7 +50,7 @@ class View(Protocol):
         """Show an applied command in the picture."""
 
     def log_ahead(self, ahead: TensionAhead) -> None:
-        """Show the tension range of an outlook in the picture."""
+        """Show the predicted range of rope tension in the near future in the picture."""
 
     def flush(self) -> None:
         """Send waiting data of the picture to disk."""
@@ -286,7 +286,7 @@ class Recorder:
             self._queue.append(_Item(messages, stamp_ns, snapshot, columns, None))
 
     def record_ahead(self, ahead: TensionAhead, stamp_ns: int) -> None:
-        """Queue the tension range of an outlook for the views; returns at once."""
+        """Queue the predicted range of rope tension in the near future for the views; returns at once."""
         if not self._closing and self.recording and len(self._queue) < self._capacity:
             self._queue.append(_Item((), stamp_ns, None, (), None, ahead))
 
@@ -360,7 +360,7 @@ class Recorder:
         return simulated_time + duration - TICK if duration and self._log is not None else math.inf
 
     def _attempt(self, sink: _LogSink | _ViewSink, action: Callable[..., Any], *arguments: Any) -> None:
-        """Do an action of a log or view sink; after an exception note the fault and remove the sink."""
+        """Call an action of a log or view sink; after an exception record the error and remove the sink."""
         try:
             action(*arguments)
         except Exception as error:

@@ -113,7 +113,7 @@ def _new_directory(parent: Path, gone: Path | None = None) -> Path:
 
 
 class _Logs(NamedTuple):
-    """Open logs of a run: bag, rerun views, live view, and faults of views that could not be opened."""
+    """Open logs of a run: bag, rerun views, live view, and errors of views that could not be opened."""
 
     bag: McapLog
     views: tuple[View, ...]

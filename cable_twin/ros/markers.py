@@ -46,7 +46,7 @@ ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
 
 class Markers:
-    """Message of all markers of a twin for RViz, filled from the columns of each frame."""
+    """Message of all markers of a twin for RViz, filled from the arrays of values of each frame."""
 
     def __init__(self, scenario: Scenario, layout: Layout, columns: Columns, frame_id: str) -> None:
         """Prepare the markers for RViz of a scenario.
@@ -106,7 +106,7 @@ class Markers:
         self._template = Template(MarkerArray(markers), self._sources, singles=[self._colors])
 
     def fill(self, stamp_ns: int) -> bytes:
-        """Encode the message of all markers, with a stamp (ns), from the present contents of the columns."""
+        """Encode the message of all markers, with a stamp (ns), from the arrays of values of the newest frame."""
         c = self._columns
         self._fill_rope(c)
         np.take(c.body_position, self._boxed, axis=0, out=self._box_position)

@@ -261,7 +261,7 @@ class TwinNode(Node):
 
     @property
     def failed(self) -> bool:
-        """Whether the frame loop has ended by a fault of the program."""
+        """Whether the frame loop has ended by an unexpected exception."""
         return self._loop.failed
 
     def start(self) -> None:
@@ -330,7 +330,9 @@ class TwinNode(Node):
             simulation = Simulation.load(self._settings["snapshot"], meanwhile=compile_figures)
         own = simulation.scenario.name
         if "scenario" in self._parameter_overrides and Path(given).stem != own:
-            raise ParameterError(f"parameter 'scenario': given '{given}'; allowed: '{own}', which the snapshot is of")
+            raise ParameterError(
+                f"parameter 'scenario': given '{given}'; allowed: '{own}', the scenario of the snapshot"
+            )
         self.set_parameters([RosParameter("scenario", value=own)])
         return simulation
 

@@ -39,6 +39,7 @@ RATES = {  # parameter: its group of topics, and 0 for published or 1 for logged
     "log_marker_rate": ("markers", 1),
 }
 QOS_OVERRIDES = "qos_overrides."
+KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}  # of values, in words
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service", QOS_OVERRIDES)  # every node has them
 
 
@@ -63,8 +64,8 @@ def declare_parameters(node: Node) -> dict[str, Any]:
         undescribed = ParameterDescriptor(dynamic_typing=True)
         value: Any = parameter.converted(node.declare_parameter(parameter.name, parameter.default, undescribed).value)
         if type(value) is not type(parameter.default):
-            kind = type(parameter.default).__name__
-            faults.append(f"parameter '{parameter.name}': given {value!r}; allowed: a {kind}: {parameter.help}")
+            kind = KINDS[type(parameter.default)]
+            faults.append(f"parameter '{parameter.name}': given {value!r}; allowed: {kind}: {parameter.help}")
         elif fault := parameter.fault(value):
             faults.append(fault)
         else:
@@ -241,7 +242,7 @@ class LiveParameterService(ParameterService):
 
 
 class _Grouped:
-    """Proxy of a node whose services do not wait for each other."""
+    """Proxy of a node that creates services in a reentrant callback group, so that none waits for another."""
 
     def __init__(self, node: Node) -> None:
         self._node, self._group = node, ReentrantCallbackGroup()

@@ -49,7 +49,7 @@ SWITCH_INTERVAL = 0.0005  # s that a due frame may wait for another thread's Pyt
 
 
 def parser() -> OneLineParser:
-    """Parser of the options of `sim`: one for each parameter of the node."""
+    """Build the argument parser of `sim`, with an option for each parameter of the node."""
     result = OneLineParser(
         "sim", "The live twin of a ropeway: a ROS 2 node that solves it in real time and logs it.", EPILOG
     )

@@ -108,7 +108,7 @@ class WorldLoading:
         self.busy = False
 
     def begin(self, scenario: Scenario, source: str, *, paused: bool) -> Future[str]:
-        """Pause simulated time and load a scenario; the future gives the fault, empty after success.
+        """Pause simulated time and load a scenario; returns a future of the error message, empty after success.
 
         After a fault the running scenario continues.
         """

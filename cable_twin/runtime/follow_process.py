@@ -37,7 +37,7 @@ class Decoder:
         self.epoch_ns: int | None = None  # by the clock of this machine: the arrival of the first message
 
     def take(self, one: Arrival) -> None:
-        """Decode a message and give it to the tracker; unreadable messages are counted, the first one is noted."""
+        """Decode a plant message and pass it to the tracker; unreadable messages are counted with their reason."""
         if self.epoch_ns is None:
             self.epoch_ns = one.arrival_ns
         arrival = (one.arrival_ns - self.epoch_ns) / SECOND

@@ -174,7 +174,7 @@ class FrameLoop:
             queue.clear()
 
     def submit(self, command: Command | Goal, source: str, *, urgent: bool = False) -> Future[AppliedCommand | None]:
-        """Queue a command; the future gives the applied command, None for a goal, or the `CommandError`.
+        """Queue a command; returns a future of the applied command (None for a goal), which fails with CommandError.
 
         Urgent commands are handled before all others at the next frame boundary.
         """
@@ -188,7 +188,7 @@ class FrameLoop:
         self._asked.set()
 
     def step(self, count: int = 1, on_frame: Callable[[int], bool] | None = None) -> Future[int]:
-        """Compute frames while paused, as fast as possible; gives the number done, fewer after a fault or pause.
+        """Compute frames while paused, unpaced; returns a future of their number, lower after a failure or pause.
 
         After each frame `on_frame` takes the number of frames so far, and returns whether to continue.
         """
@@ -198,11 +198,11 @@ class FrameLoop:
         return stepping.future
 
     def capture(self) -> Future[FullState]:
-        """Copy the full state at the next frame boundary."""
+        """Copy the full state at the next frame boundary; returns a future of the copy."""
         return self.call(self._simulation.capture)
 
     def call(self, function: Callable[[], Any]) -> Future[Any]:
-        """Call a function that raises nothing at the next frame boundary; the future gives its result."""
+        """Call a function, which must not raise, at the next frame boundary; returns a future of its result."""
         return self._queue(function, "", self._requests)
 
     def _queue(self, command: Command | Goal | Callable[[], Any], source: str, queue: deque[_Request]) -> Future[Any]:

@@ -24,7 +24,7 @@ from cable_twin.simulation.snapshot_file import FullState
 
 
 def restore(twin: Simulation, like: FullState, question: Question) -> None:
-    """Restore the state of an outlook request in a simulation; `like` is a full state, which is overwritten."""
+    """Set a simulation to the state in an outlook request; `like`, a state of equal layout, is overwritten."""
     for kept, block in zip((like.now, like.before, *like.couplings), question.blocks, strict=True):
         kept.memory[:] = np.frombuffer(block, np.uint8)
     commands = {name: Command(kind, {name: value}) for name, (kind, value) in question.commands.items()}

@@ -49,7 +49,7 @@ class ScenarioReader:
         self._lock = Lock()
 
     def read(self, source: str, text: str = "") -> Future[Scenario]:
-        """Read a scenario from its name or path, or from its text; the future may give `ScenarioError`."""
+        """Read a scenario by name or path, or from a YAML text; returns a future, which may fail with ScenarioError."""
         future: Future[Scenario] = Future()
         if not self._lock.acquire(blocking=False):
             given = f"scenario: given {printable(source or 'text')} while another one is being read"
@@ -59,7 +59,7 @@ class ScenarioReader:
         return future
 
     def worlds(self) -> Future[list[tuple[str, str]]]:
-        """Names and descriptions of the scenarios of the package."""
+        """Return a future of the names and descriptions of all scenarios shipped with the package."""
         future: Future[list[tuple[str, str]]] = Future()
 
         def run() -> None:
@@ -144,7 +144,7 @@ def _is_regular(file: Path) -> bool:
 
 
 def _work(request: Any) -> Any:
-    """Process a request in the separate process: resolved scenario or faults; for a list, descriptions."""
+    """Read the requested scenario; returns its resolved data, or error messages; for a list of names, descriptions."""
     if isinstance(request, list):
         return [load_scenario(name).description for name in request]
     try:

@@ -80,7 +80,7 @@ def ask_process(module: str, request: Any, seconds: float) -> Any:
 
 
 def answer(work: Callable[[Any], Any]) -> None:
-    """Answer the request on standard input on standard output, within the memory limit; in the separate process."""
+    """Read a JSON request from standard input and write the answer of `work` to standard output, in limited memory."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     json.dump(work(json.load(sys.stdin)), sys.stdout)
@@ -91,7 +91,7 @@ class FilterError(ValueError):
 
 
 def matching_names(expression: str, names: Sequence[str]) -> Future[list[str]]:
-    """Names that match a regular expression, at once for plain text; the future may give `FilterError`."""
+    """Return a future of the names that match a regular expression, which fails with FilterError if it is invalid."""
     future: Future[list[str]] = Future()
     if len(expression) > LONGEST_FILTER:
         future.set_exception(FilterError(f"filter: given {len(expression)} characters; {ALLOWED}"))

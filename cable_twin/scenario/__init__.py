@@ -1,4 +1,4 @@
-"""Scenarios: YAML files checked with all faults at once, and built into the constants of the mechanics."""
+"""Scenarios: YAML files, checked for all errors at once, and built into the constants of the mechanics."""
 
 from cable_twin.scenario.builders.system import build_payloads, build_system, masts, tower_axes
 from cable_twin.scenario.builders.vehicles import vehicle_buffer

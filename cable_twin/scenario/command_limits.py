@@ -65,15 +65,15 @@ def command_fault(scenario: Scenario, kind: str, unit: str, name: str, value: fl
 
 
 def _not_commanded(scenario: Scenario, name: str) -> str:
-    """Reason why a named object takes no commands of speed and force."""
+    """Error message about a vehicle, or an unknown name, that accepts no speed or force commands."""
     if name not in scenario.vehicles:
         return unknown_name(scenario, name)
     carriage, drives = scenario.vehicles[name], ", ".join(scenario.drives) or "none in this scenario"
     if carriage.joint == "clamped":
-        return f"'{name}' moves with the cable and takes no command; drive: {drives}"
+        return f"'{name}' moves with the cable and takes no command; allowed drives: {drives}"
     if carriage.clamped_to:
-        return f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; drive: {drives}"
-    return f"'{name}' is fixed to the cable and takes no command"
+        return f"'{name}' is clamped to {' and '.join(carriage.clamped_to)}, which pulls it; allowed drives: {drives}"
+    return f"'{name}' is fixed to the cable and takes no command; allowed: a carriage that slides, or a drive"
 
 
 def unknown_name(scenario: Scenario, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Scenario files: search, reading, overrides, and report of all faults."""
+"""Scenario files: search, reading, overrides, and report of all errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SCALARS = (float, int, str, bool, type(None))
 
 
 class ScenarioError(ValueError):
-    """Error of an invalid scenario; its text has one line per fault.
+    """Exception for an invalid scenario; its text has one line for each error found.
 
     Attributes:
         faults: lines with file, key path, given and allowed value, and unit.
@@ -78,7 +78,7 @@ def parse_scenario(text: str) -> Scenario:
 
 
 def _without_kinks(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield scenario overrides except those of the former key `kinks` of ropes, for which it warns."""
+    """Yield all scenario overrides but those of the obsolete key `kinks` of ropes, with a warning for these."""
     for key, value in given.items():
         parts = key.split(".")
         if parts[-1] == "kinks" and value in KINKS and (parts[0], len(parts)) in (("cable", 2), ("ropes", 3)):
@@ -88,7 +88,7 @@ def _without_kinks(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: Mapping[str, Any]) -> Scenario:
-    """Build a scenario from parsed content; `label` is its name in faults; raises ScenarioError with all faults."""
+    """Build a scenario from parsed content, or raise ScenarioError with all errors, a line each, after `label`."""
     try:
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
@@ -130,7 +130,7 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
 
 @contextmanager
 def _kept(faults: list[Fault]) -> Iterator[None]:
-    """Context that adds the fault of an unknown key raised within it to `faults`."""
+    """Context manager that catches UnknownKeyError and appends its error message to `faults`."""
     try:
         yield
     except UnknownKeyError as error:
@@ -180,7 +180,7 @@ def config_directory() -> Path:
 
 
 def _find(source: Any) -> Path:
-    """Scenario file of a name or a path; the name of a scenario takes precedence over a file."""
+    """Find a scenario file by name or path; the name of a shipped scenario takes precedence over a file."""
     if not isinstance(source, str | Path) or not str(source):
         fault = refuse(("scenario",), source, "a name, the path of a YAML file, or a mapping")
         raise ScenarioError(f"scenario: {fault.text}")
@@ -199,7 +199,7 @@ def _find(source: Any) -> Path:
 
 
 def _read(file: Path) -> tuple[Any, list[Fault]]:
-    """Read the content of a scenario file in YAML 1.2 (1e6 is a number), and a fault for every key given twice."""
+    """Read a scenario file in YAML 1.2 (1e6 is a number); returns its content, and errors of duplicate keys."""
     try:
         text = limited_text(file.expanduser())
     except FileNotFoundError:
@@ -216,7 +216,7 @@ def _read(file: Path) -> tuple[Any, list[Fault]]:
 
 
 def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
-    """Parse the YAML text of a scenario, `label` in faults; returns content, and faults of keys given twice."""
+    """Parse a YAML text, named `label` in error messages; returns its content, and errors of duplicate keys."""
     try:
         document = _document(text)
     except UnreadableYamlError as error:
@@ -227,12 +227,12 @@ def _parse(text: str, label: str) -> tuple[Any, list[Fault]]:
 
 @lru_cache(maxsize=4)  # the cases of a study are one text with other values
 def _document(text: str) -> Document:
-    """Document read from a YAML text; shared, not to be changed."""
+    """Parse a YAML text with a cache; the returned document is shared and must not be changed."""
     return read_yaml(text)
 
 
 def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
-    """Copy of dicts, lists and scalars without numpy types; keys other than texts are added to `faults`."""
+    """Copy dicts, lists and scalars without numpy types; errors of keys that are no texts go into `faults`."""
     if type(value) in SCALARS:
         return value
     if isinstance(value, Mapping):
@@ -247,7 +247,7 @@ def _plain(value: Any, path: tuple[str | int, ...], faults: list[Fault]) -> Any:
 
 
 def _lines(label: str, faults: Iterable[Fault], written: Written, unknown: Sequence[Fault] = ()) -> list[str]:
-    """One line per fault, without repetition for the copies of a tower of several ropes.
+    """Lines of text for the errors in a scenario; errors repeated for each rope of one tower are given once.
 
     Args:
         label: name of the source.

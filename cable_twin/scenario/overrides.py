@@ -45,7 +45,7 @@ def assignment(text: str) -> tuple[str, Any]:
 
 
 def full_key(key: str) -> str:
-    """Full key of an abbreviated or alternative one: `wind.y` is `air.wind.y`, `bullwheels` and below are `sheaves`."""
+    """Full form of an abbreviated or alternative key: `air.wind.y` of `wind.y`, `sheaves.NAME` of `bullwheels.NAME`."""
     first, dot, rest = key.partition(".")
     if first != OF_AIR:
         return f"{ALIASES.get(first, first)}{dot}{rest}"
@@ -54,7 +54,7 @@ def full_key(key: str) -> str:
 
 
 def without_aliases(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], list[Fault]]:
-    """Replace other names of sections by those of the schema.
+    """Replace alternative names of scenario sections, such as `bullwheels`, by their names in the schema.
 
     Returns:
         The content of the file, its other names by those of the schema, and a fault of each section that is given
@@ -62,7 +62,7 @@ def without_aliases(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str
     """
     used = {key: alias for alias, key in ALIASES.items() if alias in data}
     both = {key: alias for key, alias in used.items() if key in data}
-    faults = [refuse((key,), data[alias], "one of the two", f"beside `{key}`") for key, alias in both.items()]
+    faults = [refuse((key,), data[alias], "one of the two", f"also given as `{key}`") for key, alias in both.items()]
     return {ALIASES.get(key, key): value for key, value in data.items()}, used, faults
 
 
@@ -164,7 +164,9 @@ def _in_names(node: Any, model: type[BaseModel] | None, parts: Sequence[str], va
         fault = unknown_key((*path, part), node)
         if model is not None and not node:
             key = ".".join(map(str, (*path, part)))
-            fault = refuse(fault.path, Phrase("a part"), f"a whole one, as in {key}={{...}}", "there is none yet")
+            fault = refuse(
+                fault.path, Phrase("only a part"), f"a whole mapping, as in {key}={{...}}", "it does not exist yet"
+            )
         raise UnknownKeyError(fault)
     if not rest:
         return {**node, part: value}
@@ -177,7 +179,7 @@ OWN = {"sheaves": "drive", "towers": "ropes"}  # by section, the key that exists
 
 
 class _Place(NamedTuple):
-    """Key paths in the scenario file of one drive, or of one tower for a single one of its ropes."""
+    """Key paths at which a scenario file defines one drive, or one tower for one of its several ropes."""
 
     own: KeyPath
     keys: frozenset[str]  # given in the file
@@ -261,7 +263,7 @@ class Written:
         return keys or [key]
 
     def path(self, path: KeyPath) -> KeyPath:
-        """Key path in the file, or in an override, of a key path of the scenario."""
+        """Convert a key path of the scenario into the key path by which the file or an override gives the value."""
         if not {*path[:1]} & {"drives", *OWN}:
             return path
         place, rest = self._places().get(path[:2]), path[2:]
@@ -281,7 +283,7 @@ class Written:
         return any(key == one or key.startswith(f"{one}.") for one in given)
 
     def _places(self) -> dict[KeyPath, _Place]:
-        """Key paths in the file by section and name in the scenario."""
+        """Key paths of drives and towers in the scenario file, by their section and name in the scenario."""
         found: dict[KeyPath, _Place] = {}
         for section, own in OWN.items():
             things = self._data.get(section)
@@ -305,7 +307,7 @@ ROPES_EXAMPLE = "{up: {}, down: {}}"
 
 
 def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
-    """Faults of keys that exist in a file only and are rewritten by `expand_bullwheels`."""
+    """Errors in drives below bullwheels and in towers of several ropes, which only scenario files have."""
     sheaves, towers, ropes = (given if isinstance(given := data.get(key), dict) else {} for key in FILE_SECTIONS)
     drives = data.get("drives")
     called = set(drives if isinstance(drives, dict) else ())
@@ -318,7 +320,7 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
         elif not isinstance(drive.get("name"), str | None) or drive.get("name") == "":
             yield refuse((*path, "name"), drive["name"], "a text, not empty")
         elif (own := drive.get("name") or name) in called:
-            yield refuse((*path, "name"), own, "another name", "that of another drive")
+            yield refuse((*path, "name"), own, "another name", "another drive has this name")
         else:
             called.add(own)
     for name, tower in towers.items():
@@ -327,7 +329,7 @@ def faults_in_file(data: dict[str, Any]) -> Iterator[Fault]:
 
 
 def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[str, Any]) -> Iterator[Fault]:
-    """Faults of the keys that a tower has for each of its ropes."""
+    """Errors in the keys that a tower of several ropes gives for each of its ropes."""
     path: KeyPath = ("towers", name, "ropes")
     if not isinstance(own, dict):
         yield refuse(path, own, f"a mapping of ropes to the keys that differ there: {ROPES_EXAMPLE}")
@@ -339,10 +341,10 @@ def _faults_of_tower(name: str, own: Any, towers: dict[str, Any], ropes: dict[st
             yield refuse((*path, rope), differs, "a mapping of keys of a tower, or null")
         elif f"{name}_{rope}" in towers:
             given = Phrase(f"a tower with the name '{name}_{rope}'")
-            yield refuse((*path, rope), given, "another name", "that of another tower")
+            yield refuse((*path, rope), given, "another name", "another tower has this name")
         else:
             for key in {"rope", "ropes"} & (differs := differs or {}).keys():
-                yield refuse((*path, rope, key), differs[key], f"nothing, {rope!r} is the rope")
+                yield refuse((*path, rope, key), differs[key], f"no such key here, as the rope is {rope!r}")
 
 
 def expand_bullwheels(data: dict[str, Any]) -> dict[str, Any]:

@@ -191,7 +191,7 @@ class Scenario(Section):
         return start, end
 
     def of_rope(self, name: str) -> Scenario:
-        """Scenario of one rope alone, with its towers and vehicles, as its `cable`."""
+        """Reduce the scenario to one rope, which becomes its `cable`, with the towers and vehicles on this rope."""
         if not self.ropes:
             return self
         parts = *(getattr(self, key) for key in type(self).model_fields), self._whole
@@ -248,32 +248,32 @@ class Scenario(Section):
 
     @property
     def _longest_element(self) -> float:
-        """Length (m) of the longest element of the one rope of this scenario, about."""
+        """Approximate length (m) of the longest mesh element of the cable."""
         elements = self.cable.elements
         return self.cable.unstrained_length / elements if isinstance(elements, int) else elements.target
 
     @property
     def paper_reason(self) -> str | None:
-        """Reason why vehicles on the one rope of this scenario cannot be at nodes, None if they can."""
+        """Reason why vehicles on the cable cannot be joined to it at mesh nodes; None if they can."""
         model, integrator, strand = self.cable.elastic_model, self.solver.integrator, self._whole.strand
         reasons = {
-            f"beside elastic_model {model}": model != "continuum",
-            f"beside integrator {integrator}": integrator != "generalized_alpha",
-            "beside pantographs on the same rope": self._whole.touched,
-            "beside tension_damping": self.cable.tension_damping > 0.0,
-            "beside mass_damping of a rope that moves over bullwheels": self.cable.mass_damping > 0.0 and bool(strand),
-            f"beside clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
+            f"with elastic_model {model}": model != "continuum",
+            f"with integrator {integrator}": integrator != "generalized_alpha",
+            "with pantographs on the same rope": self._whole.touched,
+            "with tension_damping": self.cable.tension_damping > 0.0,
+            "with mass_damping of a rope that moves over bullwheels": self.cable.mass_damping > 0.0 and bool(strand),
+            f"with clamps to another rope that are less than {CLAMPS_APART} elements apart": self._clamps_are_close(),
         }
         return next((reason for reason, holds in reasons.items() if holds), None)
 
     def _points_may_pass(self) -> bool:
-        """Return whether two neighbours on the rope of this scenario have no length, so that they do not meet."""
+        """Whether two neighbouring carriages on the cable are points, which may pass each other without contact."""
         on_rope = sorted((one for one in self.carriages.values() if not one.clamped_to), key=lambda one: one.arc_length)
         pairs = pairwise(one for one in on_rope if one.joint != "clamped")
         return any("sliding" in (a.joint, b.joint) and a.is_point and b.is_point for a, b in pairs)
 
     def _clamps_are_close(self) -> bool:
-        """Return whether vehicles on the rope of this scenario are clamped to another one too near to each other."""
+        """Whether vehicles on the cable have clamps to another rope that are too few mesh elements apart."""
         apart, riding = inf, self._whole.riding
         if riding and self.carriers and self.carriers.count > 1:
             apart = riding.loop_length / self.carriers.count

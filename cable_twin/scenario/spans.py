@@ -38,7 +38,7 @@ class Spans(NamedTuple):
 
     @property
     def pull_after(self) -> FloatArray:
-        """Tension (spans, 2) in N at the end of each span, level and upwards along the rope."""
+        """Tension vectors (spans, 2) in N at the end of each span: horizontal and upward parts, from start to end."""
         return self.pull + np.stack([np.zeros_like(self.length), self.weight * self.length], axis=1)
 
     @property

@@ -114,7 +114,7 @@ def _check_speeds(kind: str, values: Mapping[str, float], scenario: Scenario) ->
 
 
 def check_temperature(command: Command, _: Scenario) -> None:
-    """Refuse a temperature (degC) that is not finite, or that no rope in the open has.
+    """Refuse a rope temperature (degC) that is not finite, or outside the range of outdoor temperatures.
 
     Raises:
         CommandError: the temperature is no number, or out of range.

@@ -82,7 +82,7 @@ SHAPE = (  # arrays of a state that a search for another rest begins with
 
 
 class Engine:
-    """Ropes of a scenario with their vehicles, and the couplings between ropes.
+    """Engine that takes the solver steps of a scenario: ropes with their vehicles, and couplings between ropes.
 
     Attributes:
         parts: ropes with their vehicles, one for each rope.
@@ -376,7 +376,7 @@ class Engine:
         self.loop.observe(columns)
 
     def acting(self) -> bytes:
-        """Bytes, for comparison, of what commands change at once: drive modes, forces, payloads, wind, temperatures."""
+        """Values that commands change at once, as comparable bytes: drives, payloads, wind and temperatures."""
         state, wheels = self._states[0], self.moving.sheaves.drives
         own = [(part.state.wind, part.state.temperature) for part in self.parts]
         drives = state.drives.mode, state.drives.force, wheels.mode, wheels.force
@@ -473,7 +473,7 @@ class Engine:
         self.follow_temperature()
 
     def rest_of(self, like: Engine) -> None:
-        """Take the equilibrium of another engine and its constants, instead of searching for an own one."""
+        """Copy the equilibrium and constants of another engine, instead of searching for an equilibrium."""
         self.bundle.wires.tension[:] = like.bundle.wires.tension
         own = tuple((part.system, part.packed_system) for part in self.parts)
         settings = like.settings()
@@ -503,15 +503,15 @@ class Engine:
         self._put_parameters()
 
     def kept_states(self) -> tuple[Kept, Kept]:
-        """Copies of the states of all ropes with their vehicles, now and at the start."""
+        """Copies of the states of all ropes with their vehicles, at present and at the start of the run."""
         return Kept(*self._states), Kept(*self._before.records)
 
     def kept(self) -> tuple[Kept, ...]:
-        """Copies of the motion of couplings between ropes, now and at the start; empty without couplings."""
+        """Copies of the motion of rope couplings, at present and at the start of the run; empty without couplings."""
         return (Kept(self.moving), Kept(self._start)) if self._coupled else ()
 
     def restore(self, full: FullState) -> None:
-        """Restore ropes, pantographs, clamps, bullwheels and drive commands from a full state that fits."""
+        """Restore ropes, pantographs, clamps, bullwheels and drive commands from a full state with equal arrays."""
         write(full.now, self._states[0])
         write(full.before, self._before)
         self.vehicles.loading = dict(full.loading)
@@ -529,7 +529,7 @@ class Engine:
 
 
 def _ropeways(scenario: Scenario, systems: list[System], like: Engine | None) -> list[Ropeway]:
-    """Ropeway of each rope with all vehicles, from systems of ropes with their own vehicles."""
+    """Build one ropeway for each rope, with all vehicles, from systems that have the vehicles of one rope each."""
     alone = [scenario.of_rope(name) for name in scenario.cables]
     whole = with_all_vehicles(scenario, alone, [with_buffers(*pair) for pair in zip(systems, alone, strict=True)])
     if len(whole) > 1:
@@ -547,7 +547,7 @@ def _ropeways(scenario: Scenario, systems: list[System], like: Engine | None) ->
 
 
 def leave_out_absent(systems: list[System]) -> list[System]:
-    """Give systems one common type, which leaves features absent from all of them out of compiled kernels.
+    """Mark features absent from all systems in the systems' types, so that compiled kernels leave these features out.
 
     There are few such types, as kernels compiled for one type are of no use to another: beside the continuum's
     elastic model nodes that follow loads are left in, whether there is one or not, and beside the paper's they are

@@ -126,7 +126,7 @@ def kernels_below(engine: Engine, *callers: Kernel) -> dict[Kernel, tuple[Kernel
 
 
 def parts_of(engine: Engine) -> dict[Kernel, tuple[tuple[Any, ...], tuple[Kernel, ...]]]:
-    """Kernels called by other kernels at a start, each with its argument types and those of its callees listed here.
+    """Kernels called by other kernels at a start, each with its argument types and its callees among these kernels.
 
     Kernels of the integrator come first, and callees before callers. Argument types are known by parameter name; a
     kernel with other parameters is compiled with its caller.

@@ -99,7 +99,7 @@ class Loop:
         self._check_travel()
 
     def _out_of_balance(self, lengths: FloatArray, rest: Callable[[], None]) -> str:
-        """Bullwheels with too little or too much tensioning force, a line each; empty without any equilibrium."""
+        """Messages about too little or too much tensioning force of bullwheels, a line each; empty without a remedy."""
         sheaves, motion = self._bundle.sheaves, self.motion
         motion.rope.position[:] = motion.carriage.position[:] = 0.0
         try:
@@ -197,8 +197,8 @@ class Loop:
             if min(on, off) <= 0.0 or used > most:
                 raise EquilibriumError(
                     f"sheaves.{self._names[row]}: at rest its strands pull with {with_unit(on, 'N')} and "
-                    f"{with_unit(off, 'N')}, a ratio of {used:.3g}, and the rope would slip; allowed: {most:.3g}, "
-                    "exp(friction times wrap)"
+                    f"{with_unit(off, 'N')}, a ratio of {used:.3g}, and the rope would slip; "
+                    f"allowed: up to {most:.3g}, exp(friction times wrap)"
                 )
 
     def _check_travel(self) -> None:
@@ -318,7 +318,7 @@ def _take_load_nodes_along(part: Ropeway) -> None:
 
 
 def _points(part: Ropeway) -> FloatArray:
-    """Points (bodies, dim) in m of a strand at the joints of its vehicles, for each of their bodies."""
+    """Positions (bodies, dim) in m of the vehicles' joints on a strand, repeated for each body of a vehicle."""
     state, count = part.state, np.diff(part.system.carriages.body_offset)
     nodes = state.nodes.position[:, 0].T
     points = np.array([np.interp(state.joints.position, state.mesh.arc_length, one) for one in nodes])

@@ -85,7 +85,7 @@ class Queries:
             ValueError: when the scenario has no terrain.
         """
         if not self._ropeway.scenario.terrain:
-            raise ValueError("clearance: given a scenario without terrain; allowed: with terrain")
+            raise ValueError("clearance: given a scenario without terrain; allowed: one with terrain")
         each = {name: self._clearance_of(name, part) for name, part in zip(self._lookouts, self._parts, strict=True)}
         ropes = {name: one.rope for name, one in each.items()}
         vehicles = {name: place for one in each.values() for name, place in one.vehicles.items()}
@@ -159,7 +159,7 @@ class Queries:
         return {name: surroundings_of(part.scenario) for name, part in ropes}
 
     def _places(self, rope: str | None, arc_lengths: FloatArray) -> tuple[Ropeway, FloatArray]:
-        """Ropeway of a rope, and a writable copy of places on it for kernels.
+        """Ropeway of a rope, and checked arc lengths (m) on it, as a writable copy for kernels.
 
         Raises:
             ValueError: there is no such rope, or it has no such place.
@@ -200,7 +200,7 @@ class Observer:
         self._of_ropes: list[tuple[Ropeway, tuple[Any, ...], tuple[Any, ...]]] = []
 
     def _prepare(self) -> None:
-        """Find the sample places on ropes; at the first reading, as a start is checked before kernels compile."""
+        """Locate the samples on ropes; only at the first snapshot, as a start is checked before kernels compile."""
         for number, (part, samples) in enumerate(zip(self._engine.parts, self.layout.ropes.values(), strict=True)):
             places = places_on(part.system.cable, part.state, self.layout.arc_lengths[samples])
             read = pack(part.state), pack(part.sections), pack(places)

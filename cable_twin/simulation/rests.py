@@ -80,7 +80,7 @@ def differ_in_loads(one: Scenario, other: Scenario) -> bool:
 
 
 def _equal(one: Any, other: Any, name: str) -> bool:
-    """Whether two parts of scenarios, of a key `name`, are equal but for loads."""
+    """Whether two values of a scenario's key `name` are equal, apart from loads in them."""
     if one is other or one == other:
         return True
     if isinstance(one, Mapping) and isinstance(other, Mapping):

@@ -47,7 +47,7 @@ def let_clamps_hold(scenario: Scenario, parts: list[Ropeway], clamps: Clamps) ->
         if apart > FARTHEST * shorter:
             raise EquilibriumError(
                 f"carriages.{name}.clamped_to: given {place:g} m on {rope!r}, which at rest is {apart:.4g} m away "
-                f"from it before it is clamped; allowed: up to {FARTHEST * shorter:.4g} m"
+                f"from the carriage before it is clamped; allowed: up to {FARTHEST * shorter:.4g} m"
             )
         here.state.drives.mode[carriage], here.state.drives.force[carriage] = FREE, 0.0
 

@@ -304,7 +304,7 @@ def hang_in_ropes(system: System, state: State, rows: Mapping[str, int]) -> None
 
 @contextmanager
 def of_rope(name: str) -> Iterator[None]:
-    """Context that renames keys `cable.` in equilibrium errors to `ropes.NAME.`, as the scenario has them."""
+    """Context manager that renames keys `cable.` in equilibrium errors to `ropes.NAME.`, as the scenario has them."""
     try:
         yield
     except EquilibriumError as error:

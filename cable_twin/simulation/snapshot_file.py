@@ -47,7 +47,7 @@ ANY_ERROR = Exception, MemoryError  # zipfile, zlib, numpy and json have dozens 
 
 
 class SnapshotError(ValueError):
-    """Error of a snapshot file from which no simulation can start: one line with the file and its fault."""
+    """Error of a snapshot file from which no simulation can start: one line with the file and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +73,12 @@ class FullState:
 
     @property
     def starts(self) -> tuple[State, ...]:
-        """State of each rope at the start."""
+        """State of each rope at the start of the run."""
         return self.before.records
 
     @property
     def between(self) -> Mapping[str, Any]:
-        """Arrays of the couplings between ropes, now and at the start, by name; empty arrays are left out."""
+        """Arrays of couplings between ropes, at present and at the start of the run, by name; without empty arrays."""
         if self.foreign is not None:
             return self.foreign
         both = zip(("now", "start"), self.couplings, strict=False)
@@ -91,7 +91,7 @@ class FullState:
 
     @property
     def start(self) -> State:
-        """State of the first rope at the start."""
+        """State of the first rope at the start of the run."""
         return self.starts[0]
 
     def arrays(self, part: str) -> Mapping[str, Any]:
@@ -103,7 +103,7 @@ class FullState:
         return self.scenario is scenario and self.foreign is None
 
     def check(self, scenario: Scenario, systems: Sequence[System], own: FullState) -> None:
-        """Refuse a simulation with another scenario or other arrays, and saved numbers that cannot be continued.
+        """Refuse the state if the simulation has another scenario or other arrays, or if saved values are invalid.
 
         Args:
             scenario: of the simulation.
@@ -114,7 +114,10 @@ class FullState:
             SnapshotError: the saved state does not fit the simulation.
         """
         if self.scenario is not scenario and self.scenario.resolved() != scenario.resolved():
-            raise SnapshotError(f"saved from another scenario than '{scenario.name}', or from other values of its keys")
+            raise SnapshotError(
+                f"saved from another scenario than '{scenario.name}', or from other values of its keys; "
+                "allowed: a snapshot of the same scenario with equal values"
+            )
         if self.between.keys() != own.between.keys():
             raise SnapshotError(
                 f"{', '.join(self.between.keys() ^ own.between.keys())}: given in one of snapshot and simulation; "
@@ -130,7 +133,7 @@ class FullState:
             self._check_orders(scenario)
 
     def _check_numbers(self, systems: Sequence[System]) -> None:
-        """Refuse indices beyond the arrays of kernels, and numbers outside their ranges."""
+        """Refuse saved indices out of bounds, and saved values outside their allowed ranges."""
         sizes: dict[str, float] = {}
         for part, number, state in self._numbered():
             system = systems[int(number or 1) - 1]
@@ -141,8 +144,8 @@ class FullState:
         clock = int(self.state.clock[0])
         if not abs(self.time - clock * systems[0].solver.step) <= systems[0].solver.step:
             raise SnapshotError(
-                f"time: given {self.time:g} s; allowed: that of state/clock, {clock} steps of "
-                f"{systems[0].solver.step:g} s"
+                f"time: given {self.time:.9g} s, but state/clock has {clock} steps of {systems[0].solver.step:g} s; "
+                f"allowed: {clock * systems[0].solver.step:.9g} s"
             )
         sizes["beyond the rope"] = max(2.0 * system.cable.unstrained_length for system in systems)
         sizes["before the rope"] = -sizes["beyond the rope"]
@@ -286,7 +289,7 @@ def _check_archive(stream: IO[bytes]) -> None:
 def _check_header(header: Any) -> None:
     """Refuse the header of an archive of another program or of another format version."""
     if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise SnapshotError("not a snapshot of cable_twin: its header is another one")
+        raise SnapshotError("not a snapshot of cable_twin: its header has another format")
     given = header.get("format_version")
     if given == FORMAT_VERSION:
         return
@@ -347,7 +350,7 @@ def _own_arrays(system: System, state: State) -> dict[str, Any]:
 
 
 def _mesh_faults(system: System, state: State) -> Iterator[str]:
-    """Faults of a saved mesh: nodes out of order, and nodes that follow a load without a reference back."""
+    """Errors in a saved mesh: nodes out of order, and nodes that follow a load without a reference back."""
     places = state.mesh.arc_length
     if not np.all(np.diff(places) > 0.0) or np.any(np.abs(np.diff(places) - state.mesh.length) > 1e-9 * places[-1]):
         yield "mesh.arc_length: nodes are out of order, or apart by other than mesh.length"
@@ -362,7 +365,7 @@ def _mesh_faults(system: System, state: State) -> Iterator[str]:
 
 
 def _state_faults(system: System, state: State) -> Iterator[str]:
-    """Faults of a saved state beyond ranges: mesh, joints off their elements, quaternions without unit length."""
+    """Errors in a saved state other than ranges: mesh, joints off their elements, quaternions without unit length."""
     yield from _mesh_faults(system, state)
     nodes = state.mesh.arc_length
     near = system.cable.element_length.max()  # within a step it goes on to the next one

@@ -24,7 +24,7 @@ REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from 
 
 
 def check_pressure(system: System, rope: CableSamples) -> None:
-    """Refuse a start with compression beyond rounding errors and beyond elements that fold under the cable's weight.
+    """Refuse a cable without bending stiffness under compression at the start, beyond its weight and rounding errors.
 
     Raises:
         EquilibriumError: the cable is under compression, and has no bending stiffness.

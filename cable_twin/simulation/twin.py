@@ -188,7 +188,7 @@ class Simulation(Queries):
     def load(
         cls, source: str | Path | IO[bytes], *, samples: int = SAMPLES, meanwhile: Meanwhile | None = None
     ) -> Simulation:
-        """Continue bit for bit from a file or stream of `save`.
+        """Simulation that continues bit for bit from a file or stream written by `save`.
 
         Raises:
             SnapshotError: one line: no such file, not a snapshot, damaged, or from a version with another state.
@@ -244,12 +244,12 @@ class Simulation(Queries):
 
     @property
     def parts(self) -> Mapping[str, Ropeway]:
-        """Parameters and present state of each rope with its vehicles, by name; of one cable as "cable"."""
+        """Parameters and present state of each rope with its vehicles, by rope name; a single cable is "cable"."""
         return dict(zip(self.scenario.cables, self._parts, strict=True))
 
     @property
     def step(self) -> float:
-        """Solver step (s)."""
+        """Length (s) of a solver step."""
         return self.system.solver.step
 
     @property
@@ -527,7 +527,7 @@ def report_of(outcome: Outcome) -> SolverReport:
 
 
 def undamped(solver: Solver) -> str:
-    """Explanation of a failed step by too little numerical damping of joints and a stiff cable, empty where damped."""
+    """Explanation of a failed step by too little numerical damping of a stiff cable; empty with enough damping."""
     if solver.spectral_radius <= SURE_RADIUS:
         return ""
     return (

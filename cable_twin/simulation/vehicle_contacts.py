@@ -51,8 +51,8 @@ class VehicleContacts:
         for before, after, room, *_ in pairs:
             if places[after] - places[before] < room:
                 raise EquilibriumError(
-                    f"carriages.{names[after]}.arc_length: given {places[after]!r}, within "
-                    f"'{names[before]}' at {places[before]!r}; allowed: {with_unit(room, 'm', 3)} apart at least"
+                    f"carriages.{names[after]}.arc_length: given {places[after]!r} m, too near to "
+                    f"'{names[before]}' at {places[before]!r} m; allowed: at least {with_unit(room, 'm', 3)} apart"
                 )
 
     @property

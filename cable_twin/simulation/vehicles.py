@@ -104,13 +104,13 @@ def with_all_vehicles(scenario: Scenario, alone: Sequence[Scenario], systems: Se
 
 
 def _homes(scenario: Scenario, alone: Sequence[Scenario]) -> list[Home]:
-    """First rope and row there of each vehicle, in the order of the scenario."""
+    """Index of the first rope of each vehicle, and the vehicle's row on this rope, in the order of the scenario."""
     local = [{name: row for row, name in enumerate(own.vehicles)} for own in alone]
     return [next(Home(rope, own[name]) for rope, own in enumerate(local) if name in own) for name in scenario.vehicles]
 
 
 def _carrying(moving: MovingCable, scenario: Scenario, own: Scenario, alone: Sequence[Scenario]) -> MovingCable:
-    """Parameters of a moving cable with a mask of vehicles that may be clamped to it, and its place on their loop."""
+    """Parameters of a moving cable with the mask of vehicles it may carry, and its offset along the vehicles' loop."""
     carried = {name for name, vehicle in own.vehicles.items() if vehicle.joint == "clamped"}
     offset = 0.0
     if carried and own.strand is not None:
@@ -286,7 +286,7 @@ class Vehicles:
 
 
 def _first_rope(name: str, parts: Sequence[Ropeway]) -> tuple[Ropeway, Carriage]:
-    """Rope that a vehicle is on at the start, or in a station of, and the vehicle in the scenario of that rope."""
+    """Rope on which, or in a station of which, a vehicle starts; and the vehicle in the scenario of that rope."""
     possible = [(part, part.vehicles[name]) for part in parts if name in part.vehicles]
     return next((one for one in possible if one[0].holds(one[1])), possible[0])
 

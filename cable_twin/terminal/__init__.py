@@ -1,1 +1,1 @@
-"""Terminal output of the commands: options, faults, progress bars and the status bar."""
+"""Terminal output of the commands: options, error messages, progress bars and the status bar."""

@@ -1,4 +1,4 @@
-"""Command-line parts shared by all commands: options with errors in one line, signals, fault reports."""
+"""Command-line parts shared by all commands: options with errors in one line, signals, error reports."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """Ending signals of a command: Ctrl-C, `kill`, and the end of the terminal, unless ignored by `nohup`."""
+    """Signals that end a command: SIGINT, SIGTERM, and SIGHUP unless ignored by `nohup`."""
     hung_up = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
     return signal.SIGINT, signal.SIGTERM, *hung_up
 
@@ -57,7 +57,7 @@ def left_at_once(command: str) -> Iterator[None]:
 
 @contextmanager
 def _answered(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Context with a handler for Ctrl-C and the end of the terminal."""
+    """Context manager that installs a handler for Ctrl-C and the end of the terminal."""
     try:
         before = {number: signal.signal(number, handler) for number in ending_signals() if number != signal.SIGTERM}
     except ValueError:  # not the main thread, which gets no signals
@@ -145,7 +145,7 @@ def faults_reported(command: str) -> Callable[[Main], Main]:
 
 
 def report_fault(command: str, error: BaseException) -> int:
-    """Report a program fault in a line, with details in a new file; returns the exit code."""
+    """Report an internal error of the program in a line, with details in a new file; returns the exit code."""
     try:
         version = metadata.version("cable_twin")
     except metadata.PackageNotFoundError:
@@ -177,7 +177,7 @@ def tell(command: str, text: object) -> None:
 
 
 def fail(command: str, text: object, code: int) -> int:
-    """Print the lines of a fault on stderr; returns the given exit code of the command."""
+    """Print the lines of an error on stderr; returns the given exit code of the command."""
     tell(command, text)
     return code
 

@@ -72,7 +72,7 @@ class Sizes(NamedTuple):
 
 
 def divided(cells: int, *, space: bool, table: tuple[int, int]) -> Sizes:
-    """Return the division of the picture for a number of cells and a readout with column widths in letters."""
+    """Return the sizes of all views for a number of plots and close-ups, and a readout with columns in letters."""
     count = max(1, -(-cells // (IN_SPACE_IN_A_ROW if space else IN_A_ROW)))
     ends = [cells * row // count for row in range(count + 1)]
     rows = tuple(last - first for first, last in pairwise(ends))

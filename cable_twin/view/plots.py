@@ -65,7 +65,7 @@ def with_ticks(low: float, high: float, unit: str, height: float) -> tuple[float
 
 
 def _most(height: float) -> float:
-    """Return the maximum number of tick distances on an axis of a height in pixels."""
+    """Return the maximum number of intervals between ticks on a vertical axis of a height in pixels."""
     return max(height / TICK_HEIGHT, TICKS)
 
 
@@ -180,7 +180,7 @@ class Plots:
                 stream.log(entity_path(f"plots/{name}", AXIS), invisible, static=True)
 
     def axes(self, cells: Sequence[tuple[float, float]]) -> dict[str, tuple[float, float]]:
-        """Return the axis range of each signal for all recorded values, with `cells` as in `begin`."""
+        """Return the axis range of each signal for all recorded values; `cells` are widths and heights in pixels."""
         units = self._heights(cells)
         return {name: with_ticks(*span, *units[name]) for name, span in self.spans.items()}
 

@@ -95,7 +95,7 @@ class Rope:
             send(stream, form.path, times, rope_columns(points, bins, form))
 
     def _placed(self, places: FloatArray) -> FloatArray:
-        """Arc lengths (frames, n) of samples and joints, in the order of `with_joints`."""
+        """Arc lengths (frames, n) in m of all rope samples, followed by those of the joints (frames, joints)."""
         return np.hstack([np.broadcast_to(self._arc_lengths, (len(places), self._arc_lengths.size)), places])
 
     def _log_legend(self, stream: rr.RecordingStream, time: float) -> None:

@@ -104,7 +104,7 @@ class RopeColors:
         return np.column_stack([np.interp(share, _PLACES, channel) for channel in _CHANNELS])
 
     def captions(self, unit: str, scale: float = 1.0) -> list[str]:
-        """Return name and range of each rope, in a unit reached with the factor `scale`."""
+        """Return texts with name and tension range of each rope, converted from N to `unit` by the factor `scale`."""
         return [f"{name}: {one.low * scale:g} to {one.high * scale:g} {unit}" for name, one in self.scales.items()]
 
     def _ranges(self) -> tuple[FloatArray, FloatArray]:

@@ -128,7 +128,7 @@ def test_a_wrong_target_is_told_and_the_default_taken(tmp_path):
     words, said = run(tmp_path, CABLE_TWIN_CPU="fast")
     (line,) = said.splitlines()
     assert line.startswith("CABLE_TWIN_CPU: given 'fast'; allowed: ")
-    assert line.endswith(f"; {words[0]} is taken")
+    assert line.endswith(f"; {words[0]} is used")
 
 
 def kept(tmp_path):

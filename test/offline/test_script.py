@@ -90,7 +90,7 @@ def test_yaml_and_csv_say_the_same_in_the_order_of_time(tmp_path):
         ("{time: 1, event: brake}", "given event 'brake'; allowed: exactly one of emergency_stop, release, reset"),
         ("{time: 1, event: [reset]}", "given event ['reset']; allowed"),
         ("{time: 1, event: reset, name: cabin}", "given event 'reset' with name; allowed"),
-        ("{time: 1, name: cabin, velocity: 6}", "given unknown velocity; allowed"),
+        ("{time: 1, name: cabin, velocity: 6}", "given unknown key velocity; allowed"),
         ("hello", "given 'hello'; allowed"),
         (f"{DRIVEN}, step: 1}}", "given step 1; allowed with a time, a name and a speed or force: step and duration"),
         (f"{DRIVEN}, step: 1, duration: 0}}", "duration: given 0 s; allowed: more than 0 s"),

@@ -156,7 +156,7 @@ def test_a_scenario_nested_deep_is_said(sound, tmp_path):
 def test_commands_of_another_time_than_their_message_are_said(sound, tmp_path, time):
     wrong = applied_command_message(replace(COMMANDS[0], time=time), EPOCH)
     target = alter(sound, tmp_path / "odd.mcap", lambda topic, _, data: wrong if topic == APPLIED_COMMANDS else data)
-    with pytest.raises(LogError, match=r"command at 0.000000 s is unreadable: it took effect at "):
+    with pytest.raises(LogError, match=r"command at 0.000000 s is unreadable: its message gives "):
         _ = read_log(target).commands
 
 

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 HOSTILE = (
-    ({"name": ["cabin_1"], "velocity": [1.0]}, "'cabin_1' is clamped to haul_1, which pulls it; drive: haul_rope"),
+    ({"name": ["cabin_1"], "velocity": [1.0]}, "'cabin_1' is clamped to haul_1, which pulls it; allowed drives: haul"),
     ({"name": ["haul_rope"], "velocity": [50.0]}, "speed of 'haul_rope': given 50 m/s; allowed: -10 to 10 m/s"),
     (
         {"name": ["haul_rope"], "position": [2000.0]},

@@ -144,7 +144,7 @@ def test_wrong_snapshot_is_one_line(tmp_path):
         ("--snapshot", "none.npz"): "sim: none.npz: no such file",
         ("--snapshot", "quick.yaml"): "sim: quick.yaml: not a snapshot of cable_twin; allowed: ",
         ("--snapshot", "real.npz", "--scenario", "seed_example"): (
-            "sim: parameter 'scenario': given 'seed_example'; allowed: 'quick', which the snapshot is of"
+            "sim: parameter 'scenario': given 'seed_example'; allowed: 'quick', the scenario of the snapshot"
         ),
     }
     for said, lines in zip(expected.values(), refused_starts(tmp_path, *expected), strict=True):

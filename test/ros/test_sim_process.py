@@ -264,7 +264,7 @@ def test_interrupt_ends_the_compilation(processes, domain, tmp_path):
 
 BAD_PARAMETERS = [
     (["--frame-rate", "-1"], "sim: parameter 'frame_rate': given -1.0; allowed: 1 to 1000 Hz"),
-    (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate': given 'fast'; allowed: a float: "),
+    (["--ros-args", "-p", "frame_rate:=fast"], "sim: parameter 'frame_rate': given 'fast'; allowed: a number: "),
     (["--ros-args", "-p", "frame_rate:=.nan"], "sim: parameter 'frame_rate': given nan; allowed: 1 to 1000 Hz"),
     (["--rerun", "sometimes"], "sim: parameter 'rerun': given 'sometimes'; allowed: none, file, live"),
     (["--scenario", "funicular"], "sim: scenario: given 'funicular', which is neither a scenario nor a file"),

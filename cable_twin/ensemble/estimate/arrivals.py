@@ -1,4 +1,4 @@
-"""Queue of what arrives from a live plant, sorted by time stamps, with notes on rejected measurements."""
+"""Queue of measurements and commands from a live plant, sorted by time stamps; rejected measurements are logged."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Arrivals:
         self._done = max(self._done, until)
 
     def leave_out(self, what: str, reason: str) -> None:
-        """Count a rejected item by its reason, and note the first item of each reason."""
+        """Count a rejected item by its reason, and add a line to log for the first item of each reason."""
         if not self.left_out[reason]:
             self.notes.append(f"left out: {what}: {reason}")
         self.left_out[reason] += 1
@@ -87,7 +87,7 @@ class Arrivals:
         self.leave_out(f"{one.sensor} at {one.time:.3f} s", reason)
 
     def _is_of_the_clock(self, one: Measurement, arrival: float) -> bool:
-        """Whether the time stamp of a measurement fits the plant's clock; a lasting jump becomes the new clock."""
+        """Whether a measurement's time stamp fits the plant's clock, which is reset after a lasting jump of stamps."""
         offset = arrival - one.time
         delay = self.now(arrival) - one.time
         if not self.started or -FUTURE <= delay <= OTHER_CLOCK:

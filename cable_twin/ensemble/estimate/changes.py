@@ -22,7 +22,7 @@ class Change(NamedTuple):
 def best_change(
     innovation: FloatArray, total: FloatArray, effects: FloatArray, deviations: FloatArray, rarer: FloatArray
 ) -> Change | None:
-    """Find the sudden change of a quantity or sensor that explains measurements best; None where none surely does.
+    """Find the sudden change of a quantity or sensor that explains measurements best; None if none is significant.
 
     Each change is tried by itself with a normal distribution of its size, so that an implausibly large one counts less
     (generalised likelihood ratio, Willsky and Jones 1976, with a prior).

@@ -14,7 +14,7 @@ def unfollowable(scenario: Scenario) -> str:
     if scenario.carriers is None:
         return "" if scenario.carriages else f"{scenario.name}: given no vehicles; allowed: carriages, or carriers"
     if not any(kind.payload is not None for kind in scenario.carriers.kinds_by_path.values()):
-        return f"{scenario.name}: given carriers without payload; allowed: with 'carriers.payload'"
+        return f"{scenario.name}: given carriers without payload; allowed: carriers with 'carriers.payload'"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Jumps of an encoder: a step between its place and that of the twin, told from waves and from drifts.
+"""Detection of encoder jumps: steps in the difference of encoder and twin, distinguished from waves and drifts.
 
 A bounce of the plant, or a quantum of the sensor, each looks like a step to some fits. A jump is a step of about the
 same size to all of them: polynomials of several degrees over windows of several lengths about one moment, each with a
@@ -36,7 +36,7 @@ class _Fit:
         self._free, self._size = 2 * count - degree - 2, float(np.linalg.norm(inverse[-1]))
 
     def step(self, values: FloatArray, noise: float) -> tuple[float, float]:
-        """Step of samples (2 n,), and its standard deviation: by their scatter, at least by their noise."""
+        """Step in the middle of samples (2 n,), and its standard deviation by their scatter, at least their noise."""
         left = self._left @ values
         return float(self._step @ values), self._size * max(float(np.sqrt(left @ left / self._free)), noise)
 
@@ -59,11 +59,11 @@ class Jumps:
         self._apart.clear()
 
     def shift(self, way: float) -> None:
-        """Note that the twin has been corrected by a way (m), which is no jump of the encoder."""
+        """Account for a correction (m) of the twin's place, so that it is not taken for a jump of the encoder."""
         self._apart = deque((one - way for one in self._apart), maxlen=2 * HALF)
 
     def note(self, time: float, apart: float) -> float:
-        """Take the place of the encoder less that of the twin (m) at a time (s); size (m) of a jump, 0 for none.
+        """Add a sample, encoder less twin (m), at a time (s); returns the size (m) of a detected jump, 0 for none.
 
         A jump is told at most `HALF` samples after it.
         """

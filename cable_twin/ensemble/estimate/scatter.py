@@ -1,4 +1,4 @@
-"""Scatter of a plant's measurements about the model: waves that no mesh of the twin has.
+"""Scatter of a plant's measurements about the model: waves that no mesh of the twin resolves.
 
 Waves are told from noise by successive samples, which they move alike: the covariance of a sample with the next one is
 about the variance of the waves, and that of noise is zero.
@@ -20,7 +20,7 @@ SLOWER = 5.0  # times: as waves last for seconds, they are that much larger if s
 
 
 def waves_in(values: FloatArray) -> float:
-    """Covariance of successive samples (n,) about their mean; nan of fewer than `FEWEST`."""
+    """Variance of waves in samples (n,), as the covariance of successive ones; NaN for fewer than `FEWEST`."""
     if values.size < FEWEST:
         return float("nan")
     about = values - values.mean()
@@ -28,7 +28,7 @@ def waves_in(values: FloatArray) -> float:
 
 
 def excuse(differences: FloatArray, variance: FloatArray) -> float:
-    """Variance by which waves within one window widen the samples of a sensor, not to be taken for its fault.
+    """Extra variance of a sensor's samples due to waves within one window, which are no fault of the sensor.
 
     A steady change is none, as of a force that grows while a counterweight is stuck, and neither is a jump: waves are
     in both halves of a window.
@@ -58,7 +58,7 @@ class Scatter:
         self._last = dict.fromkeys(sensors, (0.0, 0.0))  # waves in the last two windows
 
     def note(self, lasted: float, sensors: Sequence[str], differences: FloatArray, assumed: FloatArray) -> None:
-        """Add the samples of a window.
+        """Update the average variances of waves by the samples of one window.
 
         Args:
             lasted: length of the window, s.
@@ -79,6 +79,6 @@ class Scatter:
             self._found[name] = waves, known, windows
 
     def unexplained(self, sensor: str) -> float:
-        """Variance of waves in what a sensor measures, which are no usual errors; 0 where they may be by chance."""
+        """Variance of waves in a sensor's values, which usual errors do not explain; 0 where it is not significant."""
         waves, known, windows = self._found[sensor]
         return waves / windows if windows > 0.0 and waves > SURE_SHARE * known else 0.0

@@ -1,4 +1,4 @@
-"""Swing of vehicles as fast quantities of a filter: angle and rate of each body, one rotated in each member."""
+"""Swing of vehicles as fast quantities of a filter: angle and rate of each body, each perturbed in one member."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def swings(layout: Layout) -> tuple[Swing, ...]:
 
 
 def carried(fast: Sequence[Swing], numbers: FloatArray, first: int) -> FloatArray:
-    """Transition matrix (n, n) from the unit swings that members were given to their present swings.
+    """Transition matrix (n, n) of n swings, from the unit swings given to members initially to their present swings.
 
     Args:
         fast: n swings.

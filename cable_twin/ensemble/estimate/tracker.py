@@ -35,7 +35,7 @@ class News(NamedTuple):
 
 
 class Tracker:
-    """Twin that follows a live plant, from any place and speed of the plant on.
+    """Twin that follows a live plant, started at any place and speed of the plant.
 
     Attributes:
         state: whether the twin waits, follows, or goes on by its model.
@@ -179,7 +179,7 @@ class Tracker:
         return []
 
     def _drive(self, time: float, name: str, place: float) -> str:
-        """Command the speed of the plant to a drive of the twin; returns the reason of a first refusal."""
+        """Command a drive of the twin to follow the plant; returns the reason for its first refusal, else empty."""
         speed = self._pursuit.wanted(time, name, place)
         if speed is None:
             return ""

@@ -52,7 +52,7 @@ class Asked(NamedTuple):
 
     @property
     def scale(self) -> float:
-        """Size of one unit of the rule in SI units."""
+        """Factor that converts the unit of the rule to SI units."""
         return UNITS.get(self.unit, ("", 1.0))[1]
 
     @property
@@ -129,7 +129,7 @@ def topic_of(quantity: str) -> tuple[str, str]:
 
 
 def differences(verdicts: Sequence[RuleVerdict], profiles: Sequence[str]) -> Iterator[list[RuleVerdict]]:
-    """Groups of rule verdicts on one quantity in which profiles differ in limit or verdict, or one has none.
+    """Groups of rule verdicts on one quantity in which profiles differ in limit or verdict, or one gives no verdict.
 
     Args:
         verdicts: of all profiles.

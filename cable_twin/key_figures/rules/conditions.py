@@ -48,7 +48,7 @@ CHOICES: dict[str, tuple[Any, ...]] = {
 
 
 def condition_fault(name: str, value: Any) -> str:
-    """Fault of one fact and value in the condition of a rule, in a line; empty for a valid one."""
+    """Error in a rule condition that compares one fact with a value, in a line; empty for a valid condition."""
     if name not in CHOICES:
         return f"given {show(value)}: no such fact; allowed: {', '.join(CHOICES)}"
     choices, given = CHOICES[name], value if isinstance(value, list) else [value]
@@ -88,7 +88,7 @@ def _fits(fact: Any, wanted: Any) -> bool:
 
 
 def _bound(text: str) -> tuple[Callable[[float, float], bool] | None, float | None]:
-    """Operator and number of a text as '> 4'; None for another text."""
+    """Parse a comparison such as '> 4' into its operator and number; both None for any other text."""
     for sign, compare in OPERATORS.items():
         if text.startswith(sign):
             try:

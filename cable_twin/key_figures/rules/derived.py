@@ -156,7 +156,7 @@ def _of_vehicles(scenario: Scenario, subjects: Subjects, found: Found) -> Iterat
 
 
 def _of_wheels(scenario: Scenario, subject: Subject, ropes: list[str], found: Found) -> Iterator[KeyFigure]:
-    """Key figures of the load across track ropes: tension over load, wheel load over tension, wheel pressure."""
+    """Key figures of the transverse load on track ropes: tension over load, wheel load over tension, wheel pressure."""
     force, wheels = found("contact_force", subject.key, "highest"), scenario.limits.installation.wheels
     tensions = [one.value for rope in ropes if (one := found("rope_tension", f"ropes.{rope}", "lowest")) is not None]
     if force is None or force.value <= 0.0 or not ropes:

@@ -1,4 +1,4 @@
-"""Rule profile: a YAML file with the checks of one document, its schema, and faults in a line each."""
+"""Rule profile: a YAML file with the checks of one document, its schema, and its validation, a line per error."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ A_CHECK = "a figure as quantity/role/statistic, or judged_in, or not_decidable"
 
 
 class Strict(BaseModel):
-    """Part of a rule profile: no unknown keys, no type conversion, finite numbers only."""
+    """Base class of parts of a rule profile: no unknown keys, no type conversion, finite numbers only."""
 
     model_config = Section.model_config
 
@@ -136,7 +136,7 @@ def counts_of(document: Document) -> Counts:
 
 
 class RuleError(ScenarioError):
-    """Error of an invalid rule profile; its text has one line per fault."""
+    """Error of an invalid rule profile; its text has one line for each invalid entry."""
 
 
 @cache
@@ -163,7 +163,7 @@ def load_profile(source: str) -> Profile:
 
 
 def read_document(data: Mapping[Any, Any]) -> tuple[Document | None, list[Fault]]:
-    """Rule document from plain data, or None, and all its faults."""
+    """Validate plain data as a rule document; returns it (None if the schema is violated) and all errors in it."""
     try:
         document = Document.model_validate(data)
     except ValidationError as error:
@@ -172,7 +172,7 @@ def read_document(data: Mapping[Any, Any]) -> tuple[Document | None, list[Fault]
 
 
 def _schema_fault(location: KeyPath, kind: str, data: Any) -> Fault:
-    """Fault of a rule profile against its schema, in the wording of scenario faults."""
+    """Error for an entry that violates the schema of a rule profile, worded as errors in scenarios."""
     model: type[Strict] = Check if location[0] == "checks" and len(location) > 2 else Document
     key = str(location[2] if model is Check else location[0])
     if kind == "extra_forbidden":
@@ -190,7 +190,7 @@ def _schema_fault(location: KeyPath, kind: str, data: Any) -> Fault:
 
 
 def _faults(document: Document) -> Iterator[Fault]:
-    """Faults of a rule document whose values are valid one by one: outcomes, conditions, units, contradictions."""
+    """Errors in a rule document that follows the schema: outcomes, conditions, units, contradictions."""
     yield from _system_faults(("systems",), document.systems)
     for name, check in document.checks.items():
         path: KeyPath = ("checks", name)
@@ -217,7 +217,7 @@ def _system_faults(path: KeyPath, systems: tuple[str, ...]) -> Iterator[Fault]:
 
 
 def _judged_faults(path: KeyPath, check: Check, document: Document) -> Iterator[Fault]:
-    """Faults of a rule's check that compares a key figure: missing keys, figures, load case and limits."""
+    """Errors in a rule's check that compares a key figure: missing keys, figures, load case and limits."""
     for key in JUDGED:
         if getattr(check, key) is None:
             yield refuse((*path, key), NOTHING, allowed(Check.model_fields[key]), "it is needed")
@@ -236,7 +236,7 @@ def _judged_faults(path: KeyPath, check: Check, document: Document) -> Iterator[
 
 
 def _quantity_faults(path: KeyPath, key: str, given: str, unit: str | None) -> Iterator[Fault]:
-    """Faults of a rule's figure as quantity/role/statistic, and of a unit (None: not given) of another quantity."""
+    """Errors in a rule's figure, given as quantity/role/statistic, and in its unit (None: not given)."""
     quantity, role, statistic = (*given.split("/"), "", "")[:3]
     row = QUANTITIES.get(quantity)
     if row is None:
@@ -253,7 +253,7 @@ def _quantity_faults(path: KeyPath, key: str, given: str, unit: str | None) -> I
 
 
 def _limit_faults(path: KeyPath, limit: Any, *, within: bool) -> Iterator[Fault]:
-    """Faults of a rule's limit: a number, a formula, a band, or a list of cases."""
+    """Errors in a rule's limit: a number, a formula, a band, or a list of cases."""
     if isinstance(limit, list) and limit and all(isinstance(one, Mapping) for one in limit):
         for number, one in enumerate(limit):
             if set(one) != {"when", "limit"} or not isinstance(one["when"], Mapping):
@@ -286,7 +286,7 @@ def _limit_faults(path: KeyPath, limit: Any, *, within: bool) -> Iterator[Fault]
 
 
 def _contradictions(document: Document) -> Iterator[Fault]:
-    """Faults of pairs of checks whose limits on one figure under one condition contradict each other."""
+    """Errors for pairs of checks whose limits on one figure under one condition contradict each other."""
     least: dict[tuple[Any, ...], tuple[str, float]] = {}
     judged = [(name, one) for name, one in document.checks.items() if isinstance(one.limit, int | float)]
     for bound in ("at least", "at most"):

@@ -26,14 +26,14 @@ class FormulaError(ValueError):
 
 
 class MissingError(LookupError):
-    """Variable of a formula or condition without a value; its text is the name."""
+    """Error of a variable without a value in a formula or condition; its text is the name of the variable."""
 
 
 def variables_of(formula: str) -> set[str]:
     """Names of the variables in the formula of a rule.
 
     Raises:
-        FormulaError: the text is no formula.
+        FormulaError: the text is not a valid formula.
     """
     tree = _tree(formula)
     _check(tree)
@@ -69,7 +69,7 @@ def _tree(formula: str) -> ast.expr:
     try:
         return ast.parse(formula, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise FormulaError(f"no formula; allowed: {ALLOWED}") from None
+        raise FormulaError(f"not a valid formula; allowed: {ALLOWED}") from None
 
 
 def _check(node: ast.expr) -> None:
@@ -81,11 +81,11 @@ def _check(node: ast.expr) -> None:
         _check(node.operand)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and node.args:
         if node.keywords or len(node.args) > 2:
-            raise FormulaError(f"no formula; allowed: {ALLOWED}")
+            raise FormulaError(f"not a valid formula; allowed: {ALLOWED}")
         for argument in node.args:
             _check(argument)
     elif not (isinstance(node, ast.Name) or (isinstance(node, ast.Constant) and type(node.value) in (int, float))):
-        raise FormulaError(f"no formula; allowed: {ALLOWED}")
+        raise FormulaError(f"not a valid formula; allowed: {ALLOWED}")
 
 
 def _value(node: ast.expr, values: Mapping[str, float | None]) -> float:

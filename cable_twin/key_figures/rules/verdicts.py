@@ -240,7 +240,7 @@ class _Base:
 
     @property
     def scale(self) -> float:
-        """Size of one unit of the rule in SI units."""
+        """Factor that converts the unit of the rule to SI units."""
         return UNITS.get(self.check.unit or "", ("", 1.0))[1]
 
     def with_figure(self, quantity: str, figure: KeyFigure) -> _Base:
@@ -300,14 +300,14 @@ def _not_stated(fact: str) -> str:
 
 
 def case_of(limit: Any, facts: Mapping[str, Any]) -> Any:
-    """Limit of a rule with cases: that of the first case that holds; None where none holds."""
+    """Limit of a rule; of a rule with several cases, the limit of the first case that holds, None where none holds."""
     if not (isinstance(limit, list) and limit and isinstance(limit[0], Mapping)):
         return limit
     return next((one["limit"] for one in limit if holds(one["when"], facts)), None)
 
 
 def _keeps(comparison: str, limits: tuple[float, ...], value: float, allowance: float) -> bool:
-    """Whether a value keeps a rule's limits, to a tolerance of 0.1 % of the limit, and by at least the allowance."""
+    """Whether a value complies with a rule's limits by at least the allowance, to a tolerance of 0.1 % of the limit."""
     low, high = limits[0], limits[-1]
     if comparison == "above":
         return value > low + allowance
@@ -319,7 +319,7 @@ def _keeps(comparison: str, limits: tuple[float, ...], value: float, allowance: 
 
 
 def _never_kept(comparison: str, limits: tuple[float, ...], least: float, most: float) -> bool:
-    """Whether no value from `least` to `most` keeps a rule's limits, without any allowance."""
+    """Whether no value from `least` to `most` complies with a rule's limits, without any allowance."""
     low, high = limits[0], limits[-1]
     if comparison in ("at least", "above"):
         return not _keeps(comparison, limits, most, 0.0)

@@ -34,7 +34,7 @@ SHORTEST = 0.1  # of the rope beyond the track: what is left of the rope if the 
 
 @kernel
 def rope_length(system, carriage, travel):
-    """Length (m) of a haul rope between its drum and a `travel` (m) along the track, and its derivative by that."""
+    """Length (m) of a haul rope from its drum to a vehicle at `travel` (m) along its track; derivative by `travel`."""
     beyond = system.haul_ropes.beyond_track[carriage]
     length, by_travel = beyond + travel, 1.0
     if system.haul_ropes.station[carriage] == END:
@@ -110,7 +110,7 @@ def haul_direction(system, state, carriage):
 
 @inlined_kernel
 def along(r_x):
-    """Derivative r_x / |r_x|² (dim,) of arc length by position."""
+    """Derivative r_x / |r_x|² (dim,) of arc length by position, for a rope with slope r_x."""
     return scale(1.0 / dot(r_x, r_x), r_x)
 
 

@@ -42,7 +42,7 @@ def reference_acceleration(state, carriage, work):
 
 @inlined_kernel
 def condense_drive(system, state, carriage, mass_factor, rate_factor, work):
-    """Store a drive's part in the equation of its joint: joint driven or not, given force, haul rope pull."""
+    """Store what a drive adds to its joint's equation: whether it prescribes the joint, drive force, haul rope pull."""
     work.driven[carriage] = is_driven(state, carriage)
     work.given_force[carriage] = state.drives.force[carriage] if state.axis[carriage] == JOINT else 0.0
     work.haul_force[carriage], work.haul_by_way[carriage], work.haul_change[carriage] = 0.0, 0.0, 0.0
@@ -64,7 +64,7 @@ def recover_drive(state, carriage, moved, work):
 
 @kernel
 def observe_haul(system, state, carriage):
-    """Drum travel (m) and speed (m/s) of a haul rope, force (N) of haul rope or clamp on the vehicle; NaN without."""
+    """Drum travel (m) and speed (m/s) of a haul rope, force (N) of haul rope or clamp on the vehicle; NaN if absent."""
     if state.clamp_holds[carriage]:
         r_x = joint_tangent(system.cable, state, carriage)
         return nan, nan, dot(load(state.clamp_force[carriage], r_x), r_x) / sqrt(dot(r_x, r_x))

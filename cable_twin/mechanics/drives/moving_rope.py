@@ -50,7 +50,7 @@ def moving_rope_force(system, state):
 
 @inlined_kernel
 def pulled_slope(cable, state, carriage):
-    """Vector t (dim,) with which the force λ of a rope on a clamped vehicle has the part λ·t in that of the drive.
+    """Vector t (dim,): of a clamped vehicle's contact force λ, a moving rope's drive bears the part λ·t (N).
 
     It is r_x, and at a node, with a and b the slopes on both sides and r their mean, r (a·a + b·b) / (2 r·r): then λ·t
     is the difference of T |r_x| less the strain energy per length on both sides, whatever the angle of the bend.

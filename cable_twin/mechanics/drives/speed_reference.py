@@ -20,7 +20,7 @@ def braking_speed(distance, speed, deceleration, duration):
 
 @kernel
 def capped_speed(target, ahead, behind, speed, deceleration, duration):
-    """Speed (m/s) nearest to `target` that allows a stop by `deceleration` within distances (m) `ahead`, `behind`."""
+    """Speed (m/s) nearest to `target` from which `deceleration` can stop within distances (m) `ahead` and `behind`."""
     most = braking_speed(ahead, speed, deceleration, duration)
     return max(min(target, most), -braking_speed(behind, -speed, deceleration, duration))
 
@@ -74,7 +74,7 @@ def approach_target(limits, drives, axis, course, ahead, behind, duration):
 
 @kernel
 def follow(course, number, position, velocity, acceleration):
-    """Set position, velocity and acceleration of row `number` of a reference motion."""
+    """Write a position, velocity and acceleration to row `number` of a reference motion."""
     course.position[number], course.velocity[number] = position, velocity
     course.acceleration[number] = acceleration
 

@@ -58,7 +58,7 @@ def rail_at(system, end):
 
 @inlined_kernel
 def leaves(system, state, carriage, place):
-    """Return whether a vehicle at an arc length (m) of the mesh is off it in the next step, or on a station rail."""
+    """Return whether a vehicle at an arc length (m) enters a station: its rail, or off the mesh in the next step."""
     length, speed = system.cable.unstrained_length, state.rope.velocity[0]
     if speed > SLOW and place > length - rail_at(system, 1):
         return True

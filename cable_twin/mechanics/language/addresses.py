@@ -36,7 +36,9 @@ class Addresses:
         """
         packed, before = pack(record), self._packed[row][column]
         if getattr(packed, "_numba_type_", None) != getattr(before, "_numba_type_", None):
-            raise TypeError(f"{type(record).__name__}: given another type; allowed: that of the replaced record")
+            raise TypeError(
+                f"{type(record).__name__}: given a record of another type; allowed: the type of the replaced record"
+            )
         self._packed[row][column] = packed
         self.table[row, column] = address(self._packed[row][column])
 

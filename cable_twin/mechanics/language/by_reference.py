@@ -164,7 +164,7 @@ _TYPES: dict[tuple[Any, ...], RecordType] = {}  # by the class and its kinds, wh
 
 
 def _kind_of(field: Any) -> types.Type:
-    """Numba type of a field of a record, kept for arrays and inner records."""
+    """Numba type of a field of a record; types of arrays are cached."""
     if isinstance(field, Packed):
         return field._numba_type_
     if type(field) is not np.ndarray:

@@ -18,7 +18,7 @@ LATEST = 2**53  # solver steps, of which a float still counts each
 
 
 class Range(NamedTuple):
-    """Least and greatest allowed value of an array; a string as bound names an array size, known at the check."""
+    """Least and greatest allowed value of an array; a bound given as text is the name of an array size."""
 
     least: float | str
     most: float | str
@@ -46,7 +46,9 @@ def ranges_of(record: Any) -> dict[str, tuple[Range, ...]]:
         if hasattr(kind, "_fields"):
             found |= {f"{name}.{inner}": ranges for inner, ranges in ranges_of(kind).items()}
         elif kind == NDArray[np.int64] and not declared:
-            raise TypeError(f"{record.__name__}.{name}: given no range of its integers; allowed: a declared `Range`")
+            raise TypeError(
+                f"{record.__name__}.{name}: given integers without a range; allowed: integers with a declared `Range`"
+            )
         else:
             found[name] = tuple(declared) or ((ANY,) if kind == NDArray[np.float64] else ())
     return found
@@ -64,7 +66,7 @@ def range_faults(
     """
     for name, array in arrays.items():
         if array.dtype == np.bool_ and np.any(np.ascontiguousarray(array).view(np.uint8) > 1):
-            yield f"{name}: holds a byte that is neither true nor false"
+            yield f"{name}: holds a byte that is neither true nor false; allowed: 0 (false) or 1 (true)"
         for column, one in enumerate(ranges[name]):
             least, most = (sizes[bound] if isinstance(bound, str) else bound for bound in one)
             numbers = array if len(ranges[name]) == 1 else array[..., column]
@@ -212,7 +214,7 @@ def is_common(field: Declared, common: Container[str]) -> bool:
 
 
 def _key(field: Declared, row: int, common: Container[str]) -> str:
-    """Key of an array of record `row` in a block of memory of several records."""
+    """Name of an array of record number `row` in the structured dtype of a memory block that several records share."""
     return field.name if is_common(field, common) else f"{row}/{field.name}"
 
 

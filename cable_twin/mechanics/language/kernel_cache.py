@@ -92,11 +92,13 @@ def refuse_shared(directory: Path) -> None:
     """
     found = directory.stat()
     if found.st_uid not in (0, os.geteuid()):
-        raise PermissionError(errno.EPERM, f"given owner {found.st_uid}; allowed: this user or root", str(directory))
+        raise PermissionError(
+            errno.EPERM, f"given owner {found.st_uid} (user ID); allowed: this user or root", str(directory)
+        )
     if found.st_mode & 0o002 or (found.st_mode & 0o020 and found.st_gid != os.getegid()):
         raise PermissionError(
             errno.EPERM,
-            f"given mode {found.st_mode & 0o777:o}, with which others may write; allowed: writing by its user alone",
+            f"given mode {found.st_mode & 0o777:o}, with which others may write; allowed: writing by its owner alone",
             str(directory),
         )
     if found.st_mode & 0o020:
@@ -186,7 +188,7 @@ class KernelCache(FunctionCache):
             yield self._own
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save compiled code of the kernel; not after an edit of a source, as the cache is that of the old sources."""
+        """Save compiled code of the kernel in the cache, unless a source file has changed since it was first read."""
         if self._own is not None and self._sources.are_unchanged() and self._impl.check_cachable(data):
             os.makedirs(self._own._cache_path, exist_ok=True)
             self._own.save(self._index_key(sig, data.codegen), self._impl.reduce(data))

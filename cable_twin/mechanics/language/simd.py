@@ -41,12 +41,12 @@ def gather(coordinates: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
 
 @formula
 def gather_listed(coordinates: Any, elements: Any, first: Any, like: Vec) -> tuple[Vec, ...]:
-    """Nodal vectors (dim,), one-sided slopes, of `WIDTH` elements in a list (n,) from `first` on, as SIMD lanes."""
+    """Nodal vectors r_A, slope after A, r_B, slope before B of `WIDTH` listed elements, as SIMD lanes."""
     return of_elements(coordinates, [elements[first + lane] for lane in range(WIDTH)], 2, like)
 
 
 def of_elements(coordinates: Any, elements: Sequence[Any], after: int, like: Vec) -> tuple[Vec, ...]:
-    """Nodal vectors of `elements` as SIMD lanes; slope of a first node in its row `after`; for traced formulas."""
+    """Nodal vectors of `elements` as SIMD lanes; row `after` of a node is the slope after it; for traced formulas."""
     dim = len(like)
     vectors: list[Vec] = []
     for end in range(2):

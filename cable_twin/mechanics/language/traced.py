@@ -287,10 +287,10 @@ class _Number:
         return _call("llvm.sqrt", self.kind, [self.value], self.place)
 
     def __bool__(self) -> bool:
-        raise TypeError("condition in a formula: given one on the value of a number; allowed: on lengths and types")
+        raise TypeError("condition in a formula: given one on the value of a number; allowed: one on lengths and types")
 
     def __eq__(self, other: object) -> bool:
-        raise TypeError("condition in a formula: given one on the value of a number; allowed: on lengths and types")
+        raise TypeError("condition in a formula: given one on the value of a number; allowed: one on lengths and types")
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -304,7 +304,7 @@ class _Number:
 
 
 def _fused(name: str, one: _Number, other: _Number, kind: types.Type) -> _Number:
-    """Fused multiply-add, rounded once: sum or difference of two numbers, of which one, or the second, is a product."""
+    """Sum or difference of two traced numbers, of which one is a product, as a fused multiply-add with one rounding."""
     builder = one.place[1]
     product, rest = (other, one) if other.factors is not None else (one, other)
     assert product.factors is not None
@@ -507,7 +507,9 @@ def row_of(array: Any) -> Any:
     if not isinstance(array, _Array):
         return array.reshape(-1)
     if array.kind.layout != "C":
-        raise TypeError(f"array of a formula as one row: given {array.kind}; allowed: a contiguous one, by rows")
+        raise TypeError(
+            f"array of a formula as one row: given {array.kind}; allowed: a contiguous one, in row-major order"
+        )
     whole = _Array(types.Array(array.kind.dtype, 1, "C"), None, array.place)
     if array.place is not None:
         whole._where = array.start()

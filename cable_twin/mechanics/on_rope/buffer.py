@@ -42,7 +42,10 @@ CLOSEST = 1e-3  # m between the joints of two vehicles: if they are nearer, they
 
 @kernel
 def buffer_force(stiffness, toe, damping, depth, depth_rate):
-    """One-sided contact force (N), its derivatives by depth (N/m), rate (N s/m); stiffness N/m, damping s/m, toe m."""
+    """One-sided contact force (N), its derivatives by depth (N/m), rate (N s/m); softer up to a depth `toe` (m).
+
+    `stiffness` is in N/m, `damping` in s/m.
+    """
     hysteresis = 1.0 + damping * depth_rate
     if not (depth > 0.0 and hysteresis > 0.0):
         return 0.0, 0.0, 0.0
@@ -163,7 +166,7 @@ def pair_tangent(buffers, entry, contact, rate_factor, stiffness_factor):
 
 @inlined_kernel
 def in_one_patch(system, state, carriage, other):
-    """Return whether two vehicles' joints are at adjacent nodes that follow them, so that one patch has both."""
+    """Return whether two vehicles are at adjacent nodes that follow them, and so share a block of equations (patch)."""
     cable = system.cable
     if at_node(cable, state, carriage) and at_node(cable, state, other):
         return abs(state.joint_node[carriage] - state.joint_node[other]) == 1
@@ -172,7 +175,7 @@ def in_one_patch(system, state, carriage, other):
 
 @kernel
 def predict_contacts(system, state, rate_factor, stiffness_factor, work):
-    """Store tangents of buffers in contact, and predict displacements of vehicles in contact without a common patch.
+    """Store tangents of buffers in contact; predict displacements of touching vehicles that share no patch (equations).
 
     Needs chains and drives condensed.
     """
@@ -263,7 +266,7 @@ def with_neighbours(system, state, carriage, force, impedance, work):
 
 @kernel
 def couple_neighbours(system, state, carriage, by_force, work):
-    """Add the buffer coupling between a vehicle and neighbours, with joints at adjacent nodes, to their common patch.
+    """Add the buffer coupling of a vehicle and neighbours at adjacent nodes to their common block of equations (patch).
 
     Args:
         system: parameters.

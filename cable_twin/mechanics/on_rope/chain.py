@@ -123,7 +123,7 @@ def move_chain(carriages, gravity, state, carriage, velocity, acceleration):
 
 @kernel
 def close_joints(carriages, state, carriage, pivot, above, work):
-    """Store the gaps (eq. 14) of all joints of a vehicle below a cable point `pivot` (dim,) m, orientation `above`."""
+    """Store the gaps (eq. 14) of all joints of a vehicle on a rope at `pivot` (dim,) m, of orientation `above`."""
     for body in range(carriages.body_offset[carriage], carriages.body_offset[carriage + 1]):
         store(subtract(pivot, pivot_position(state, body, carriages.upper_pivot[body], pivot)), work.joint_gap[body])
         pivot = pivot_position(state, body, carriages.lower_pivot[body], pivot)
@@ -155,7 +155,7 @@ def joint_accelerations(carriages, state, carriage, feedback, cable, above, work
 
 @formula
 def joint_acceleration(above, pivot, arm, spin, feedback):
-    """Right side γ of eq. 12 for one joint: Φ_ddot by velocities alone + 2 f Φ_dot + f² Φ, with feedback f (1/s)."""
+    """Right side γ of eq. 12 for a joint's gap Φ: Φ_ddot by velocities + 2 f Φ_dot + f² Φ, with feedback f (1/s)."""
     (position, velocity, acceleration), (own_position, own_velocity) = above, pivot
     gap, gap_rate = position - own_position, velocity - own_velocity
     return 2.0 * feedback * gap_rate + (feedback * feedback * gap + (acceleration - cross(spin, cross(spin, arm))))
@@ -225,7 +225,7 @@ def balance(mass, accelerated, gyration_moment, arms, force, below, moments, dra
 
 @formula
 def condense_body(mass, drag_turning, arms, gap, residuals, stiff, chain):
-    """Condense the chain below a body into its equations, by displacement p of its upper pivot and its rotation θ.
+    """Condense the chain below a body into the body's equations, by displacement p of its upper pivot and rotation θ.
 
     Closing the gap g of its joint moves centre and lower pivot by p + g + v θ and p + g + w θ.
     """
@@ -271,7 +271,7 @@ def impedance_of(body, chain, hinge_by_turn, hinge_by_above, rotation, held):
 
 @kernel
 def condense_chain(carriages, gravity, state, carriage, above, mass_factor, rate_factor, stiffness_factor, work):
-    """Eliminate all bodies of a vehicle: its joint's force is D Δr + b, stored in row body_offset[carriage].
+    """Eliminate all bodies of a vehicle: force D Δr + b by joint displacement Δr; D, b in row body_offset[carriage].
 
     Needs `joint_gap`, and the orientation of the cable at the joint, `above` (`hinge.Above`). From the last body
     upwards: its residuals and tangents, its equations with the chain below, and the impedance of both at its pivot.

@@ -30,7 +30,7 @@ def mobilise(way, before, presliding):
 
 @kernel
 def deflection(carriages, state, carriage):
-    """Mobilised share -1..1 of the rolling friction of a vehicle, and its derivative by s (1/m)."""
+    """Mobilised share -1..1 of the rolling friction of a vehicle, and its derivative by arc length (1/m)."""
     way = state.joints.position[carriage] - state.friction_origin[carriage]
     return mobilise(way, state.friction_deflection[carriage], carriages.presliding[carriage])
 

@@ -74,7 +74,7 @@ def is_hinged(carriages, body):
 
 @inlined_kernel
 def hinge(carriages, state, body, topmost, above, stiffness_factor, rate_factor, like):
-    """Moment and axes (`Joint`) of the joint above a body; `topmost`: on a cable of orientation `above`."""
+    """Moment and axes (`Joint`) of the joint above a body; a `topmost` body hangs on a rope of orientation `above`."""
     if len(like) == 2:
         return _hinge_in_plane(carriages, state, body, topmost, above, stiffness_factor, rate_factor)
     return _hinge_in_space(carriages, state, body, topmost, above, stiffness_factor, rate_factor)

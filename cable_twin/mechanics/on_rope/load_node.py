@@ -74,7 +74,7 @@ def direction_at_node(state, node, like):
 
 @kernel
 def follow_joints(state):
-    """Move all nodes that go along with a moving load to its joint, and set the lengths of the elements beside them."""
+    """Move all nodes that follow a moving load to the load's joint, and set the lengths of the elements beside them."""
     for node in range(1, state.node_load.size - 1):
         number = state.node_load[node]
         if number >= 0:
@@ -88,7 +88,7 @@ def follow_joints(state):
 
 @inlined_kernel
 def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
-    """Add force and impedance of a vehicle to the patch of its joint's node; needs chain and drive condensed."""
+    """Add force and impedance of a vehicle at a node to its equations (patch); needs chain and drive condensed."""
     carriages, like = system.carriages, system.cable.gravity
     dim, node, first = len(like), state.joint_node[carriage], system.carriages.body_offset[carriage]
     patch, last = work.patch[carriage], work.patch.shape[1]
@@ -133,7 +133,7 @@ def hang_at_node(system, state, carriage, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def add_node_hinge(system, state, carriage, vehicle, r_x, rate_factor, stiffness_factor, work):
-    """Add the hinge of a vehicle, on the mean slope of the node that follows the vehicle, to the patch of the node.
+    """Add the hinge of a vehicle at a node, with the mean of the node's slopes, to the equations of the node (patch).
 
     The terms are those of `tangent_hinge`.
     """
@@ -190,7 +190,7 @@ FARTHEST = 3  # nodes from a load that comes onto the rope, among which one is f
 
 @kernel
 def update_load_nodes(system, state):
-    """Reassign nodes to the loads on a rope: take, hand on or return nodes where loads have come, moved or gone."""
+    """Reassign the nodes that follow loads on a rope, after loads have come onto it, moved along it or left it."""
     last, places, room = state.node_load.size - 1, state.mesh.arc_length, LEAST * system.cable.cell_length
     for node in range(1, last):
         number = state.node_load[node]
@@ -266,7 +266,7 @@ def beside_other(state, node):
 
 @inlined_kernel
 def hold_of(system, state, node, way, element):
-    """Share (-) of an element, `element` (m) long, that a load's node goes before the next node takes the load over.
+    """Share (-) of an element, `element` (m) long, that a load travels before the next node takes over following it.
 
     The load is handed over at least a few steps before the next node: with fewer steps the short element ahead of the
     load oscillates, and in the end the load's own node would stand still. The node of a connector takes a load that is
@@ -298,7 +298,7 @@ def pass_on(system, state, front, way):
 
 @inlined_kernel
 def middle_of(joined, element):
-    """Share (-) of an element up to which its first node takes a load; that of a connector takes near loads alone."""
+    """Share (-) of an element up to which its first node is chosen to follow a load; less for a connector's node."""
     if joined[element] == joined[element + 1]:
         return 0.5
     return BESIDE if joined[element] else 1.0 - BESIDE

@@ -41,7 +41,7 @@ from cable_twin.mechanics.rope.point import R, add_block, add_to, bend, coordina
 
 @kernel
 def place_joint(cable, state, carriage):
-    """Update the element that holds a vehicle's joint; explicit integrators do so at the time when it passes a node."""
+    """Find the element that holds a vehicle's joint; explicit integrators change it themselves at a node."""
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         return  # `follow_joints` does
     state.joint_element[carriage] = element_at(cable, state, state.joints.position[carriage])
@@ -102,14 +102,14 @@ def cable_direction(cable, state, carriage):
 
 @inlined_kernel
 def tangent_hinge(system, state, carriage, stiffness_factor, rate_factor):
-    """Joint of the first body of a vehicle with the cable tangent, as `hinge.Joint`."""
+    """Moment and axes (`hinge.Joint`) of the hinge between a vehicle's first body and the tangent of the cable."""
     first, above = system.carriages.body_offset[carriage], cable_direction(system.cable, state, carriage)
     return hinge(system.carriages, state, first, True, above, stiffness_factor, rate_factor, system.cable.gravity)
 
 
 @kernel
 def tangent_moment(system, state, carriage):
-    """Moment m (turns,) in N m of the cable on the first body of a vehicle, and its share m·∂θ/∂s (N) in row s."""
+    """Moment m (turns,) in N m of the cable on a vehicle's first body, and force m·∂θ/∂s (N) on the coordinate s."""
     first, like = system.carriages.body_offset[carriage], system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, first):
@@ -124,7 +124,7 @@ def tangent_moment(system, state, carriage):
 
 @kernel
 def tangent_moment_force(system, state, carriage, row):
-    """Force (dim,) in N of a vehicle's hinge moment on coordinate `row` of its joint's element: -S_x Gᵀ m."""
+    """Force (dim,) in N of a vehicle's hinge moment m on nodal coordinate `row` of its joint's element: -S_x Gᵀ m."""
     moment, _ = tangent_moment(system, state, carriage)
     if at_node(system.cable, state, carriage):
         return scale(0.0, system.cable.gravity)  # on its slopes alone
@@ -274,7 +274,7 @@ def recover_joint(system, state, carriage, work):
 
 @kernel
 def recover_turn(system, state, carriage, work):
-    """Rotation increment (turns,) of the cable at a joint, with the damping of the hinge; needs the increment of s."""
+    """Rotation increment (turns,) of the cable at a joint for its hinge, from increments of the nodes and of s."""
     like = system.cable.gravity
     still = no_turn(like)
     if not is_hinged(system.carriages, system.carriages.body_offset[carriage]):

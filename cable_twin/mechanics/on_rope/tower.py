@@ -102,7 +102,7 @@ def approach(cable, state, place, point, arc_length):
 
 @kernel
 def slid(cable, state, contact):
-    """Sliding displacement (m) of the rope over a tower contact in the step so far, positive towards its start.
+    """Sliding displacement (m) of the rope over a tower contact in this step, positive towards the start of the rope.
 
     It is measured in unstrained rope before the contact, so that rope which runs through the mesh counts as well.
     """
@@ -125,7 +125,7 @@ def contact_energy(cable, towers, state, contact):
 
 @kernel
 def contact_frame(cable, towers, state, contact):
-    """Point of the rope at a tower contact as last found, and the contact kinematics there, see `frame_at`."""
+    """Rope point of a tower contact as last found; tangent, offset, normal, depth and velocity of the rope there."""
     point = point_at(cable, state, state.contact_arc_length[contact])
     return (point, *frame_at(cable, towers, state, contact, point))
 
@@ -152,7 +152,7 @@ def frame_at(cable, towers, state, contact, point):
 
 @kernel
 def contact_force(cable, towers, state, contact):
-    """Force (dim,) of a tower contact, as last found, on the rope, and its normal part, both in N."""
+    """Force (dim,) in N of a tower contact on the rope, at the rope point last found, and its normal part (N)."""
     _, r_x, apart, normal, depth, moving = contact_frame(cable, towers, state, contact)
     n, _, _ = normal_force(towers, contact, depth, -dot(normal, moving))
     z, _ = mobilise(slid(cable, state, contact), state.contact_deflection[contact], towers.presliding[contact])

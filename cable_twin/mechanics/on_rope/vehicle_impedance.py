@@ -29,7 +29,7 @@ class Impedance(NamedTuple):
 
 @inlined_kernel
 def contact_force(system, state, carriage):
-    """Force (dim,) in N of the cable and of its own haul rope on a vehicle: λ less the force of a clamp."""
+    """Force (dim,) in N of cable and own haul rope on a vehicle: its joint's multiplier λ less the force of a clamp."""
     force = load(state.multipliers[system.carriages.body_offset[carriage]], system.cable.gravity)
     if state.clamp_holds[carriage]:
         force = subtract(force, load(state.clamp_force[carriage], force))

@@ -44,7 +44,7 @@ from cable_twin.mechanics.state import State
 
 
 def set_wind(state: State, wind: FloatArray) -> None:
-    """Set a uniform wind (dim,) in m/s; if the wind varies, the next step replaces the field."""
+    """Set a uniform wind (dim,) in m/s; where the wind varies, the next step overwrites its local values."""
     state.wind[:] = wind
     state.wind_field.along_rope[:] = state.wind[:, None]
     state.wind_field.at_bodies[:] = wind
@@ -97,7 +97,7 @@ def write_wind_at(wind, state, body, even):
 
 @kernel
 def share_of_gust(gust, time):
-    """Speed of a gust (6,) at a time (s), relative to its amplitude."""
+    """Speed (-) at a `time` (s) of a gust, row `gust` (6,) of `Wind.gusts`, relative to the amplitude of the gust."""
     duration, passed = gust[4], time - gust[3]
     if not 0.0 < passed < duration:
         return 0.0

@@ -43,7 +43,7 @@ class Surroundings(NamedTuple):
 
 @kernel
 def look_around(around, rope, attached, body_position, body_orientation):
-    """Store the least clearances of rope and vehicles, without vehicles in stations, in `lowest` and `nearest`.
+    """Store the least heights over the ground of rope and attached vehicles, and least distances of vehicles to masts.
 
     Args:
         around: takes the result.
@@ -63,7 +63,7 @@ def look_around(around, rope, attached, body_position, body_orientation):
 
 @kernel
 def look_around_vehicle(around, vehicle, masts, body_position, body_orientation):
-    """Write the least clearances of one vehicle, with distances from masts (n, 4), to its rows of the surroundings."""
+    """Store one vehicle's least height over the ground and least distance to `masts` (n, 4) in the record `around`."""
     lowest, nearest = around.lowest[1 + vehicle], around.nearest[vehicle]
     lowest[0], nearest[0], nearest[1] = nan, nan, nan
     ground = around.middle.shape[0] > 0
@@ -125,7 +125,7 @@ def ground_height(around, x, y):
 
 @kernel
 def find_least(around, line, count, lowest):
-    """Update `lowest` (3,) with the least height of a polyline over the ground, and the place of that."""
+    """Update `lowest` (3,) with the least height of a polyline over the ground, and with x and z (m) of that point."""
     for point in range(count):
         take_height(around, line[point, 0], line[point, 1], line[point, 2], lowest)
         if point > 0:
@@ -135,7 +135,7 @@ def find_least(around, line, count, lowest):
 
 @kernel
 def take_between(around, profile, start, end, lowest):
-    """Update `lowest` with the heights of a segment over the points of a ground profile."""
+    """Update `lowest` (3,) with the heights over the ground of a line segment, at the corners of a ground profile."""
     way = end[0] - start[0]
     for corner in range(profile.shape[0] if way != 0.0 else 0):
         share = (profile[corner, 0] - start[0]) / way
@@ -146,7 +146,7 @@ def take_between(around, profile, start, end, lowest):
 
 @kernel
 def take_height(around, x, y, z, lowest):
-    """Update `lowest` with the height of a point over the ground."""
+    """Update `lowest` (3,) with the height of a point over the ground, and with x and z (m) of the point, if lower."""
     height = z - ground_height(around, x, y)
     if height < inf and not height >= lowest[0]:
         lowest[0], lowest[1], lowest[2] = height, x, z
@@ -220,7 +220,7 @@ def box_distance(centre, axes, half, corners):
 
 @kernel
 def turn_into(corners, corner, centre, axes, half, box):
-    """Write one corner of the other of two boxes in the axes of box `box` (0 or 1), relative to the centre of `box`."""
+    """Write a corner of one of two boxes, in the axes of the other, `box` (0 or 1), and relative to its centre."""
     other = 1 - box
     for axis in range(AXES):
         value = 0.0

@@ -52,7 +52,7 @@ class Sections(NamedTuple):
 
 
 def allocate_sections(system: System, given: int = 0) -> Sections:
-    """Allocate the section forces of `system`, with room for `given` forces of other ropes."""
+    """Allocate the section forces of a rope, with room for `given` point loads that other ropes exert on it."""
     elements, dim = system.cable.element_count, len(system.cable.gravity)
     places = given + system.cable.load_arc_length.size + system.carriages.fixed.size + system.towers.stiffness.size
     return Sections(
@@ -210,7 +210,7 @@ def tensions_beside(system, state, sections, element, arc_length):
 
 @kernel
 def sample_tensions(system, state, sections, places, tensions):
-    """Fill `tensions` (n,) in N of a rope at sample points, before a load there; needs the section forces.
+    """Fill `tensions` (n,) in N of a rope at sample points, at a point load the one before it; needs section forces.
 
     Between nodes without a load the tension is almost linear.
     """

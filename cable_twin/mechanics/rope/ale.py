@@ -88,7 +88,7 @@ def flows(system, state):
 
 @inlined_kernel
 def flow_factors(cable, state, middle):
-    """Factors of transport forces of elements with a middle arc length (m), for integrals FLOW (kg/s, N/m), SLOPE (N).
+    """Coefficients of an element's transport forces by rates (kg/s), positions (N/m) and slopes (N), at `middle` (m).
 
     2 ρA u ∫SᵀS_s ds of ė, and ρA u_t ∫SᵀS_s ds - ρA u² / λ ∫S_sᵀS_s ds of e. The last one is SᵀS_ss integrated by
     parts; the terms with w w_s, w_t and λ_t cancel but for u_t. The boundary term of that integration acts on the held
@@ -131,7 +131,7 @@ def add_flow(length, shape, shape_rates, factors, rate_factor, stiffness_factor,
 
 @formula
 def flow_forces(length, shape, shape_rates, factors):
-    """Transport forces (dim,) at r_A, slope A, r_B, slope B of a moving rope element; N, on slopes per its length."""
+    """Transport forces (dim,) in N on r_A, slope A, r_B, slope B of a moving rope element; on slopes per its length."""
     d, a, b = shape
     by_velocity, by_place, by_slope = factors[0], factors[1], factors[2] / length
     d_flow = add_scaled(by_velocity, shape_rates[0], scale(by_place, d))

@@ -63,7 +63,7 @@ def inertia(cable, length, stretch, r_a, a, r_b, b):
 
 @inlined_kernel
 def with_damping(cable, accelerations, rates):
-    """Accelerations of four nodal vectors plus α times their rates: inertia and damping per mass are alike in space."""
+    """Accelerations of four nodal vectors plus α times their rates: inertia with mass-proportional damping included."""
     alpha = cable.mass_damping
     return (
         add_scaled(alpha, rates[0], accelerations[0]),
@@ -139,7 +139,7 @@ def element_tensions(cable, state, tensions):
 
 @formula
 def rates_of_strain(taken_in, shape, shape_rates):
-    """Rates of chord and slopes of an element, less their growth by rope taken in at a rate `taken_in` (1/s)."""
+    """Straining part of the rates of an element's chord and slopes: less growth `taken_in` (1/s) by inflowing rope."""
     return (
         add_scaled(-taken_in, shape[0], shape_rates[0]),
         add_scaled(-taken_in, shape[1], shape_rates[1]),
@@ -274,7 +274,7 @@ def clear_element(element, like, work):
 
 @inlined_kernel
 def add_element(numbers, element, like, work):
-    """Add residual and tangent of one element, in `numbers` with the layout of a group, to the nodes at its ends.
+    """Add residual and tangent of one element, `numbers` in the row order of an element group, to its two nodes.
 
     The blocks of node B and the coupling are written, those of node A are added to: elements come in their order.
     """

@@ -38,7 +38,7 @@ class Change(NamedTuple):
 
 @inlined_kernel
 def change_by_end(cable, state, end, mass_factor, rate_factor):
-    """Derivatives `Change` of a strand by rope over its start (0) or end (1), with the integrator's tangent factors."""
+    """Derivatives (`Change`) of a strand's transport quantities by rope that runs over its start (0) or end (1)."""
     sign = 1.0 if end == 0 else -1.0
     stretch, by_length = rest_stretch(cable, state), sign / cable.unstrained_length
     dilution = (rate_factor * by_length - mesh_dilution_rate(cable, state) * by_length) / stretch
@@ -60,7 +60,7 @@ def place_by_flow(cable, state, end, arc_length):
 
 @kernel
 def elastic_change(cable, length, d, a, b, d_dot, a_dot, b_dot, longer, dilution):
-    """Change of elastic and viscous forces (dim,) in N on chord and slopes with rest length and dilution rate.
+    """Change of elastic and viscous forces (dim,) in N on chord and slopes for changes of rest length and dilution.
 
     Takes the arguments of `continuum`, and the changes of its length, relative, and of the dilution rate, in 1/s: that
     of strains is -(longer + damping time · dilution) of the stretch; the curvature does not depend on the dilution.
@@ -96,7 +96,7 @@ def elastic_change(cable, length, d, a, b, d_dot, a_dot, b_dot, longer, dilution
 
 @formula
 def factors_change(mass, stretch, speed, change, share):
-    """Derivative of the transport force factors by rope over an end; `share` of it passes a place of `speed` (m/s)."""
+    """Derivatives of transport force coefficients by rope over an end, where its `share` passes at `speed` (m/s)."""
     by_stretch, _, by_speed, by_rate = change
     on_slope = speed * (speed * by_stretch / stretch - 2.0 * by_speed * share)
     return 2.0 * mass * by_speed * share, mass * by_rate * share, mass / stretch * on_slope

@@ -17,7 +17,7 @@ from cable_twin.mechanics.rope.shape_functions import AXIAL_PLACES, AXIAL_POINTS
 
 
 class Field(NamedTuple):
-    """Shape of the rope at a fixed arc length of the mesh, and its rates there."""
+    """Position and slope of the rope at a fixed arc length of the mesh, with their rates and accelerations."""
 
     position: Any  # r (dim,) m, r_x (dim,)
     velocity: Any  # of them, per second
@@ -50,7 +50,7 @@ def field_at(system, state, element, arc_length):
 
 @inlined_kernel
 def write_row(pair, row):
-    """Write r and r_x (dim,) to the rows (rows, dim) of a node, the slope on both sides."""
+    """Write position and slope (dim,) of the rope to the rows (rows, dim) of a node, one slope for both sides."""
     store(pair[0], row[R])
     store(pair[1], row[BEFORE])
     store(pair[1], row[AFTER])
@@ -58,7 +58,7 @@ def write_row(pair, row):
 
 @inlined_kernel
 def write_field(field, nodes, node):
-    """Write shape and motion of the rope (`Field`) to a node."""
+    """Set a mesh node to position and slope of the rope, and to their rates and accelerations, as given in `field`."""
     write_row(field.position, nodes.position[node])
     write_row(field.velocity, nodes.velocity[node])
     write_row(field.acceleration, nodes.acceleration[node])
@@ -142,7 +142,7 @@ def slope_of_one(way, lengths, near, far, place):
 
 @inlined_kernel
 def bend_of_one(way, length, far, place, slope):
-    """r_xx (dim,) at a load of one cubic from the load on, by its nodal vectors at the load and at the far end."""
+    """r_xx (dim,) at a load, of the cubic from the load to a far node, from the nodal vectors at the two."""
     if way > 0:
         return bends(length, (place, slope, far[2], far[3]))[0]
     return bends(length, (far[0], far[1], place, slope))[1]
@@ -167,7 +167,7 @@ def at_rest(system, state, element):
 
 @kernel
 def leave_out(system, state, node, way):
-    """Replace the two elements ahead of a moving load by one cubic, see `merge`."""
+    """Merge the two elements ahead of a moving load into one cubic, leaving out the node between them."""
     near, far = (node, node + 1) if way > 0 else (node - 1, node - 2)
     lengths = state.mesh.length[near], state.mesh.length[far]
     merge(state, node, way, lengths, at_rest(system, state, near), at_rest(system, state, far), system.cable.gravity)
@@ -241,7 +241,7 @@ def shift_train(system, state, first, last, way):
 
 @inlined_kernel
 def write_both(row, nodes, before, after, side):
-    """Write a node (rows, dim) from nodal vectors of its elements, r from the one after (`side` 1) or before (0) it."""
+    """Write r and both slopes of a node from nodal vectors of both its elements; r from the one after for `side` 1."""
     store(add_scaled(side, after[0], scale(1.0 - side, before[2])), nodes[row, R])
     store(before[3], nodes[row, BEFORE])
     store(after[1], nodes[row, AFTER])
@@ -301,7 +301,7 @@ def take_node(system, state, number, node, s, follow):
 
 @inlined_kernel
 def part_of(way, at_load, vectors):
-    """Nodal vectors of the part of an element from a load to the end (`way` 1), or from the start to the load (-1)."""
+    """Nodal vectors of one part of an element divided at a load: from load to end (`way` 1), or start to load (-1)."""
     if way > 0:
         return at_load[0], at_load[1], vectors[2], vectors[3]
     return vectors[0], vectors[1], at_load[0], at_load[1]

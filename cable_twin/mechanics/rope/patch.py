@@ -52,7 +52,7 @@ from cable_twin.mechanics.rope.shape_functions import (
 
 @inlined_kernel
 def follows(state, node):
-    """Return whether a node moves along with its moving load; one too near an end, or to another load, stands still."""
+    """Return whether a node moves along with its load; a node too near an end or another load stands still."""
     number = state.node_load[node]
     return number >= 0 and state.node_follows[number]
 
@@ -111,7 +111,7 @@ def bend_rates(length, grows, e, rates):
 
 @formula
 def rope_motion(length, grows, e, rates, accelerations, before, after, spreads):
-    """Velocities and accelerations of the rope at both nodes, which may move along it, of an element; see the module.
+    """Velocities and accelerations of the rope at both nodes of an element, while the nodes may move along the rope.
 
     Args:
         length: of the element, m.
@@ -207,7 +207,7 @@ def by_length(cable, length, d, a, b):
 
 @formula
 def shift_vectors(end, e, length):
-    """Slope and r_xx at one end (0 or 1) of an element: minus the shift of r and r_x under a node that moves along."""
+    """Slope and r_xx (dim,) at an element's end, 0 or 1: minus changes of r and r_x by a shift of its moving node."""
     bend_a, bend_b = bends(length, e)
     first = 1.0 - end
     return first * e[1] + end * e[3], first * bend_a + end * bend_b
@@ -215,7 +215,7 @@ def shift_vectors(end, e, length):
 
 @inlined_kernel
 def forces_by_motion(system, state, length, motion, wind):
-    """Nodal forces (dim,) on r_A, slope A, r_B, slope B of an element, or of lanes: elastic ones, sum of all others.
+    """Nodal forces (dim,) on r_A, slope A, r_B, slope B of one or `WIDTH` elements: elastic ones, sum of all others.
 
     Those on positions are in N, those on slopes in N m. The others are inertia, weight, damping and drag.
 
@@ -256,7 +256,7 @@ def forces_by_motion(system, state, length, motion, wind):
 
 @inlined_kernel
 def with_passing_rope(system, state, forces, motion, passing):
-    """Nodal forces (dim,) of an element beside a load, or of lanes, with the momentum of rope that passes its nodes.
+    """Nodal forces (dim,) of one or `WIDTH` elements beside a load, with the momentum of rope passing their nodes.
 
     Takes both parts of `forces_by_motion`, the motion, and the speeds κ (m/s) of rope past both nodes.
     """
@@ -272,7 +272,7 @@ def with_passing_rope(system, state, forces, motion, passing):
 
 @inlined_kernel
 def forces_along(system, state, length, forces, motion, passing):
-    """Generalized forces Q_X (N) on the arc lengths of both nodes of an element beside a moving load, or of lanes.
+    """Generalized forces Q_X (N) on the arc lengths of both nodes, of one or `WIDTH` elements beside a moving load.
 
     Takes the length (m), and the arguments of `with_passing_rope`.
     """

@@ -78,7 +78,7 @@ def begin_patches(state, work):
 
 @kernel
 def list_elements(work, count):
-    """List the elements beside no load, and pad this list and that of `count` elements beside loads to whole groups."""
+    """List the elements not beside a load; pad that list, and that of `count` beside loads, to whole groups."""
     work.patch_count[0] = count
     for k in range(count, -(-count // WIDTH) * WIDTH):
         work.patch_elements[k] = work.patch_elements[count - 1]
@@ -94,7 +94,7 @@ def list_elements(work, count):
 
 @inlined_kernel
 def shifts(state, work, node):
-    """Return whether a Newton iteration moves a node along the rope, apart from rope over the ends of the mesh."""
+    """Return whether a Newton iteration moves a node along the rope, not counting the motion of rope over mesh ends."""
     number = state.node_load[node]
     return follows(state, node) and not (work.along_held[number] and work.along_increment[number] == 0.0)
 
@@ -181,7 +181,7 @@ def force_patches(system, state, nodal_motion, shifted, work):
 
 @kernel
 def add_patch_differences(system, state, count, share, patch_columns, slot, work):
-    """Add `share` times the nodal forces, and minus `share` times Q_X, of elements beside loads to a column of patches.
+    """Add `share` times nodal forces, -`share` times forces Q_X along the rope, of elements beside loads to patches.
 
     Args:
         system: parameters.
@@ -212,7 +212,7 @@ def add_patch_differences(system, state, count, share, patch_columns, slot, work
 
 @inlined_kernel
 def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_factor, stiffness_factor, work):
-    """Linearise `WIDTH` elements beside loads: residual, tangent and their elastic part, laid out as by `write_group`.
+    """Linearise `WIDTH` elements beside loads: write residual, tangent and elastic part of them to groups in `work`.
 
     Takes the `nodal_motion` of `gather_motion`. Where the iteration moves any of their nodes (`shifted`), derivatives
     of the elastic energy by length are stored, too.
@@ -252,7 +252,7 @@ def linearise_patches(system, state, nodal_motion, shifted, mass_factor, rate_fa
 
 @inlined_kernel
 def add_patch_element(system, state, element, lane, mass_factor, rate_factor, stiffness_factor, work):
-    """Add one element, from a lane of its group, to the patch of its load, with the rows of nodes that follow loads."""
+    """Add one element of a SIMD group to its load's equations (patch), with rows for nodes that follow loads."""
     cable, like = system.cable, system.cable.gravity
     dim, square = len(like), outer(0.0, like, like)
     number, right = work.patch_of[element], work.patch_right[element]
@@ -301,7 +301,7 @@ def add_patch_element(system, state, element, lane, mass_factor, rate_factor, st
 
 @formula
 def add_numbers(numbers, patch, right, last, like):
-    """Add an element's residual and tangent, `numbers` as in a group, to a patch with its residual in column `last`."""
+    """Add an element's residual and tangent, `numbers`, to a load's equations, the residual in column `last`."""
     dim, square = len(like), outer(0.0, like, like)
     rows = [patch_row(right, i, dim) for i in range(4)]
     for i in range(4):
@@ -315,7 +315,7 @@ def add_numbers(numbers, patch, right, last, like):
 
 @formula
 def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elastic_group, like):
-    """Add to a group's tangent the damping and drag by nodal coordinates that the rope passing the nodes causes.
+    """Add derivatives by nodal coordinates of damping and drag, due to rope passing the nodes, to a group's tangent.
 
     Damping and drag are the group's tangent less its elastic part and its inertia, `mass` (kg/m) by `mass_factor`;
     `per_rate` is the stiffness factor over the rate factor.
@@ -336,7 +336,7 @@ def convect_damping(length, mass, mass_factor, per_rate, k_a, k_b, group, elasti
 
 @formula
 def convect(length, mass, grows, before, after, rate_factor, stiffness_factor, group, like):
-    """Add to a group's tangent the inertia by nodal coordinates that the rope passing the nodes causes."""
+    """Add derivatives by nodal coordinates of inertia forces, due to rope passing the nodes, to a group's tangent."""
     still = convection(length, grows, before, after, rate_factor, stiffness_factor)
     inert = mass * length, mass * length * length
     for i in range(4):
@@ -446,7 +446,7 @@ def energy_by_node(cable, state, element, lane, e, like, work):
 
 @inlined_kernel
 def beyond_elastic(group, elastic_group, row, lane, like):
-    """Residual or tangent of one element of a SIMD group, less its elastic part: inertia and load, from `row` on."""
+    """Part of one element's residual or tangent in a SIMD group without the elastic part, read from row `row` on."""
     return subtract(load(group[row:, lane], like), load(elastic_group[row:, lane], like))
 
 

@@ -105,13 +105,13 @@ def coordinate(array, element, i, like):
 
 @formula
 def accumulate_vector(vector, array, element, i):
-    """Add a vector (dim,) to nodal coordinate `i` of an element beside no load, in an `array` (nodes, rows, dim)."""
+    """Add a vector (dim,) to nodal coordinate `i` of an element not beside a load, in an `array` (nodes, rows, dim)."""
     accumulate(vector, array[element + i // 2, i % 2])
 
 
 @inlined_kernel
 def add_to(vector, element, i, work):
-    """Add a vector (dim,) to the right side for nodal vector `i` of an element, or to the block of a load beside it."""
+    """Add a vector (dim,) to the right side at nodal coordinate `i` of an element; beside a load, in its patch."""
     load_number = work.patch_of[element]
     if load_number < 0:
         accumulate_vector(vector, work.right_side, element, i)
@@ -129,7 +129,7 @@ def add_force(force, point, work):
 
 @inlined_kernel
 def add_block(matrix, element, i, j, work):
-    """Add a full matrix to the tangent block of nodal coordinates `i`, `j` of an element, or to the patch of a load."""
+    """Add a matrix to the tangent block of nodal coordinates `i`, `j` of an element; beside a load, in its patch."""
     load_number = work.patch_of[element]
     if load_number >= 0:
         right, dim = work.patch_right[element], len(matrix)
@@ -164,7 +164,7 @@ def add_tangent(by_place, by_slope, point, work):
 
 @formula
 def add_tangent_to_nodes(by_place, by_slope, shape, shape_x, first, upper, lower, second):
-    """Add a point load's tangent, see `add_tangent`, to the blocks (2, 2, dim²) of an element beside no moving load."""
+    """Add the tangent of a point load to the node blocks (2, 2, dim²) of an element not beside a moving load."""
     for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
         blocks = ((first, upper), (lower, second))[i // 2][j // 2]
         accumulate(matrix, blocks[i % 2, j % 2])
@@ -172,7 +172,7 @@ def add_tangent_to_nodes(by_place, by_slope, shape, shape_x, first, upper, lower
 
 @formula
 def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
-    """Add a point load's tangent, see `add_tangent`, to a patch, for its element before (`right` 0) or after (1)."""
+    """Add the tangent of a point load on the element before (`right` 0) or after (1) a moving load to its patch."""
     dim = len(by_place[0])
     rows = [patch_row(right, i, dim) for i in range(4)]
     for i, j, matrix in tangent_blocks(by_place, by_slope, shape, shape_x):
@@ -180,7 +180,7 @@ def add_tangent_to_patch(by_place, by_slope, shape, shape_x, patch, right):
 
 
 def tangent_blocks(by_place, by_slope, shape, shape_x):
-    """Yield the blocks (dim²) of the tangent of `add_tangent`, by nodal coordinates i and j; for traced formulas."""
+    """Yield i, j and the block (dim²) of a point load's tangent by nodal coordinates i and j; for traced formulas."""
     for j in range(4):
         moved = shape[j] * by_place[0] + shape_x[j] * by_place[1]
         turned = shape[j] * by_slope[0] + shape_x[j] * by_slope[1]
@@ -218,7 +218,10 @@ def read_matrix(array, row, column, like):
 
 @formula
 def clamp_row(dim):
-    """First row of a clamp's force in the patch of a moving load; the node after such a load follows no other one."""
+    """First row of a clamp's force in the patch (equations) of a moving load, after the rows of the next node.
+
+    The next node follows no other load then.
+    """
     return 7 * dim + 1
 
 

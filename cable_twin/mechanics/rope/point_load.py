@@ -37,7 +37,7 @@ def force_along(state, node, force, point, like):
 
 @inlined_kernel
 def add_point_load(force, point, state, work):
-    """Add a force (dim,) in N at a point of the rope to the residual, for arc lengths of nodes as well."""
+    """Add a force (dim,) in N at a point of the rope to the residual of nodes, and of arc lengths of moving nodes."""
     add_force(force, point, work)
     element = point.element
     number = work.patch_of[element]
@@ -51,7 +51,7 @@ def add_point_load(force, point, state, work):
 
 @inlined_kernel
 def add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state, work):
-    """Add the tangent of a point load, as `point.add_tangent`, for arc lengths of nodes as well.
+    """Add the tangent of a point load on the rope, by nodal coordinates and by arc lengths of moving nodes.
 
     Of an arc length by itself ∂²S/∂X² is left out, which is little beside the stiffness of the rope.
 
@@ -97,7 +97,7 @@ def add_point_tangent(force, by_place, by_slope, point, stiffness_factor, state,
 
 @inlined_kernel
 def change_of_shape(shape, shape_x, share, length, j, end):
-    """Derivative of shape function `j`, S = `shape`, at a fixed arc length by that of one end, 0 or 1, of its element.
+    """Derivative of shape function `j` at a fixed arc length, by the arc length of one end, 0 or 1, of its element.
 
     `share` (-) is the place on the element, of a `length` (m). Those of slopes, with odd `j`, have a factor of it.
     """

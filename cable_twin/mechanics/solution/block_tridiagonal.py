@@ -23,7 +23,7 @@ from cable_twin.mechanics.language.vectors import (
 
 @formula
 def no_node(like):
-    """Zero node block, of four matrices."""
+    """Zero node block: four matrices (dim, dim), by position and slope of a node."""
     zero = Mat(Vec(0.0 for _ in like) for _ in like)
     return zero, zero, zero, zero
 
@@ -71,7 +71,7 @@ def less_pair(c, a, x):
 
 @formula
 def load_pair(array, like):
-    """Load the position and slope vectors of a node from an array (2, dim), or two matrices (2, dim²), by `like`."""
+    """Position and slope vector of a node from an array (2, dim), or two matrices (2, dim²) if `like` is a matrix."""
     numbers = row_of(array)
     return load(numbers, like), load(numbers, like, len(like.entries))
 
@@ -99,7 +99,7 @@ def store_both(both, one, other):
 
 @formula
 def factor_node(block):
-    """Schur factors of a node block, for `solve_pair` and `solve_node`; and 0, or nan for a singular block."""
+    """Schur factors of a node block, for `solve_pair` and `solve_node`, and a number: 0, or nan if singular."""
     a, b, c, d = block
     det = determinant(a)
     inverse = adjugate(1.0 / det, a)
@@ -230,7 +230,7 @@ def eliminate_one(diagonal, right_side, columns, count, node, inner, out, back, 
 
 @inlined_kernel
 def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor, like):
-    """Subtract an eliminated node, solution right side - `factor` x that of `inner`, from the equations of `inner`."""
+    """Subtract an eliminated node from the equations of `inner`; it is right side - `factor` x solution of `inner`."""
     square = outer(0.0, like, like)
     on, by, known = load_node(coupling, square), load_node(factor, square), load_pair(right_side[node], like)
     subtract_node(diagonal, right_side, columns, count, node, inner, on, by, known, like)
@@ -238,7 +238,7 @@ def take_in(diagonal, right_side, columns, count, node, inner, coupling, factor,
 
 @inlined_kernel
 def subtract_node(diagonal, right_side, columns, count, node, left, coupling, factor, known, like):
-    """Subtract an eliminated node, solution `known` - `factor` x that of `left`, from the equations of node `left`."""
+    """Subtract an eliminated node from the equations of `left`; it is `known` - `factor` x solution of `left`."""
     square = outer(0.0, like, like)
     block, right = load_node(diagonal[left], square), load_pair(right_side[left], like)
     block, right = without(block, right, coupling, factor, known)
@@ -283,11 +283,11 @@ def substitute_one(right_side, columns, count, node, inner, factor, like):
 
 @formula
 def less_neighbour(coupling, neighbour, array, like):
-    """Subtract a node block times a neighbour's vector pair from a pair (2, ...), in place; pairs of shape `like`."""
+    """Subtract a node block times the vector or matrix pair of a neighbouring node from `array` (2, ...), in place."""
     store_pair(less_pair(load_pair(array, like), coupling, load_pair(neighbour, like)), array)
 
 
 @formula
 def without(block, right, coupling, factor, known):
-    """Block and right side of a node less its eliminated neighbour, with solution `known` - `factor` x the node's."""
+    """Block and right side of a node after elimination of a neighbour, which is `known` - `factor` x the node."""
     return less_nodes(block, coupling, factor), less_pair(right, coupling, known)

@@ -113,7 +113,7 @@ def spun(carriages, bodies, body, like):
 
 @kernel
 def joint_work(system, at, before, after, carriage):
-    """Work (J) of the joint forces of a vehicle, `at` one end of a step, over the displacement of the whole step."""
+    """Work (J) of a vehicle's joint forces, as in state `at`, over the displacement of the vehicle in a whole step."""
     cable, like = system.cable, system.cable.gravity
     place, element = at.joints.position[carriage], at.joint_element[carriage]
     point = point_on(at, element, place)
@@ -172,7 +172,7 @@ def mixed(p, a, q, b):
 
 @formula
 def product(one, other):
-    """Product of two sets of four nodal vectors with the mass matrix of eq. 5 between them, for unit mass."""
+    """Bilinear form xᵀ M y of two sets of four nodal vectors, with the mass matrix M of eq. 5 for unit mass."""
     total = 0.0
     for i in range(4):
         row = scale(MASS[i][0], other[0])

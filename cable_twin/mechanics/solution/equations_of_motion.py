@@ -102,7 +102,7 @@ def leave_out(carriages, carriage, work):
 
 @kernel
 def measure_gap_accelerations(system, state, feedback, work):
-    """Measure right side γ of eq. 12 for all constraints, in m/s²: remainder of Φ_ddot at zero accelerations.
+    """Compute the right side γ (m/s²) of eq. 12 for all constraints Φ, from Φ_ddot at zero accelerations.
 
     The gaps Φ and their rates are added with Baumgarte's factors, `feedback` (1/s) squared and doubled.
     """
@@ -140,7 +140,7 @@ def assemble_unheld(system, state, mass_factor, rate_factor, stiffness_factor, w
 
 @inlined_kernel
 def assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work):
-    """Assemble a rope's residual and tangent before supports, vehicles eliminated, patches of loads uncondensed."""
+    """Assemble a rope's residual and tangent before supports, with vehicles eliminated but not yet moving loads."""
     cable, carriages = system.cable, system.carriages
     if cable.load_nodes:
         begin_patches(state, work)

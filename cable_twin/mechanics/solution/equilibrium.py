@@ -115,7 +115,8 @@ def settle_together(ropes: Assembly, tolerance: float, elements: int, *, near: b
     if used >= MAX_RELAXATIONS:
         raise EquilibriumError(
             f"no static equilibrium of the ropes together after {used} iterations: the last one moved a point by "
-            f"{with_unit(increment, 'm', 3)}; allowed: {with_unit(tolerance, 'm', 3)}"
+            f"{with_unit(increment, 'm', 3)}; allowed: {with_unit(tolerance, 'm', 3)}; check lengths, pretension and "
+            "counterweights of the ropes, or give more elements"
         )
 
 
@@ -156,7 +157,7 @@ def lay_straight(system: System, state: State, start: FloatArray, end: FloatArra
 
 
 def hang_at_rest(system: System, state: State) -> None:
-    """Hang a rope's vehicles at rest at their arc lengths, where friction and drive references start."""
+    """Hang a rope's vehicles at rest at their arc lengths, and start friction and drive references there."""
     own = vehicles_of(system, state)
     state.friction_origin[own] = state.reference.position[own] = state.joints.position[own]
     hang_carriages(system, state)
@@ -173,7 +174,7 @@ def lay_taut(system: System, state: State) -> None:
 
 
 def lay_mesh(system: System, state: State) -> None:
-    """Initialise the mesh of a rope, with nodes at all loads if nodes of this mesh follow loads.
+    """Initialise the mesh of a rope, with a node at each vehicle where nodes of this mesh are to follow vehicles.
 
     Nodes of loads in the first and last element of a moving rope stand where `update_load_nodes` puts them.
     """
@@ -294,7 +295,7 @@ def _advice(system: System, state: State) -> str:
             f"its strain under {with_unit(loads, 'N', 3)} is lost in rounding: lower cable.axial_stiffness, "
             f"{with_unit(STIFFEST * loads, 'N', 3)} are stiff enough"
         )
-    return "change cable.elements or cable.bending_stiffness, or start it another way"
+    return "change cable.elements or cable.bending_stiffness, or the length or the tension of the rope"
 
 
 def without_friction(system: System) -> System:

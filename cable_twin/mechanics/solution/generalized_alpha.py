@@ -115,7 +115,7 @@ def lost_in_step(bundle, system, state, work, column, c, h):
 
 @kernel
 def has_changed_places(bundle, state):
-    """Return whether a vehicle has changed between rope and station, or its rope or station, in the last step."""
+    """Return whether a vehicle was attached or detached, or moved to another rope or station, in the last step."""
     before, now = record_at(bundle.records[0, GOOD], state), record_at(bundle.records[0, STATE], state)
     for vehicle in range(now.attached.size):
         attached, rope = now.attached[vehicle], now.vehicle_rope[vehicle]
@@ -128,7 +128,7 @@ def has_changed_places(bundle, state):
 
 @kernel
 def advance(bundle, moving, moving_good, moving_before, scratch, system, state, work, steps):
-    """Integrate `steps` whole steps in one call, without interpreter lock; end early after a rollback or in a station.
+    """Integrate `steps` steps without interpreter lock; end early on rollback or if a vehicle joins or leaves a rope.
 
     A step that fails is repeated in 2, 4, 8... parts. When 2^max_halvings parts fail too, all goes back to the last
     good step and the outcome says so.

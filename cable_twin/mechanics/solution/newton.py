@@ -93,7 +93,7 @@ def contact_error_of_all(bundle, system, state, work, increment, previous):
 
 @kernel
 def linearise_rope(system, state, work, mass_factor, rate_factor, stiffness_factor):
-    """Assemble residual and tangent of one rope with its vehicles, before supports, patches of loads not condensed."""
+    """Assemble residual and tangent of one rope with its vehicles, before supports and condensation of moving loads."""
     measure_gaps(system, state, work, True)
     assemble_open(system, state, mass_factor, rate_factor, stiffness_factor, work)
 

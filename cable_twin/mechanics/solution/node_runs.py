@@ -32,7 +32,7 @@ from cable_twin.mechanics.solution.block_tridiagonal import (
 
 @inlined_kernel
 def eliminate_run(diagonal, upper, lower, right_side, columns, count, before, after, done, like):
-    """Eliminate the nodes of a run between two kept nodes, `before` and `after`, all but the first `done` ones.
+    """Eliminate a run of nodes, after its first `done` ones, between the nodes `before` and `after`, which remain.
 
     The couplings of both come to `upper[before]` and `lower[after - 1]`. Takes the other arguments of `solve_columns`.
 
@@ -120,7 +120,7 @@ def subtract_columns(coupling, column, columns, at, k, b, square):
 
 @inlined_kernel
 def four_of(runs, number):
-    """Node before each of four runs, of its rope and of all, and the number of nodes in the shortest run.
+    """Index of the node before each of four runs, in its rope and in all ropes, and node count of the shortest run.
 
     That number is 0 for a single run, which is best eliminated by itself.
     """
@@ -152,7 +152,7 @@ def four_times(one):
 
 @formula
 def load_nodes(arrays, at, k, square):
-    """Load the node blocks `k` after each of four nodes, a SIMD lane each, see `load_node`."""
+    """Load the blocks of the nodes `k` places after four given nodes, one node per SIMD lane."""
     count = len(square.entries)
     numbers = read_beside(entries_of(arrays, at, k), 4 * count)
     return tuple(load(numbers, square, k * count) for k in range(4))
@@ -160,47 +160,47 @@ def load_nodes(arrays, at, k, square):
 
 @formula
 def store_nodes(blocks, arrays, at, k):
-    """Write four node blocks, a SIMD lane each, to the places from which `load_nodes` reads them."""
+    """Write the blocks of the nodes `k` places after four given nodes, from one SIMD lane per node."""
     write_beside([one for matrix in blocks for one in matrix.entries], entries_of(arrays, at, k))
 
 
 @formula
 def load_pairs(arrays, at, k, like):
-    """Load the vectors of the nodes `k` after each of four nodes, a SIMD lane each, see `load_pair`."""
+    """Load the vector pairs of the nodes `k` places after four given nodes, one node per SIMD lane."""
     return pair_of(read_beside(entries_of(arrays, at, k), 2 * len(like.entries)), like)
 
 
 @formula
 def store_pairs(pair, arrays, at, k):
-    """Write the vectors of four nodes, a SIMD lane each, to the places from which `load_pairs` reads them."""
+    """Write the vector pairs of the nodes `k` places after four given nodes, from one SIMD lane per node."""
     write_beside([one for part in pair for one in part.entries], entries_of(arrays, at, k))
 
 
 @formula
 def load_columns(columns, at, k, b, square):
-    """Load column block `b` of the nodes `k` after each of four nodes, a SIMD lane each."""
+    """Load column block `b` of the nodes `k` places after four given nodes, one node per SIMD lane."""
     return pair_of(read_beside([columns[one + k, b] for one in at], 2 * len(square.entries)), square)
 
 
 @formula
 def store_columns(pair, columns, at, k, b):
-    """Write a column block of four nodes, a SIMD lane each, to the places from which `load_columns` reads it."""
+    """Write column block `b` of the nodes `k` places after four given nodes, from one SIMD lane per node."""
     write_beside([one for part in pair for one in part.entries], [columns[one + k, b] for one in at])
 
 
 def entries_of(arrays, at, k):
-    """Entry of each of four arrays, `k` after an index, for formulas."""
+    """Entries of four arrays, each `k` places after an index of its own; for traced formulas."""
     return [array[one + k] for array, one in zip(arrays, at, strict=True)]
 
 
 def pair_of(numbers, like):
-    """Two vectors or matrices of the shape of `like` from a list of numbers, for formulas."""
+    """Two vectors or matrices of the shape of `like`, read from a list of numbers; for traced formulas."""
     return load(numbers, like), load(numbers, like, len(like.entries))
 
 
 @formula
 def store_lanes(blocks, row, first):
-    """Write four node blocks as they are in SIMD lanes into a row of numbers, from its block number `first` on."""
+    """Write four node blocks, one per SIMD lane, to a flat array in lane order, from its block number `first` on."""
     numbers = [one for matrix in blocks for one in matrix.entries]
     for k, one in enumerate(numbers):
         write_lanes(one, row, (WIDTH * (first * len(numbers) + k),))
@@ -216,7 +216,7 @@ def load_lanes(row, first, square):
 
 @inlined_kernel
 def substitute_four_runs(rooms, columns, count, runs, number, run_factors, like):
-    """Back-substitute four runs of nodes side by side, as eliminated by `eliminate_four_runs`; returns the same."""
+    """Back-substitute four runs of nodes that `eliminate_four_runs` has eliminated; returns the node count of each."""
     square, (at, of_all, shortest) = outer(0.0, like, like), four_of(runs, number)
     _, _, _, right_sides = matrices_of(rooms)
     first, known = load_pairs(right_sides, at, 0, like), load_pairs(right_sides, at, shortest + 1, like)
@@ -234,7 +234,7 @@ def substitute_four_runs(rooms, columns, count, runs, number, run_factors, like)
 
 @inlined_kernel
 def substitute_run(upper, lower, right_side, columns, count, before, after, done, like):
-    """Back-substitute a run of nodes between two solved ones, `before` and `after`, all but the first `done`."""
+    """Back-substitute a run of nodes, after its first `done` ones, between the solved nodes `before` and `after`."""
     for node in range(after - 1, before + done, -1):
         substitute_one(right_side, columns, count, node, node + 1, upper[node], like)
         substitute_one(right_side, columns, count, node, before, lower[node - 1], like)

@@ -61,7 +61,7 @@ def hold_row(patch, row, increment):
 
 @inlined_kernel
 def own_row(turn, dim):
-    """Row in a load's patch of its own unknown eliminated at place `turn`: slopes, each coupled to one side; r; s."""
+    """Row in a load's patch of the unknown eliminated as number `turn`: slopes on both sides, then r, then s."""
     if turn < 2 * dim:
         return 3 * dim + turn
     return turn if turn < 3 * dim else 5 * dim
@@ -69,7 +69,7 @@ def own_row(turn, dim):
 
 @inlined_kernel
 def turn_of(row, dim):
-    """Place in the elimination order of a moving load's own unknown with a given row, inverse of `own_row`."""
+    """Number in the elimination order of the unknown in a `row` of a moving load's patch; inverse of `own_row`."""
     if row < 3 * dim:
         return row
     return row - 3 * dim if row < 5 * dim else 3 * dim

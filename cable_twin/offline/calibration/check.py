@@ -32,7 +32,7 @@ OTHERWISE = "a run in which this parameter matters more"
 
 
 class Finding(NamedTuple):
-    """Identifiability of one parameter: posterior standard deviations, relative to that of its prior."""
+    """Identifiability of one parameter: posterior standard deviations, relative to its prior standard deviation."""
 
     parameter: Parameter
     alone: float  # standard deviation with all others known

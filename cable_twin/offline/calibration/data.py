@@ -48,7 +48,7 @@ class Package(NamedTuple):
         return bool(self.commands)
 
     def first(self, seconds: float) -> Package:
-        """Copy with only the data of the first `seconds` (s) of the log."""
+        """Copy of the data of one log, limited to the first `seconds` (s)."""
         series = []
         for one in self.series:
             there = one.times <= seconds
@@ -109,7 +109,7 @@ def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulati
 
 
 def check_same(scenario: Scenario, log: Log) -> None:
-    """Refuse a log of another scenario than the twin's: other ropes, vehicles, towers, drives or bullwheels.
+    """Raise an error if a log's scenario differs from the twin's in ropes, vehicles, towers, drives or bullwheels.
 
     Raises:
         CalibrationError: one line with the first difference.
@@ -127,7 +127,7 @@ def check_same(scenario: Scenario, log: Log) -> None:
 def package(
     log: Log, scenario: Scenario, readings: Mapping[str, Reading], say: Callable[[str], object], *, held: bool = False
 ) -> Package:
-    """Gather measurements and commands of a log for a calibration; lines about data left out go to `say`.
+    """Gather measurements and commands of a log for a calibration; calls `say` with a line about each omission.
 
     Args:
         log: of the plant.
@@ -159,8 +159,8 @@ def package(
     times = sorted({time for rows in found.values() for time, _ in rows})
     if not times:
         raise CalibrationError(
-            f"{log.path}: no measurements of {', '.join(readings) or 'any sensor'}; allowed: a log of `plant`, or of a "
-            "twin with sensors"
+            f"{log.path}: given no measurements of {', '.join(readings) or 'any sensor'}; allowed: a log of `plant`, "
+            "or of a twin with sensors"
         )
     if times[-1] < SHORTEST:
         raise CalibrationError(f"{log.path}: length: given {times[-1]:.3g} s; allowed: {SHORTEST:g} s or more")

@@ -104,7 +104,7 @@ def value_at(scenario: Mapping[str, Any], key: str) -> Any:
 def parameters_of(
     simulation: Simulation, keys: Sequence[str], priors: Mapping[str, Prior], scale: Mapping[str, float]
 ) -> tuple[Parameter, ...]:
-    """Free parameters of a calibration from their keys; a key of a sensor may have * for any text.
+    """Free parameters of a calibration from their keys; keys of sensor errors may contain the wildcard *.
 
     Args:
         simulation: of the twin at rest.
@@ -128,14 +128,14 @@ def parameters_of(
             found[one.key] = one
     for key in priors:
         if key not in found:
-            raise CalibrationError(f"--prior: given {printable(key)}; allowed: of a key in --free")
+            raise CalibrationError(f"--prior: given {printable(key)}; allowed: a key given in --free")
     return tuple(found.values())
 
 
 def _errors_of(
     scenario: Scenario, key: str, priors: Mapping[str, Prior], scale: Mapping[str, float]
 ) -> list[Parameter]:
-    """Free parameters for an error of each sensor whose name fits the pattern in a key."""
+    """Free parameters for an error (bias, gain or delay) of each sensor whose name matches the wildcard in a key."""
     _, _, rest = key.partition(".")
     pattern, _, error = rest.rpartition(".")
     names = [name for name in scenario.sensors if fnmatchcase(name, pattern) and name in scale]
@@ -165,9 +165,9 @@ def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Param
     value = value_at(resolved, key)
     if value is None or isinstance(value, bool | str) or not isinstance(value, int | float):
         given = "a section" if isinstance(value, Mapping | list | tuple) else "no number in this scenario"
-        raise CalibrationError(f"--free: {printable(key)}: given {given}; allowed: keys of numbers")
+        raise CalibrationError(f"--free: {printable(key)}: given {given}; allowed: keys with a number as value")
     if isinstance(value, int) and not isinstance(value, bool) and "whole" in entries[0].allowed:
-        raise CalibrationError(f"--free: {key}: given a whole number; allowed: keys of numbers that vary by any amount")
+        raise CalibrationError(f"--free: {key}: given a key of whole numbers; allowed: keys that take any number")
     if prior is None and value == 0.0 and not _absolute(key):
         raise CalibrationError(
             f"--free: {key}: given 0 in the scenario, from which no prior follows; allowed: with --prior "
@@ -183,7 +183,7 @@ def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Param
 
 
 def _usual(key: str, value: float, resolved: Mapping[str, Any]) -> float:
-    """Default standard deviation of the prior of a scenario key with a value."""
+    """Default standard deviation of the prior of a scenario key, from the kind of key and its value."""
     if (absolute := _absolute(key)) is not None:
         return absolute
     share = next((share for pattern, share in SHARES if re.search(pattern, key)), SHARE)
@@ -197,7 +197,7 @@ def _absolute(key: str) -> float | None:
 
 
 def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
-    """Bounds of a free scenario key: values of the sign of the prior mean; for a payload, from 0 to the capacity."""
+    """Bounds of a free scenario key about its prior mean: for most keys of one sign; for a payload 0 to capacity."""
     low, high = mean - WIDEST * deviation, mean + WIDEST * deviation
     if _absolute(key) is None:
         low, high = (max(low, NARROWEST * mean), high) if mean >= 0.0 else (low, min(high, NARROWEST * mean))
@@ -208,17 +208,18 @@ def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]
 
 
 def _try_value(scenario: Scenario, key: str, value: float) -> None:
-    """Refuse a bound of a free key at which the scenario is not valid."""
+    """Raise an error if a scenario is not valid with one of its keys set to a bound of the calibration."""
     try:
         load_scenario(scenario.resolved(), {key: value})
     except ScenarioError as error:
         raise CalibrationError(
-            f"--free: {key} may come to {value:.6g}: {str(error).splitlines()[0]}; allowed: with a narrower --prior"
+            f"--free: {key}: given a prior that reaches {value:.6g}: {str(error).splitlines()[0]}; allowed: a "
+            "narrower --prior"
         ) from None
 
 
 def _try_free(simulation: Simulation, key: str, value: float) -> None:
-    """Refuse a free key whose change needs another mesh, other parts or another solver."""
+    """Raise an error if changing a scenario key in a calibration needs another mesh, other parts or another solver."""
     resolved = simulation.scenario.resolved()
     try:
         other = load_scenario(resolved, {key: value})

@@ -64,7 +64,7 @@ def scales_of(scenario: Scenario, rest: Snapshot) -> dict[str, float]:
 
 
 def deviations_of(scenario: Scenario, scales: Mapping[str, float]) -> dict[str, float]:
-    """Standard deviation of a sample of each sensor: root sum square of noise, quantisation and a least value."""
+    """Standard deviation of each sensor's samples: root sum square of noise, quantisation and a minimum deviation."""
     found = {}
     for name, scale in scales.items():
         sensor = scenario.sensors[name]
@@ -176,7 +176,7 @@ class Predictor:
         return found
 
     def ratios(self, evaluation: Evaluation) -> dict[str, float]:
-        """Ratio, per sensor, of the median size of its readings to that of the twin's predictions."""
+        """Ratio, per sensor, of the median size of its readings to the median size of the twin's predictions."""
         found, first = {}, 0
         for series in (series for one in self._packages for series in one.series):
             own = slice(first, first + series.times.size)
@@ -188,7 +188,7 @@ class Predictor:
         return found
 
     def _beside(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (n, parameters) for finite differences, each perturbed in one scenario key, and their steps (n,)."""
+        """Points (n, parameters) for finite differences, each with one of n scenario keys perturbed, and steps (n,)."""
         low, high = self.bounds
         beside = np.tile(point, (len(self._of_model), 1))
         steps = np.empty(len(self._of_model))
@@ -270,7 +270,7 @@ class Predictor:
     def _seen(
         self, series: Series, of_members: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, dict[int, FloatArray]]:
-        """Predicted readings (samples, members) with the sensor's errors, and derivatives (samples,) by each error."""
+        """Predicted readings (samples, members) with sensor errors added, and derivatives (samples,) by each error."""
         errors = {one.error: row for row, one in enumerate(self.parameters) if one.sensor == series.sensor}
         along: dict[int, FloatArray] = {}
         if "delay" in errors:
@@ -289,7 +289,7 @@ class Predictor:
 
 
 def _at(times: FloatArray, step: float, rows: FloatArray) -> FloatArray:
-    """Interpolate predictions at the nearest solver steps to sample times between steps."""
+    """Interpolate predictions from solver steps to the exact sample times by a cubic spline."""
     steps = np.round(times / step) * step
     if np.abs(times - steps).max() < SAME_TIME or times.size < 4:
         return rows

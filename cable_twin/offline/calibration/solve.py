@@ -92,14 +92,14 @@ def solve(predictor: Predictor, check: Check, prior: Evaluation) -> Solution:
 
 
 def _from_here(predictor: Predictor, told: Sequence[int], at: Evaluation) -> tuple[Evaluation, bool]:
-    """Minimise the cost of a calibration, roughly then finely; returns the best evaluation and whether converged."""
+    """Minimise the calibration cost of averaged, then of all residuals; returns best evaluation, whether converged."""
     rows = predictor.rows
     at, _ = _search(predictor, told, at, Means(rows, SLOW), roughly=True)
     return _search(predictor, told, at, Means(rows, 0.0))
 
 
 class Means:
-    """Averaging of training residuals over stretches of time, weighted by counts of samples; or single samples as is.
+    """Averages of training residuals over stretches of time, weighted by sample count; for length 0 the residuals.
 
     Means do not depend on the phase of oscillations, which is far from linear where parameters are far off.
 
@@ -118,7 +118,7 @@ class Means:
             self._roots = np.sqrt(np.bincount(self._groups))
 
     def of(self, values: FloatArray) -> FloatArray:
-        """Means (n,) of residuals (rows,) over each stretch of time, or (n, m) of several columns (rows, m)."""
+        """Averages of residuals (rows,) over each of n stretches of time: (n,); of an array (rows, m): (n, m)."""
         chosen: FloatArray = values[self._training]
         if self._groups is None:
             return chosen
@@ -223,7 +223,7 @@ def _solution(
 
 
 def intervals(last: Evaluation, rows: Rows, told: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """Covariance (told, told) of the identified parameters in prior deviations, and factor (told,) for model errors.
+    """Covariance (n, n) of n identified parameters, scaled by prior deviations, and factors (n,) for model errors.
 
     The covariance is due to noise, priors and parameters that keep their priors (considered ones, Schmidt 1966).
     Errors of the model make residuals of neighbouring samples alike: sums of whole stretches of time then vary by

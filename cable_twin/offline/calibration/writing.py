@@ -62,7 +62,7 @@ def _has(scenario: Scenario, solution: Solution) -> bool:
 
 
 def _commented(tree: Any) -> Any:
-    """Convert plain data for YAML: each key of a mapping on a line of its own, each list in one line."""
+    """Convert plain data to YAML nodes: mappings with a key on each line, each list in one line."""
     if isinstance(tree, Mapping):
         content = CommentedMap()
         for key, value in tree.items():

@@ -1,4 +1,4 @@
-"""Reader of load case files: changes of a scenario by dotted key, loading plans, combinations of a product."""
+"""Reader of load case files: scenario changes by dotted key, loading plans, combinations of factor levels."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def case_columns(case: LoadCase) -> dict[str, Any]:
 
 
 def case_again(columns: Mapping[str, Any], base: Scenario) -> LoadCase:
-    """Load case at rest from its plain data in JSON; of a search for the worst place, grid and key figures are lost.
+    """Load case at rest from its plain data in JSON, without grid and key figures of a search for the worst place.
 
     Args:
         columns: as `case_columns` makes them; of earlier versions without `worst_place` and `stops`.
@@ -77,7 +77,7 @@ def case_again(columns: Mapping[str, Any], base: Scenario) -> LoadCase:
 
 
 class CaseError(ValueError):
-    """Faults of a file of load cases, one line each."""
+    """Errors in a file of load cases, one line each."""
 
 
 def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[LoadCase]:
@@ -133,7 +133,7 @@ def read_cases(file: Path, source: Any, changes: Mapping[str, Any]) -> list[Load
 
 
 def _listed(cases: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Load cases of the list `cases` in a file, with their ids; faults are added to a list."""
+    """Yield id and entry of each load case in the list `cases` of a file; error lines are added to `faults`."""
     if cases is None:
         return
     if not isinstance(cases, list):
@@ -182,7 +182,7 @@ def _combined(factors: Any, faults: list[str]) -> Iterator[tuple[str, Mapping[st
 
 
 def _given_twice(factors: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
-    """Error line about a key that two factors of a product set, as one value would be lost; empty without one."""
+    """Error line about a key that two factors of a product both set; empty if none."""
     owner: dict[str, str] = {}
     for factor, levels in factors.items():
         keys = {key for one in levels.values() for key in ALONE if key in one}
@@ -199,7 +199,7 @@ def _is_name(given: Any) -> TypeGuard[str]:
 
 
 def _is_case(path: str, one: Any, keys: tuple[str, ...], faults: list[str]) -> bool:
-    """Whether a value of a load case file is a valid mapping of a case; else a fault is added to the list."""
+    """Whether a value in a load case file is a valid entry of a case; if not, an error line is added to `faults`."""
     if not isinstance(one, Mapping):
         faults.append(f"{path}: given {show(one)}; allowed: a mapping with {', '.join(keys)}")
     elif unknown := [key for key in one if key not in keys]:
@@ -236,7 +236,7 @@ def _worst_place(one: Mapping[str, Any], scenario: Scenario) -> WorstPlace | Non
     if "worst_place" not in one:
         return None
     if "dynamic" in one:
-        raise CaseError("worst_place: given beside dynamic; allowed: one of both, as a run has its own places")
+        raise CaseError("worst_place: given together with dynamic; allowed: one of them, as a run has its own places")
     return read_worst_place(one["worst_place"], scenario, one=one.get("loading") == "one")
 
 
@@ -246,7 +246,7 @@ def _vehicles(scenario: Scenario) -> list[str]:
 
 
 def _changes(base: Scenario, one: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes of a scenario for a load case, by dotted key: loading, tensioning, `set`, load cases of rules."""
+    """Changes of a scenario for a load case, by dotted key: from loading, tensioning, `set` and `load_cases`."""
     plan = one.get("loading")
     values = {} if plan is None else loading(base, plan, one.get("vehicle"))
     values |= tensioning(base, one["tensioning"]) if "tensioning" in one else {}

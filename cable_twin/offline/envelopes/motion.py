@@ -58,13 +58,13 @@ class Dynamic(NamedTuple):
 
     @property
     def inputs(self) -> list[Any]:
-        """Commands, duration and stop of a load case in motion, which the hash of its kept result includes."""
+        """Commands, duration and stop of a load case in motion, for the hash that identifies its stored result."""
         commands = [[one.time, repr(one.command), one.at] for one in self.script]
         return [commands, self.duration, self.stop]
 
 
 class DynamicError(ValueError):
-    """Faults of the run or search of a load case in its file, one line each."""
+    """Errors in a load case's entries for its run or its search for the worst, one line each."""
 
 
 def read_dynamic(given: Any, directory: Path, scenario: Scenario) -> Dynamic:
@@ -133,7 +133,7 @@ def _number(path: str, given: Any, least: float) -> float:
 
 
 class Course(NamedTuple):
-    """Course of a run: times (s) of its frames, and places (m) of its drive or first vehicle then."""
+    """Course of a run: times (s) of its frames, and the place (m) of its drive or first vehicle at each."""
 
     times: list[float]
     places: list[float]
@@ -194,7 +194,7 @@ def _place(snapshot: Snapshot) -> float:
 
 
 def _at(figure: KeyFigure, course: Course, what: str) -> KeyFigure:
-    """Copy of a key figure of a run: `time` becomes the place (m) of the vehicle, the time part of the text `place`."""
+    """Copy of a key figure of a run with the vehicle's place (m) in its `time`, and its time in the text `place`."""
     words = ", ".join(filter(None, (figure.place, f"at {figure.time:.2f} s", what)))
     return replace(figure, time=course.place(figure.time), place=words)
 

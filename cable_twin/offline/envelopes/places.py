@@ -34,7 +34,7 @@ class WorstPlace(NamedTuple):
 
     @property
     def inputs(self) -> list[Any]:
-        """Data of the search for the worst place, which the hash of its kept result includes."""
+        """Settings of the search for the worst place, for the hash that identifies a load case's stored result."""
         return ["worst_place", *self]
 
 
@@ -96,7 +96,7 @@ def search_places(scenario: Scenario, wanted: WorstPlace, find: Find) -> Search:
 
 
 def line_at(scenario: Scenario, place: float, *, one: bool) -> Line:
-    """Line at rest for one place of the vehicle in a search for the worst place.
+    """Line to be calculated at rest with its vehicle at one place, in a search for the worst place.
 
     Args:
         scenario: of the case.

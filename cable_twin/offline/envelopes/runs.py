@@ -107,7 +107,7 @@ def run_part(part: Neighbours) -> list[CaseResult]:
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """Context without garbage collection of cycles, which takes a fifth of the time among many key figures."""
+    """Context manager without cyclic garbage collection, which takes a fifth of the time with many key figures."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
@@ -140,7 +140,7 @@ def run_case(job: Job, first: LoadCase | None = None) -> CaseResult:
 
 
 def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases: Bases) -> Simulation:
-    """Simulation at rest in a load case with the vehicle at a place, bit for bit as in `run_case`.
+    """Simulation of a load case at rest with the vehicle at a place, bit-identical to its earlier calculation.
 
     Args:
         case: load case at rest.
@@ -159,7 +159,7 @@ def rest_again(case: LoadCase, first: LoadCase, places: int, place: float, bases
 
 
 def _find(case: LoadCase, first: LoadCase | None, places: int, bases: Bases) -> Find:
-    """Function that finds equilibria of a load case, from those of case `first` on the same mesh or from scratch."""
+    """Make the equilibrium search of a load case: from the equilibrium of `first` on the same mesh, or from scratch."""
 
     def find(scenario: Scenario, place: float) -> Simulation:
         if first is None or first.id == case.id or case.worst_place is not None:

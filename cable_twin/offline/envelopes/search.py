@@ -37,7 +37,7 @@ class Search:
         return self.tried[value]
 
     def figures(self) -> list[KeyFigure]:
-        """Extreme of each key figure over all tried values of the variable; the first of equals."""
+        """Extreme of each key figure over all tried values of the variable (the first, if several tie)."""
         found: dict[str, KeyFigure] = {}
         for _, figures in sorted(self.tried.items()):
             for key, one in figures.items():
@@ -53,7 +53,7 @@ class Search:
         """
         tried = [(value, found[figure].value) for value, found in self.tried.items() if figure in found]
         if not tried:
-            text = "of no calculated figure; allowed: ids of calculated key figures"
+            text = "which is not calculated; allowed: ids of calculated key figures"
             raise ValueError(f"{self._key}.figures: given {figure}, {text}")
         return max(tried, key=lambda item: _sense(figure) * item[1])
 

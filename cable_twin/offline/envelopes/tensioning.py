@@ -28,11 +28,11 @@ FAR = 1e4  # m, of a travel without limits
 
 
 class TensioningError(ValueError):
-    """Error of the tensioning of a load case; the message is one line."""
+    """Error in the entry `tensioning` of a load case; the message is one line."""
 
 
 def tensioning(scenario: Scenario, given: Any) -> dict[str, Any]:
-    """Changes of a scenario, by dotted key, that hold all tensioning devices as a load case states; empty for `stops`.
+    """Scenario changes, by dotted key, that hold all tensioning devices in a given state; none for the state `stops`.
 
     Args:
         scenario: scenario with counterweights or cylinders.
@@ -127,7 +127,7 @@ def _end(scenario: Scenario, path: str) -> Any:
 
 
 def _travels(scenario: Scenario, columns: Columns) -> dict[str, float]:
-    """Travels (m) of all tensioning devices in the columns of a frame at rest, by dotted key."""
+    """Travels (m) of all tensioning devices in a frame at rest, by dotted key."""
     wheels, supports, found = list(scenario.sheaves), [one.key for one in supports_of(scenario)], {}
     for path in _devices(scenario):
         *_, name, last = path.split(".")
@@ -149,5 +149,5 @@ def _travel(path: str, limits: tuple[float, float] | None, given: float | str) -
         return limits[0 if given == "least_travel" else 1]
     low, high = limits or (-inf, inf)
     if not low <= given <= high:  # of NaN, too
-        raise TensioningError(f"tensioning: given {given:g} m; allowed: {low:g} to {high:g} m, as {path}.travel has it")
+        raise TensioningError(f"tensioning: given {given:g} m; allowed: {low:g} to {high:g} m, by {path}.travel")
     return float(given)

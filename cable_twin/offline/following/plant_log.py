@@ -51,7 +51,7 @@ class PlantLog:
         self.invalid = self.late = 0
 
     def items(self) -> Iterator[Item]:
-        """Commands and measurements of the plant in the order of their time stamps; commands first among equals.
+        """Commands and measurements of the plant in the order of their time stamps; at equal times commands first.
 
         Raises:
             LogError: a message is not of this plant, or its stamp is of another clock; one line.

@@ -140,7 +140,7 @@ def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
 
 
 def haul_travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[float, float]:
-    """Least and greatest travel (m) of a haul rope: the travel of its drive, else up to the end stops."""
+    """Least and greatest travel (m) of a haul rope: from its drive's limits, else up to the vehicles' end stops."""
     if (travel := scenario.drives[drive].travel) is not None:
         return travel
     ranges = [travel_between_stops(scenario, name) for name in hauled]
@@ -148,7 +148,7 @@ def haul_travel(scenario: Scenario, hauled: list[str], drive: str) -> tuple[floa
 
 
 def _hauled_to(scenario: Scenario, passed: float) -> dict[str, float | None]:
-    """Values of a scenario, by key, with all vehicles where they are once haul ropes have moved by `passed` (m)."""
+    """Scenario changes, by key, that move all vehicles along with their haul ropes by the travel `passed` (m)."""
     # the travel of a drive is counted from the start
     changes: dict[str, float | None] = {f"drives.{name}.travel": None for name in scenario.drives}
     for name, one in scenario.carriages.items():

@@ -125,7 +125,7 @@ def _tension(axes: Axes, line: Line) -> None:
 
 
 def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and highest rope tension (samples,) of a line over all places of its vehicle, and between places.
+    """Least and highest rope tension (samples,) over calculated places of the vehicle and interpolated ones between.
 
     Tension jumps at a vehicle. At a place, the tension on each side of the vehicle is extrapolated from the two
     samples there; between places, where the vehicle passes all samples, the tensions change linearly.
@@ -153,7 +153,7 @@ def tension_envelope(line: Line, tensions: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _loads(line: Line) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
-    """Yield rope, arc lengths (places,) in m, mask of places on that rope for each vehicle at which tension jumps.
+    """Yield each rope with a vehicle at which tension jumps: name, arc lengths (places,) in m, mask of valid places.
 
     A vehicle counts on the rope that carries it and on the haul ropes to which it is clamped.
     """

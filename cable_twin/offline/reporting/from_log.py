@@ -103,7 +103,7 @@ class Course:
 
 
 def take_heights(scenario: Scenario, points: FloatArray, x: FloatArray, lowest: FloatArray, above: FloatArray) -> None:
-    """Update the lowest heights and clearances of a rope over x by one shape of it.
+    """Update a rope's lowest heights and clearances over x, in place, by one more shape of the rope.
 
     Args:
         scenario: with the terrain, if any.

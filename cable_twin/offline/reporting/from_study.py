@@ -88,7 +88,7 @@ def read_study(
 
 
 def _rows(file: Path) -> Iterator[dict[str, str]]:
-    """Rows of a CSV table of a study by column name; no rows for a missing file of indices, as of a grid."""
+    """Rows of a study's CSV table by column name; none if the table of Sobol indices is missing, as for a grid."""
     if file.name == INDICES and not file.exists():
         return
     with file.open(encoding="utf-8", newline="") as stream:
@@ -111,7 +111,7 @@ def _number(text: str) -> object:
 def _range(id_: FigureId, said: Mapping[str, str], rows: list[dict[str, str]]) -> StudyRange | None:
     """Range of a key figure over the cases of a study that have it; None where no case has it."""
     if id_.quantity not in QUANTITIES:
-        raise ValueError(f"id: given {str(id_)!r}, of no known quantity")
+        raise ValueError(f"id: given {str(id_)!r}; allowed: ids of key figures")
     found = [(float(row[str(id_)]), row["case"]) for row in rows if row.get(str(id_))]
     found = [one for one in found if math.isfinite(one[0])]
     if not found:

@@ -66,7 +66,7 @@ def judge_extremes(
 
 
 def _bounded(one: RuleVerdict) -> RuleVerdict:
-    """Set a violation undecided where it follows from two extremes that may be of different load cases."""
+    """Mark a rule violation as undecided if it combines two extremes that may be of different load cases."""
     if one.state in BROKEN and one.quantity.partition("/")[0] in OF_TWO:
         return replace(one, state=NOT_DECIDED, reason=APART)
     return one

@@ -210,7 +210,7 @@ def _indent(line: str) -> int:
 
 
 def _group(lines: Sequence[str], row: int, step: int) -> str:
-    """Join the comment lines of a YAML text directly above a line or from it on; empty if they are the file's first."""
+    """Join the comment lines at a YAML line: above it (`step` -1) or from it on (1); empty for the file's header."""
     rows = []
     row += min(step, 0)
     while 0 <= row < len(lines) and lines[row].lstrip().startswith("#"):
@@ -220,7 +220,7 @@ def _group(lines: Sequence[str], row: int, step: int) -> str:
 
 
 def _head(lines: Sequence[str]) -> Iterator[str]:
-    """Comment lines at the top of a scenario file, without the line for editors."""
+    """Comment lines at the top of a scenario file, without the schema line of the YAML language server."""
     for line in lines:
         if not line.startswith("#"):
             return

@@ -49,7 +49,7 @@ class Bend(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RopeLife:
-    """Counts for the life of one closed loop of strands, or of one rope without bullwheels: bends, tension cycles.
+    """Fatigue cycle counts of one closed loop of strands, or of one rope without bullwheels: bends, tension cycles.
 
     Attributes:
         name: of the strands.
@@ -140,7 +140,7 @@ class LifeCounter:
             followed.add(tension[part][:: max((part.stop - part.start) // POINTS, 1)])
 
     def lives(self) -> list[RopeLife]:
-        """Counts for the life of all ropes so far; empty where the log holds no rope."""
+        """Bends and tension cycles of all ropes so far, for rope life; empty where the log holds no rope."""
         if self._shape is None:
             return []
         mean = self._sum / self._counts[0]

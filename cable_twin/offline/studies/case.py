@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
 
 class Finished(NamedTuple):
-    """Result of a finished case of a study: key figures, fault, refused commands, host and times.
+    """Result of a finished case of a study: key figures, error, refused commands, host and times.
 
     Attributes:
         case: id of the case.
@@ -89,7 +89,7 @@ def digest(content: Any) -> str:
 
 
 def hash_of_case(common: Inputs) -> Callable[[Mapping[str, Value]], str]:
-    """Make a function from the values of a study's case to the hash of all its inputs, with the program."""
+    """Make a function that hashes all inputs of a study's case, and the program version, from the case's values."""
     kept = [json.loads(common.scenario), common.duration, common.after, common.frame_rate, program()]
     of_study = digest(kept)
     scripts = {name: digest([[one.time, repr(one.command), one.at] for one in script])

@@ -151,7 +151,7 @@ def run_on(
             raise ClusterError(str(error)) from None
         except FutureCancelledError:
             raise ClusterError(
-                "the scheduler has gone; finished cases are kept, and the same command goes on"
+                "the connection to the scheduler is lost; finished cases are kept, and the same command continues"
             ) from None
         except Exception as error:  # a fault of the program, in one case of many
             faults.append(f"{case.id}: a fault of the program ({type(error).__name__}: {error})")

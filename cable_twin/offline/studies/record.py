@@ -170,7 +170,7 @@ class Results:
         self.figures: Mapping[str, FloatArray] = {key: found[key] for key in sorted(found)}
 
     def columns(self) -> dict[str, Any]:
-        """Columns of the table of results by name: values of varied keys, faults, key figures."""
+        """Columns of the table of results by name: values of varied keys, errors, key figures."""
         keys = list(self.cases[0].values) if self.cases else []
         return {
             "case": [one.id for one in self.cases],
@@ -183,7 +183,7 @@ class Results:
 
 
 def write_tables(directory: Path, results: Results) -> list[Path]:
-    """Write the results of a study, a row for each case, as CSV, and as Parquet with pyarrow; returns the files.
+    """Write the results of a study as CSV, a row for each case, and as Parquet if pyarrow is there; returns the files.
 
     Raises:
         OSError: a file cannot be written.

@@ -134,7 +134,10 @@ def _carrying(model: LineModel, strength: float) -> float:
         except SpanError:
             continue
         return float(share * strength)
-    raise DesignError("rope: given a rope that does not carry its own weight; allowed: a stronger rope")
+    raise DesignError(
+        f"rope: given a breaking force of {with_unit(strength, 'N', 3)}, at which it cannot hang in its spans; "
+        "allowed: a rope that is stronger for its weight"
+    )
 
 
 def design_rope(model: LineModel, factor: float | None = None) -> Designed:
@@ -186,7 +189,7 @@ def _scaled(rope: dict[str, float], ratio: float) -> dict[str, float]:
 
 
 class Conditions(NamedTuple):
-    """Conditions on tower heights in a design: names, and a function to margins (m or kN), kept at 0 and above."""
+    """Conditions on tower heights in a design: names, and a function from heights to margins (m or kN), at least 0."""
 
     names: list[str]
     margins: Callable[[FloatArray], FloatArray]
@@ -231,7 +234,7 @@ def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
         worst = int(kept.argmin())
         raise DesignError(
             f"towers: no heights from {-lower:g} to {raise_:g} m keep all conditions, {conditions.names[worst]} is "
-            f"missed by {-kept[worst]:.3g}; allowed: wider bounds (--lower, --raise), other tension, or a tower more"
+            f"missed by {-kept[worst]:.3g}; allowed: wider bounds (--lower, --raise), another tension, or more towers"
         )
     return _heights(model, tension, before, moved, conditions)
 
@@ -263,7 +266,7 @@ def _conditions(model: LineModel, tension: float) -> Conditions:
 def _heights(
     model: LineModel, tension: float, before: FloatArray, moved: FloatArray, conditions: Conditions
 ) -> Designed:
-    """Result with changed tower heights, each with the condition that fails first without the change."""
+    """Design with changed tower heights, each with the condition that fails first without the change."""
     changes: dict[str, Change] = {}
     lines = []
     kept = conditions.margins(before + moved)

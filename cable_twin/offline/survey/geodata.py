@@ -183,7 +183,7 @@ def _ground(file: Path, features: Sequence[Feature], same: bool) -> FloatArray:
 
 
 def _metres(file: Path, plane: str, units: str | None, places: FloatArray) -> tuple[Any, list[str]]:
-    """Make a function that converts places (n, 3) of a coordinate system to metres; returns it with notes.
+    """Make a function that converts places (n, 3) of a coordinate system to metres; returns it, and notes as text.
 
     Args:
         file: for faults and notes.
@@ -248,8 +248,8 @@ def _along(file: Path, places: FloatArray) -> tuple[FloatArray, Any]:
     aside = (places[:, :2] - first) @ np.array([-unit[1], unit[0]])
     if np.abs(aside).max() > GROUND_ASIDE:
         raise SurveyError(
-            f"{file}: terrain: given a line that goes {np.abs(aside).max():.1f} m aside of the straight one from its "
-            f"first point to its last; allowed: at most {GROUND_ASIDE:g} m"
+            f"{file}: terrain: given a line up to {np.abs(aside).max():.1f} m beside the straight line from its first "
+            f"point to its last; allowed: at most {GROUND_ASIDE:g} m"
         )
     return np.column_stack([(places[:, :2] - first) @ unit, places[:, 2]]), along
 

@@ -80,8 +80,8 @@ class HaulRope:
         self.tension = min(HAUL_TENSION, float(most))
         if self.tension < LEAST_TENSION:
             raise SurveyError(
-                f"haul rope: given {rope['breaking_force'] / 1e3:.0f} kN: with a safety factor of {HAUL_FACTOR:g} it "
-                f"pulls {self.tension / 1e3:.0f} kN at the lower bullwheel; allowed: at least "
+                f"haul rope: given a breaking force of {rope['breaking_force'] / 1e3:.0f} kN: with a safety factor of "
+                f"{HAUL_FACTOR:g} it pulls {self.tension / 1e3:.0f} kN at the lower bullwheel; allowed: at least "
                 f"{LEAST_TENSION / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
             )
         pulled[0] = GRAVITY * (EMPTY + CAPACITY) * track.slope[1]
@@ -113,7 +113,7 @@ def _over_rollers(corner: FloatArray, tension: float, weight: float, stiffness: 
 
 
 def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the scenario of a jig-back tramway in space from a survey, as a tree of plain and marked values.
+    """Make the scenario of a jig-back tramway in space from a survey, as nested mappings with notes on value origins.
 
     Args:
         survey: terrain and towers.

@@ -28,7 +28,7 @@ PLACED = 41  # places of the vehicles, of which the worst for a tower is taken
 
 @dataclass(frozen=True, slots=True)
 class LiftKind:
-    """Usual, assumed figures of a kind of lift: rope, bullwheels, speed, vehicles, sheaves."""
+    """Usual, assumed properties of a kind of lift: rope, bullwheels, speed, vehicles, sheaves."""
 
     what: str
     vehicle: str  # as commands call it
@@ -115,7 +115,7 @@ GONDOLA = LiftKind(
 
 
 def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the scenario of a lift from a survey, as a tree of plain and marked values.
+    """Make the scenario of a lift from a survey, as nested mappings with notes on value origins.
 
     Args:
         survey: terrain and towers.
@@ -231,7 +231,7 @@ class Assemblies(NamedTuple):
     empty: float = 0.0  # N, of an empty one
 
     def excess(self, corner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Most and least load (towers,) from unit-weight vehicles over all places, minus that of their uniform load."""
+        """Highest and lowest tower loads (towers,) by passing vehicles of unit weight, minus those of an even load."""
         if self.spacing == 0.0:
             return np.zeros(len(self.names)), np.zeros(len(self.names))
         lengths = np.linalg.norm(np.diff(corner, axis=0), axis=1).tolist()
@@ -289,7 +289,7 @@ def choose_tension(
 
 @lru_cache(maxsize=4096)
 def _excess(before: float, after: float, spacing: float) -> tuple[float, float]:
-    """Most and least load on a tower from unit loads at a spacing (m) on both adjacent spans (m), minus their mean."""
+    """Extreme loads on a tower by unit loads, at a spacing (m), passing both its spans (m), minus the mean load."""
     first = np.linspace(0.0, spacing, PLACED)[:, None] - spacing * ceil(before / spacing)
     places = first + spacing * np.arange(ceil(before / spacing) + ceil(after / spacing) + 1)
     shares = np.where(places < 0.0, 1.0 + places / before, 1.0 - places / after).clip(min=0.0).sum(axis=1)

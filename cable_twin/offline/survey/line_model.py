@@ -154,7 +154,7 @@ class LineModel:
         return replace(self, corner=corner)
 
     def with_rope(self, rope: dict[str, float]) -> LineModel:
-        """Copy of the line with another rope, given by its figures by key."""
+        """Copy of the line with another rope, given by its properties by key."""
         gravity = self.scenario.gravity
         more = gravity * (rope["mass_per_length"] - self.rope["mass_per_length"])
         weights = (self.weights[0] + more, self.weights[1] + more, self.weights[2] + more)
@@ -182,7 +182,7 @@ def line_model(scenario: Scenario) -> LineModel:
         if scenario.carriers.tracks:
             raise DesignError(f"carriers: given carriers that roll on track ropes; allowed: {KNOWN}")
         if scenario.dim != 2:
-            raise DesignError(f"space: given a lift in space; allowed: {KNOWN}")
+            raise DesignError(f"space: given 3; allowed: 2, as {KNOWN}")
         if scenario.sheaves:
             return _lift(scenario)
     tracks = [name for name in scenario.cables if name not in scenario.strands]
@@ -327,7 +327,7 @@ def _from_tensioned_end(corner: FloatArray, scenario: Scenario) -> tuple[FloatAr
 
 
 def figures_of(cable: Any) -> dict[str, float]:
-    """Figures of a rope that scale with its diameter, by key, as far as given in the scenario."""
+    """Properties of a rope that scale with its diameter, by key, as far as given in the scenario."""
     keys = ("mass_per_length", "axial_stiffness", "bending_stiffness", "breaking_force", "diameter")
     return {key: float(value) for key in keys if (value := getattr(cable, key)) is not None}
 

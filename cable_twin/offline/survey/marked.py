@@ -42,7 +42,7 @@ def derived(value: Any, why: str) -> Marked:
 
 
 def plain(tree: Any) -> Any:
-    """Copy a scenario tree without marks, as for `load_scenario`."""
+    """Copy nested scenario values without the notes on their origin, as for `load_scenario`."""
     if isinstance(tree, Marked):
         return plain(tree.value)
     if isinstance(tree, Mapping):
@@ -115,7 +115,7 @@ def with_changes(tree: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[st
 
 
 def _given(tree: Any, parts: Sequence[str], value: Any) -> Any:
-    """Copy of a part of a scenario tree with a given value at a path below it, marked as given."""
+    """Copy of a part of a scenario tree with a value set at a path below it and marked as given by the user."""
     inner = tree.value if isinstance(tree, Marked) else tree
     if not parts:
         return derived(value, "given")

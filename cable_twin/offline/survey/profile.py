@@ -16,7 +16,7 @@ NAME = re.compile("[a-zA-Z][a-zA-Z0-9_]*")
 
 
 class SurveyError(ValueError):
-    """Faults of survey data, one line each, with the file in front."""
+    """Errors in survey data, one line each, with the file in front."""
 
 
 @dataclass(frozen=True, slots=True)

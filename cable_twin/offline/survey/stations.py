@@ -69,7 +69,7 @@ def ends_of(survey: Survey, start: Place | None, end: Place | None) -> Ends:
 
 
 def lower_first(survey: Survey, ends: Ends) -> FloatArray:
-    """Ends and towers (corners, 2) of a surveyed line in m from the lower station on, x as distance from it."""
+    """Positions (corners, 2) in m of the ends and towers of a surveyed line; x is the distance from the lower end."""
     corner = np.array([ends.start, *((tower.x, tower.z) for tower in survey.towers), ends.end])
     if ends.end[1] < ends.start[1]:
         corner = corner[::-1].copy()

@@ -60,7 +60,7 @@ class Table:
     notes: tuple[str, ...]
 
     def need(self, *alternatives: str) -> None:
-        """Refuse a survey table that has none of the alternative columns.
+        """Raise an error if the survey table has none of the alternative columns.
 
         Raises:
             SurveyError: no such column; one line.

@@ -69,9 +69,9 @@ class TrackRope:
         least = TRANSVERSE * load
         if mass is None and tension < least:
             raise SurveyError(
-                f"track rope: given {strength / 1e3:.0f} kN: with a safety factor of {FACTOR * MARGIN:.3g} it pulls "
-                f"{tension / 1e3:.0f} kN at the lower end; allowed: {TRANSVERSE:g} times the full cabin, "
-                f"{least / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
+                f"track rope: given a breaking force of {strength / 1e3:.0f} kN: with a safety factor of "
+                f"{FACTOR * MARGIN:.3g} it pulls {tension / 1e3:.0f} kN at the lower end; allowed: {TRANSVERSE:g} "
+                f"times the full cabin, {least / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
             )
         why = f"kg: safety factor {FACTOR * MARGIN:.3g} of {strength / 1e3:.0f} kN at the upper end"
         self.mass = derived(round(tension / GRAVITY, -3), why) if mass is None else derived(mass, "kg, given")
@@ -138,7 +138,7 @@ def with_cabin(corner: FloatArray, tension: float, weight: float, stiffness: flo
 
 
 def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the scenario of an aerial tramway from a survey, as a tree of plain and marked values.
+    """Make the scenario of an aerial tramway from a survey, as nested mappings with notes on value origins.
 
     Args:
         survey: terrain and towers.
@@ -204,12 +204,12 @@ def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> 
 
 
 def given_rope(usual: Mapping[str, float], path: str, changes: Mapping[str, Any]) -> dict[str, float]:
-    """Figures of a rope by key: usual ones, replaced by given changes of dotted keys below `path`."""
+    """Properties of a rope by key: usual values, replaced by given changes of dotted keys below `path`."""
     return {key: float(changes.get(f"{path}.{key}", value)) for key, value in usual.items()}
 
 
 def rope_keys(rope: Mapping[str, float], usual: Mapping[str, float], why: str) -> dict[str, Marked]:
-    """Figures of a rope by key, marked as assumed where usual, else as given."""
+    """Properties of a rope by key, marked as assumed where usual, else as given."""
     return {key: assumed(value, why) if value == usual[key] else derived(value, "given") for key, value in rope.items()}
 
 

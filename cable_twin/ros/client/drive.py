@@ -61,7 +61,7 @@ drive [-h] [--node NODE] [--wait S] ... and one of
 
 
 def parser() -> OneLineParser:
-    """Parser of the options of `drive`: one for each kind of command, and for services and queries of a twin."""
+    """Build the argument parser of `drive`, with options for all kinds of commands, services and queries."""
     result = OneLineParser("drive", "Send commands to a running twin from a terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     result.usage = USAGE  # argparse breaks so long a choice within a word

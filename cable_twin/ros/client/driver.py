@@ -33,7 +33,7 @@ TERMINAL_PERIOD, PIPE_PERIOD = 0.25, 1.0  # s between two state lines on a termi
 
 
 class Driver:
-    """Repeated commands to one carriage or drive, with a line about its state and the answers of the twin.
+    """Sender of repeated commands to a carriage or drive, which prints its state and refusals by the twin.
 
     Args:
         node: node of rclpy.

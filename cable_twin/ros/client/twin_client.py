@@ -291,7 +291,7 @@ class TwinClient:
         )
 
     def _find(self, found: Callable[[], Any], name: str) -> None:
-        """Wait until a twin offers a topic or service; for an emergency stop, give up early if others exist."""
+        """Wait until a twin offers a topic or service; an emergency stop gives up early if only other twins run."""
         import rclpy  # noqa: PLC0415
 
         started, wait = time.monotonic(), self._wait

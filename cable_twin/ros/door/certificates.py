@@ -1,4 +1,4 @@
-"""Certificates and private keys of OPC UA from files, in PEM or DER by their content, with faults in one line."""
+"""Certificates and private keys of OPC UA, read from files in PEM or DER; each error message is one line."""
 
 from __future__ import annotations
 

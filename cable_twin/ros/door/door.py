@@ -38,7 +38,7 @@ OK, WARNING, ERROR = 0, 1, 2  # levels of a status
 
 
 class Door:
-    """Door between a plant without ROS and its twin: node, publishers, connections and server.
+    """Gateway between a plant without ROS and its twin: ROS node, publishers, connections, and OPC UA server.
 
     Args:
         plan: map of the plant.
@@ -70,7 +70,7 @@ class Door:
 
     @property
     def faults(self) -> list[BaseException]:
-        """Faults of the program in the threads of connections."""
+        """Unexpected exceptions (bugs) that ended the threads of connections or of the OPC UA server."""
         return [
             *self._background.faults(),
             *self._serving.faults(),
@@ -179,7 +179,7 @@ class Door:
         self._diagnostics(diagnostics_message(now_ns, *self._statuses()))
 
     def _look_at_others(self) -> None:
-        """Publish the topics that no other node publishes, and log which topics another node publishes."""
+        """Create publishers for topics that no other node publishes, and log which topics other nodes publish."""
         for name, topic in self._table.items():
             mine = name in self._senders
             others = self.node.count_publishers(self.node.resolve_topic_name(name)) - mine

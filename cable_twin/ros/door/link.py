@@ -95,7 +95,7 @@ class Link:
         return longest * (1.0 - JITTER * random.random())
 
     def secret(self, secret: Secret | None) -> str | None:
-        """Text of a secret of the map, read anew."""
+        """Read the text of a secret, such as a password, anew from its environment variable or file."""
         return None if secret is None else secret_text(secret, self.directory)
 
     def file(self, name: str | None) -> Path | None:

@@ -1,4 +1,4 @@
-"""Reading of plant maps, with faults in one line each; a faulty tag is left out, all else has to be right."""
+"""Reading of plant maps, with a line per error; an invalid tag is left out, any other error refuses the map."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Connection = OpcUa | Mqtt | Server
 
 
 class MapError(ValueError):
-    """Error of a plant map that cannot be used; its text has one line per fault."""
+    """Exception for a plant map that cannot be used; its text has one line for each error found."""
 
 
 class Warned(NamedTuple):
@@ -44,7 +44,7 @@ class Warned(NamedTuple):
 
 
 def read_map(file: Path) -> Warned:
-    """Read the map of a plant.
+    """Read and validate a plant map, the YAML file that maps tags of OPC UA and MQTT to plant topics.
 
     Args:
         file: YAML.
@@ -84,7 +84,7 @@ def read_map(file: Path) -> Warned:
 
 
 def _lines(model: type[BaseModel], error: ValidationError, data: Any) -> Iterator[str]:
-    """Faults of a plant map that the schema finds, a line each, without the values of secrets."""
+    """Convert schema validation errors of a plant map into messages, a line each, without the values of secrets."""
     for one in error.errors():
         path = [str(part) for part in one["loc"]]
         field, owner, used = _located(model, path)
@@ -123,7 +123,7 @@ _MISSING = object()
 
 
 def _scenario(file: Path, plan: PlantMap) -> Scenario | None:
-    """Scenario of the twin, where the map names one."""
+    """Load the scenario that a plant map names; None if it names none."""
     if plan.scenario is None:
         return None
     try:
@@ -136,7 +136,7 @@ def _scenario(file: Path, plan: PlantMap) -> Scenario | None:
 def _tag(
     name: str, given: Any, plan: PlantMap, scenario: Scenario | None, others: Mapping[str, Tag]
 ) -> tuple[Tag | None, list[str]]:
-    """Validate a tag of a plant map; returns the tag, None if it cannot be read, and its faults."""
+    """Validate a tag of a plant map; returns the tag (None if it cannot be read), and error messages."""
     if not isinstance(given, Mapping):
         return None, [f"given {show(given)}; allowed: a mapping with {', '.join(Tag.model_fields)}"]
     unknown = given.get("quantity")
@@ -150,14 +150,14 @@ def _tag(
         return None, list(_lines(Tag, error, given))
     faults = [*_source_faults(tag, plan), *_unit_faults(tag), *_target_faults(tag, scenario), *_number_faults(tag)]
     if not re.fullmatch(NAME, name):
-        faults.append(f"name: given {name!r}; allowed: a letter, then letters, digits and underscores")
+        faults.append(f"name: given {name!r}; allowed: a letter A-Z or a-z, then such letters, digits and underscores")
     if not faults:
         faults = [*_twice(tag, others)]
     return tag, faults
 
 
 def _source_faults(tag: Tag, plan: PlantMap) -> Iterator[str]:
-    """Faults of a tag's source, address and fields of messages."""
+    """Error messages about a tag's source, its address there, and its keys of fields in messages."""
     if tag.source not in plan.opcua and tag.source not in plan.mqtt:
         yield f"source: given {show(tag.source)}; allowed: {listed([*plan.opcua, *plan.mqtt], 'one of opcua or mqtt')}"
     elif tag.source in plan.opcua:
@@ -173,7 +173,7 @@ def _source_faults(tag: Tag, plan: PlantMap) -> Iterator[str]:
 
 
 def _unit_faults(tag: Tag) -> Iterator[str]:
-    """Faults of the unit of a tag, with its radius or area."""
+    """Error messages about the unit of a tag in a plant map, and about the radius or area for its conversion."""
     units = units_of(tag.quantity)
     if tag.unit not in units:
         near = [unit for unit in units if unit.lower() == tag.unit.lower()]
@@ -185,11 +185,11 @@ def _unit_faults(tag: Tag) -> Iterator[str]:
         if needed and given is None:
             yield f"{key}: given nothing, with {tag.unit}; allowed: a number above 0, in {of}"
         elif given is not None and not needed:
-            yield f"{key}: given {given:g} {of}, with {tag.unit}; allowed: with {', '.join(units_with)}"
+            yield f"{key}: given {given:g} {of}, with {tag.unit}; allowed: only with {', '.join(units_with)}"
 
 
 def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
-    """Faults of a plant map in what a tag measures: object, axis, direction and heading."""
+    """Error messages about what a tag in a plant map measures: object, axis, direction and heading."""
     quantity = QUANTITIES[tag.quantity]
     pattern = rf"{NAME}(/{NAME})?" if quantity.of == "body" else NAME
     known = names_of(quantity.of, scenario) if scenario is not None else None
@@ -217,17 +217,17 @@ def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
 
 
 def _number_faults(tag: Tag) -> Iterator[str]:
-    """Faults in the numeric settings of a tag: sign, scale and range."""
+    """Error messages about the numeric settings of a tag in a plant map: sign, scale and range."""
     if tag.sign == 0:
         yield "sign: given 0; allowed: 1 or -1"
     if tag.scale == 0.0:
         yield "scale: given 0; allowed: a finite number other than 0"
     if tag.range is not None and not tag.range[0] < tag.range[1]:
-        yield f"range: given {show(tag.range, tag.unit)}; allowed: the lowest, then a higher value"
+        yield f"range: given {show(tag.range, tag.unit)}; allowed: two numbers, the lowest value, then a higher one"
 
 
 def _twice(tag: Tag, others: Mapping[str, Tag]) -> Iterator[str]:
-    """Fault of a tag that fills the same place in a message as another tag."""
+    """Error message about a tag in a plant map that fills the same message field as another tag."""
     for name, other in others.items():
         both = {tag.quantity, other.quantity}
         if _places(tag) & _places(other):
@@ -235,7 +235,7 @@ def _twice(tag: Tag, others: Mapping[str, Tag]) -> Iterator[str]:
             yield f"quantity: given {given}, which tags.{name} is already; allowed: once"
             return
         if "wind" in both and both & {*POLAR} and tag.of == other.of:
-            yield f"quantity: given {tag.quantity} beside tags.{name}; allowed: wind, or {' and '.join(POLAR)}"
+            yield f"quantity: given {tag.quantity} together with tags.{name}; allowed: wind, or {' and '.join(POLAR)}"
             return
 
 
@@ -247,7 +247,7 @@ def _places(tag: Tag) -> set[tuple[str, ...]]:
 
 
 def _alone(good: dict[str, Tag]) -> Iterator[str]:
-    """Remove the tags of a wind with only a speed or only a direction; yields their faults."""
+    """Remove tags of wind speed without wind direction, or the reverse; yields an error message for each."""
     for name, tag in [*good.items()]:
         if tag.quantity in POLAR:
             other = POLAR[1 - POLAR.index(tag.quantity)]
@@ -286,10 +286,10 @@ def names_of(kind: str, scenario: Scenario) -> list[str]:
 
 
 def _connection_faults(file: Path, plan: PlantMap) -> Iterator[str]:
-    """Faults of the connections in a plant map: OPC UA servers, MQTT brokers, and the door's own server."""
+    """Error messages about connections in a plant map: OPC UA servers, MQTT brokers, and the own OPC UA server."""
     for name in [*plan.opcua, *plan.mqtt]:
         if not re.fullmatch(NAME, name):
-            allowed_name = "a letter, then letters, digits and underscores"
+            allowed_name = "a letter A-Z or a-z, then such letters, digits and underscores"
             yield f"opcua or mqtt: given the name {printable(name)!r}; allowed: {allowed_name}"
     for name in plan.opcua.keys() & plan.mqtt.keys():
         yield f"mqtt.{name}: given a name that opcua has as well; allowed: another name"
@@ -329,7 +329,7 @@ def connections(plan: PlantMap) -> Iterator[tuple[str, Connection]]:
 
 
 def _url_faults(url: str) -> Iterator[str]:
-    """Faults of the address of an OPC UA server, which is not shown where it has a password."""
+    """Error messages about the URL of an OPC UA server, without the URL where it contains a password."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port

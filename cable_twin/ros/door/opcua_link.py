@@ -160,7 +160,7 @@ class OpcUaLink(Link):
         """Ask the server for its time, ns since 1970; raises an error where it does not answer."""
         theirs = await asyncio.wait_for(client.get_node(CURRENT_TIME).read_value(), self._section.timeout)
         if not isinstance(theirs, datetime):
-            raise ValueError(f"time of the server: given a {type(theirs).__name__}; allowed: a date and time")
+            raise ValueError(f"time of the server: given {theirs!r:.60}; allowed: a date and time")
         return nanoseconds_of(theirs)
 
     async def _subscribe(self, client: Client, subscription: Any, names: list[str]) -> list[str]:

@@ -105,7 +105,7 @@ class TagState:
             self._leave_out("stale", text, now_ns, samples=0)
 
     def lose(self, now_ns: int) -> None:
-        """Restart the age of the newest sample, as the connection has been lost or made."""
+        """Restart the age of the tag's newest sample; called when the connection is lost or made."""
         self._heard_ns = now_ns
         if self._reason == "stale":
             self._reason = ""
@@ -139,7 +139,7 @@ class TagState:
         return given * self._factor + self._constant, "", ""
 
     def _is_other_unit(self, given: float) -> bool:
-        """Whether a value is far out of its range, and a thousandth or a thousand times the value would be in it."""
+        """Whether a value seems to have another unit: far out of range, but within it if scaled by 1000 or 1/1000."""
         assert self.tag.range is not None
         low, high = self.tag.range
         far = abs(given) > FAR * max(abs(low), abs(high))

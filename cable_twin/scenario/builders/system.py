@@ -76,7 +76,7 @@ def _build_cable(scenario: Scenario) -> parameters.Cable:
 
 
 def build_payloads(scenario: Scenario) -> Payloads:
-    """Build the payload places: loaded body of each carriage in file order (-1 for none), and place in it."""
+    """Build the payload of each vehicle: index of the body that carries it (-1 for none), and position in the body."""
     bodies, places, first = [], [], 0
     for carriage in scenario.vehicles.values():
         names, payload = list(carriage.bodies), carriage.payload

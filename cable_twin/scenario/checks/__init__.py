@@ -1,1 +1,1 @@
-"""Checks of a scenario: values that exclude each other, and the faults that report them."""
+"""Checks of a scenario for values that contradict each other, and the error messages about them."""

@@ -13,7 +13,7 @@ from cable_twin.scenario.sections.vehicles import Body
 
 
 def wind_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of wind and gusts: too strong, without effect, or of the wrong dimension."""
+    """Errors in a scenario's wind and gusts: too strong, without effect on anything, or vectors of wrong dimension."""
     air, unfelt = scenario.air, wind_unfelt(scenario)
     yield from _speed(("air", "wind"), air.wind)
     if unfelt and any(air.wind):
@@ -30,7 +30,7 @@ def wind_faults(scenario: Scenario) -> Iterator[Fault]:
         for path, body in _bodies(scenario):
             if body.shedding is not None:
                 why = "in a plane, to which its force is perpendicular"
-                yield refuse((*path, "shedding"), body.shedding, "space: 3, or null", why)
+                yield refuse((*path, "shedding"), body.shedding, "null; only in a scenario with `space: 3`", why)
 
 
 def wind_unfelt(scenario: Scenario) -> str:
@@ -45,14 +45,14 @@ def wind_unfelt(scenario: Scenario) -> str:
 
 
 def _speed(path: KeyPath, wind: tuple[float, ...]) -> Iterator[Fault]:
-    """Fault of a wind speed beyond any hurricane."""
+    """Error of a scenario's wind vector whose speed is beyond that of any hurricane."""
     if (speed := hypot(*in_space(wind))) > STRONGEST_WIND:
         allowed = f"at most {STRONGEST_WIND:g} m/s, more than any hurricane has"
         yield refuse(path, wind, allowed, f"a speed of {speed:.4g} m/s")
 
 
 def _bodies(scenario: Scenario) -> Iterator[tuple[KeyPath, Body]]:
-    """All bodies in the file, each with its key path."""
+    """All vehicle bodies in a scenario file, each with its key path."""
     for name, carriage in scenario.carriages.items():
         yield from ((("carriages", name, "bodies", body), value) for body, value in carriage.bodies.items())
     for path, kind in scenario.carriers.kinds_by_path.items() if scenario.carriers else ():

@@ -22,7 +22,7 @@ SEVERAL = "only with several `ropes`"
 
 
 def coupling_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of couplings between ropes, and of keys that a scenario with a single cable does not allow."""
+    """Errors in a scenario's couplings between ropes, and its keys that are not allowed with a single cable."""
     foreign = list(_foreign_ropes(scenario))
     yield from foreign
     if not scenario.ropes:
@@ -44,7 +44,7 @@ def coupling_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _foreign_ropes(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers and carriages on unknown ropes."""
+    """Errors in a scenario's towers and carriages: ropes that are not in the scenario."""
     for key, things in (("towers", scenario.towers), ("carriages", scenario.carriages)):
         for name, thing in things.items():
             if thing.rope is not None and thing.rope not in scenario.ropes:
@@ -52,12 +52,12 @@ def _foreign_ropes(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _unknown(path: KeyPath, rope: str, scenario: Scenario) -> Fault:
-    """Fault of the name of a rope that does not exist."""
+    """Error for the name of a rope that does not exist in the scenario."""
     return refuse(path, Phrase(f"the rope {show(rope)}"), listed(scenario.ropes, "null, there is one cable"))
 
 
 def _single_rope(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of keys that are allowed with several ropes only, in a scenario with a single cable."""
+    """Errors of a scenario with a single cable: keys that are allowed with several ropes only."""
     for key in ("sheaves", "connectors", "pantographs"):
         for name, thing in getattr(scenario, key).items():
             yield refuse((key, name), thing, SEVERAL, "with one cable")
@@ -72,7 +72,7 @@ def _single_rope(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of bullwheels, of their joined ends, tensioning devices, rollback and loops."""
+    """Errors in a scenario's entries for bullwheels: joined rope ends, tensioning devices, rollback, and loops."""
     joined: dict[str, str] = {}
     sound = True
     for name, sheave in scenario.sheaves.items():
@@ -82,7 +82,9 @@ def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
         sound = sound and not faults
         yield from faults
         if sheave.counterweight and sheave.hydraulics:
-            yield refuse((*path, "hydraulics"), sheave.hydraulics, "null beside a counterweight", "a second device")
+            yield refuse(
+                (*path, "hydraulics"), sheave.hydraulics, "null with a counterweight", "a second tensioning device"
+            )
         for key in ("counterweight", "hydraulics"):
             device = getattr(sheave, key)
             if device is not None and not device.travel[0] < device.travel[1]:
@@ -90,7 +92,9 @@ def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
             if device is not None and not any(device.direction):
                 yield refuse((*path, key, "direction"), device.direction, "a direction, not all numbers zero")
         if sheave.rollback is not None and name not in {drive.sheave for drive in scenario.drives.values()}:
-            yield refuse((*path, "rollback"), sheave.rollback, "null", "no drive turns it")
+            yield refuse(
+                (*path, "rollback"), sheave.rollback, "null for a bullwheel without drive", "no drive turns it"
+            )
         if not faults:
             yield from _placed(scenario, path, sheave)
             yield from _pulled(scenario, path, sheave)
@@ -99,7 +103,7 @@ def _bullwheels(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, str]) -> Iterator[Fault]:
-    """Faults of joined ends: unknown ends, or ends joined by another bullwheel."""
+    """Errors in a bullwheel's list of joined rope ends: ends that do not exist, or that another bullwheel joins."""
     for number, (end, side) in enumerate(zip(sheave.joins, ("end", "start"), strict=True)):
         rope, _, which = end.partition(".")
         where = (*path, "joins", number)
@@ -114,7 +118,7 @@ def _joins(scenario: Scenario, path: KeyPath, sheave: Sheave, joined: dict[str, 
 
 
 def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
-    """Faults of geometry: ends away from the rim, and joined strands of different rope."""
+    """Errors in a bullwheel's geometry: rope ends away from its rim, or joined strands of different properties."""
     (first, second), radius = sheave.ropes, sheave.radius
     before, after = scenario.ropes[first], scenario.ropes[second]
     ends = [in_space(before.end.position), in_space(after.start.position)]
@@ -123,7 +127,7 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
     wide = 2.0 * radius * (1.0 + APART)
     if (apart := dist(*ends)) > wide:
         given = Phrase(f"ends that are {apart:.4g} m apart")
-        yield refuse((*path, "joins"), given, f"at most the diameter of {2.0 * radius:g} m")
+        yield refuse((*path, "joins"), given, f"at most the diameter of the bullwheel, {2.0 * radius:g} m")
     if sheave.position is not None:
         for end in ends:
             if (apart := dist(in_space(sheave.position), end)) > 0.5 * wide:
@@ -139,7 +143,7 @@ def _placed(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
 
 
 def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault]:
-    """Fault of a tensioning device that pulls along with its strands instead of against them."""
+    """Error in a tensioning device's direction: with the pull of the strands instead of against it."""
     device = sheave.tensioning
     if device is None or not any(device.direction):
         return
@@ -154,13 +158,13 @@ def _pulled(scenario: Scenario, path: KeyPath, sheave: Sheave) -> Iterator[Fault
         yield refuse(
             (*path, "counterweight" if sheave.counterweight else "hydraulics", "direction"),
             device.direction,
-            f"away from their other ends, about {outward}",
+            f"away from the other ends of the strands, about {outward}",
             "this direction does not pull against the strands",
         )
 
 
 def _loops(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of strands outside a closed loop, and of ropes without vehicle or coupling."""
+    """Errors in a scenario's ropes: strands that form no closed loop, or ropes without vehicle or coupling."""
     strands = scenario.strands
     for name, sheave in scenario.sheaves.items():
         for end, rope in zip(sheave.joins, sheave.ropes, strict=True):
@@ -175,19 +179,24 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
     for name, cable in scenario.ropes.items():
         if name not in used:
             why = "no vehicle can reach it and nothing joins it to another rope"
-            yield refuse(("ropes", name), cable, "leave it out", why)
+            yield refuse(("ropes", name), cable, "ropes with a vehicle, bullwheel, connector or pantograph", why)
 
 
 def _carriers_on_loop(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Faults of carriers without a loop or too many for its length, and of loads at unknown stations."""
+    """Errors in a scenario's carriers: no loop, too many for the loop, or payloads from unknown bullwheels."""
     path: KeyPath = ("carriers",)
     if not scenario.strands:
-        yield refuse(path, carriers, "with sheaves that join ropes to a loop", "for ropes that stand still")
+        yield refuse(path, carriers, "only with sheaves that join ropes to a loop", "the ropes stand still")
         return
     loop, spacing = scenario.loop_length, carriers.spacing
     if spacing is not None and carriers.count * spacing > loop * (1.0 + 1e-9):
-        why = f"every {spacing:.9g} m, {carriers.count * spacing:.6g} m"
-        yield refuse((*path, "count"), carriers.count, f"at most the loop of {loop:.6g} m", why)
+        why = f"every {spacing:.9g} m they need {carriers.count * spacing:.6g} m"
+        yield refuse(
+            (*path, "count"),
+            carriers.count,
+            f"at most {int(loop * (1.0 + 1e-9) / spacing)}, for the loop of {loop:.6g} m",
+            why,
+        )
     for path, kind in carriers.kinds_by_path.items():
         for name, mass in (kind.payload.leaving if kind.payload else {}).items():
             own = (*path, "payload", "leaving", name)
@@ -198,14 +207,21 @@ def _carriers_on_loop(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]
 
 
 def _tracks(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Faults of tracks: unknown ropes, missing for some strands, given twice, or away from their strand."""
+    """Errors in the carriers' track ropes: unknown, missing for some strands, given twice, or far from a strand."""
     path: KeyPath = ("carriers", "tracks")
     tracks, strands = carriers.tracks, scenario.strands
     if not tracks:
         if any(carriers.clamp_offset):
-            yield refuse(("carriers", "clamp_offset"), carriers.clamp_offset, "only beside `tracks`", "without a track")
+            yield refuse(
+                ("carriers", "clamp_offset"), carriers.clamp_offset, "zeros, or with `tracks`", "without a track"
+            )
         if carriers.friction.rolling or carriers.friction.viscous:
-            yield refuse(("carriers", "friction"), carriers.friction, "only beside `tracks`", "without a track")
+            yield refuse(
+                ("carriers", "friction"),
+                carriers.friction,
+                "rolling and viscous of 0, or with `tracks`",
+                "without a track",
+            )
         return
     beside: dict[str, str] = {}
     for strand, track in tracks.items():
@@ -217,7 +233,7 @@ def _tracks(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
             known = listed([name for name in scenario.ropes if name not in strands], "none, all ropes are strands")
             yield refuse(own, track, f"a rope that is no strand, {known}")
         elif track in beside:
-            yield refuse(own, track, "a track for each strand", f"the track of {beside[track]!r}")
+            yield refuse(own, track, "another track for each strand", f"it is the track of {beside[track]!r}")
         else:
             beside[track] = strand
             yield from _away(scenario, carriers, own, strand, track)
@@ -228,11 +244,13 @@ def _tracks(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
 
 
 def _away(scenario: Scenario, carriers: Carriers, path: KeyPath, strand: str, track: str) -> Iterator[Fault]:
-    """Fault of a track that runs against its strand or too far beside it."""
+    """Error of a track rope that runs opposite to its strand, or too far away from it."""
     start, end = (np.array(in_space(one.position)) for one in scenario.ropes[strand].ends.values())
     ends = {name: np.array(in_space(one.position)) for name, one in scenario.ropes[track].ends.items()}
     if (ends["end"] - ends["start"]) @ (end - start) <= 0.0:
-        yield refuse(path, track, "in the same direction", f"it runs against the direction of {strand!r}")
+        yield refuse(
+            path, track, "a track in the direction of its strand", f"it runs against the direction of {strand!r}"
+        )
         return
     for name, place in ends.items():
         clamp = place + np.array(in_space(carriers.clamp_offset))
@@ -240,13 +258,16 @@ def _away(scenario: Scenario, carriers: Carriers, path: KeyPath, strand: str, tr
         apart = float(np.linalg.norm(start + share * (end - start) - clamp))
         if apart > FARTHEST:
             yield refuse(
-                path, track, f"up to {FARTHEST:g} m", f"at its {name}, {strand!r} is {apart:.4g} m away from a clamp"
+                path,
+                track,
+                f"a distance of up to {FARTHEST:g} m",
+                f"at its {name}, {strand!r} is {apart:.4g} m away from a clamp",
             )
             return
 
 
 def _connectors(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of connectors: ends beyond the ropes, both ends on one rope, or crossing rods."""
+    """Errors in a scenario's connectors between ropes: ends off the ropes, both on one rope, or crossing rods."""
     between: dict[tuple[str, str], list[tuple[float, float, str]]] = {}
     for name, rod in scenario.connectors.items():
         path: KeyPath = ("connectors", name)
@@ -271,30 +292,32 @@ def _connectors(scenario: Scenario) -> Iterator[Fault]:
     for rods in between.values():
         for (_, before, one), (_, after, other) in pairwise(sorted(rods)):
             if after < before:
-                yield refuse(("connectors", other), Phrase(f"crossing '{one}'"), "one order along both ropes")
+                yield refuse(
+                    ("connectors", other), Phrase(f"crossing '{one}'"), "connectors in the same order along both ropes"
+                )
 
 
 def _clamps(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of clamps: to unknown ropes, to the carriage's own rope, beyond a rope, or at an occupied place."""
+    """Errors in carriages' clamps to a second rope: unknown or own rope, place off the rope, or occupied place."""
     taken: dict[tuple[str, float], str] = {}
     for name, carriage in scenario.carriages.items():
         path: KeyPath = ("carriages", name, "clamped_to")
         clamped, drive = carriage.clamped_to, carriage.drive
         if clamped and (carriage.joint != "sliding" or drive.mode == "speed" or drive.haul_rope is not None):
-            allowed = "only of a sliding joint, with a drive that is free or has a force"
+            allowed = "only with a sliding joint, without haul_rope, and with a drive.mode other than speed"
             yield refuse(path, clamped, allowed, "a joint or drive holds the carriage")
         if not clamped and any(carriage.clamp_offset):
             own = ("carriages", name, "clamp_offset")
-            yield refuse(own, carriage.clamp_offset, "only beside `clamped_to`", "without a clamp")
+            yield refuse(own, carriage.clamp_offset, "zeros, or with `clamped_to`", "without a clamp")
         on = []
         for rope, place in clamped.items():
             if rope not in scenario.ropes:
                 yield _unknown((*path, rope), rope, scenario)
                 continue
             if rope == scenario.rope_of(carriage):
-                yield refuse((*path, rope), rope, "another rope", "the rope on which it slides")
+                yield refuse((*path, rope), rope, "a rope other than its own", "the carriage slides on this rope")
             if (other := taken.setdefault((rope, place), name)) != name:
-                yield refuse((*path, rope), place, "another place", f"the place of {other!r} too")
+                yield refuse((*path, rope), place, "another place, in m", f"{other!r} is clamped there")
             if 0.0 < place < scenario.ropes[rope].unstrained_length:
                 on.append(rope)
         if clamped and clamped.keys() <= scenario.ropes.keys() and len(on) != 1:
@@ -304,7 +327,7 @@ def _clamps(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _pantographs(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of pantographs: on unknown ropes, beyond their rope, or with unequal numbers of stages."""
+    """Errors in a scenario's pantographs: unknown rope, place off the rope, or unequal numbers of stages."""
     for name, pantograph in scenario.pantographs.items():
         path: KeyPath = ("pantographs", name)
         yield from name_faults(path)
@@ -318,12 +341,15 @@ def _pantographs(scenario: Scenario) -> Iterator[Fault]:
         if len({len(one.stages) for one in scenario.pantographs.values()}) > 1:
             given = Phrase(f"{len(pantograph.stages)} stages")
             yield refuse(
-                (*path, "stages"), given, "as many stages for each pantograph", "other pantographs have more or fewer"
+                (*path, "stages"),
+                given,
+                "an equal number of stages for all pantographs",
+                "other pantographs have more or fewer",
             )
 
 
 def _travel(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of drives whose travel pulls a carriage into its end stops, for ropes and clamps without faults."""
+    """Errors in drives' travel limits, which let a carriage reach its end stops; needs valid ropes and clamps."""
     hauled = [name for name, one in scenario.carriages.items() if scenario.strands.keys() & one.clamped_to.keys()]
     ranges = {name: travel_between_stops(scenario, name) for name in hauled}
     loops = sum(strand.offset == 0.0 for strand in scenario.strands.values())

@@ -1,4 +1,4 @@
-"""Faults of a scenario in one wording, and the fields of the schema by key path, with allowed values and units."""
+"""Error messages about scenarios in one wording, and schema fields by key path, with allowed values and units."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ NAMES_SHOWN = 8  # of those that are allowed
 
 
 class Fault(NamedTuple):
-    """Fault of a scenario: key path, and text with the given value, the reason and the allowed values."""
+    """Error in a scenario: key path, and message with the given value, the reason and the allowed values."""
 
     path: KeyPath
     text: str
 
 
 class Phrase(str):
-    """Text in a fault that stands for the given value, such as "three numbers in a plane"."""
+    """Words in an error message in place of the given value, such as "no track for haul_down"."""
 
     __slots__ = ()
 
@@ -37,7 +37,7 @@ NOTHING = Phrase("nothing")
 
 
 def refuse(path: KeyPath, given: Any, allowed: str, why: str = "") -> Fault:
-    """Fault of a value, in the one wording of all faults: `given VALUE UNIT: WHY; allowed: RANGE UNIT`.
+    """Build the error for an invalid value, with the message `given VALUE UNIT: WHY; allowed: RANGE UNIT`.
 
     Args:
         path: key path of the value; the schema has its unit.
@@ -50,7 +50,7 @@ def refuse(path: KeyPath, given: Any, allowed: str, why: str = "") -> Fault:
 
 
 def show(value: Any, unit: str = "") -> str:
-    """Text of a given value for a fault, on one short line, numbers with their unit."""
+    """Format a given value for an error message: one short line, numbers with their unit."""
     if isinstance(value, Phrase):
         return str(value)
     if value is None:
@@ -71,20 +71,22 @@ def show(value: Any, unit: str = "") -> str:
 
 
 def listed(names: Iterable[str], otherwise: str) -> str:
-    """Allowed names as text for a fault message, only the first ones of many; `otherwise` if there are no names."""
+    """Join allowed names for an error message, only the first few of many; `otherwise` if there are no names."""
     names = list(names)
     return ", ".join(names[:NAMES_SHOWN]) + (", ..." if len(names) > NAMES_SHOWN else "") if names else otherwise
 
 
 def name_faults(path: KeyPath, name: str | None = None) -> Iterator[Fault]:
-    """Fault of an invalid name, which is the last key of a key path, or given as the value at this path."""
+    """Error for an invalid name, which is the last key of a key path, or the value at this path."""
     name = str(path[-1]) if name is None else name
     if not fullmatch(NAME, name):
-        yield refuse(path, Phrase(f"the name {name!r}"), "a letter, then letters, digits and underscores")
+        yield refuse(
+            path, Phrase(f"the name {name!r}"), "a letter A-Z or a-z, then such letters, digits and underscores"
+        )
 
 
 def unknown_key(path: KeyPath, known: Iterable[str]) -> Fault:
-    """Fault of an unknown key, with the most similar known key, or all known keys."""
+    """Error for an unknown key, which suggests the most similar known key or lists all known keys."""
     known = list(known)
     near = get_close_matches(str(path[-1]), known, n=1)
     if near:

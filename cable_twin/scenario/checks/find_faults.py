@@ -1,4 +1,4 @@
-"""Search for all faults of a scenario at once, each with key path, given and allowed value."""
+"""Search for all errors in a scenario at once, each with key path, given and allowed value."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LARGEST, SMALLEST = 1e15, 1e-30  # of a number in SI units, by size
 
 
 def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
-    """Validate plain data as a scenario and collect all faults.
+    """Validate plain data as a scenario; returns the scenario, or None if invalid, and all errors.
 
     Args:
         data: dicts with text keys, lists and scalars.
@@ -60,7 +60,7 @@ def find_faults(data: dict[str, Any]) -> tuple[Scenario | None, list[Fault]]:
 
 
 def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
-    """Faults of numbers whose squares or products would overflow or vanish in floating point."""
+    """Errors of a scenario's numbers whose squares or products would overflow or underflow in floating point."""
     if isinstance(data, dict | list):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             if type(value) is float and SMALLEST <= abs(value) <= LARGEST:  # most of them
@@ -81,7 +81,7 @@ def _beyond_reason(data: Any, path: KeyPath = ()) -> Iterator[Fault]:
 
 
 def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
-    """Convert one validation error of pydantic into a fault."""
+    """Convert one validation error of pydantic into the error message of a scenario."""
     location = tuple(key for key in location if not str(key).startswith("#"))  # tags of alternatives
     if kind == "extra_forbidden":
         _, model, _ = locate(location[:-1])
@@ -97,7 +97,7 @@ def _schema_fault(location: KeyPath, kind: str, data: dict[str, Any]) -> Fault:
 
 
 def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath = ()) -> Any:
-    """Build a model from its sound values; missing numbers are NaN, for which every comparison is false."""
+    """Build a pydantic model from its valid values; others are NaN, for which every comparison is false."""
     values: dict[str, Any] = {}
     data = data if isinstance(data, dict) else {}
     for name, field in model.model_fields.items():
@@ -129,7 +129,7 @@ def _salvage(model: type[BaseModel], data: Any, bad: set[KeyPath], at: KeyPath =
 
 
 def _implausible(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of combinations of values that are each valid alone: of each rope, of couplings, and of names."""
+    """Errors in combinations of a scenario's values that are each valid alone, in all sections."""
     seen: set[KeyPath] = set()  # of ropes together, as carriers of a loop are on each of its strands
     for name in scenario.cables:
         own = tuple(scenario.rope_key(name).split(".", 1))
@@ -152,7 +152,7 @@ def _implausible(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _sensors(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of sensors: unknown objects, two of one kind on one object, or keys of another kind."""
+    """Errors in a scenario's sensors: unknown object, two of one kind on an object, or keys of another kind."""
     vehicles = _body_names(scenario)
     ends = [end for rope in scenario.cables for end in scenario.end_names(rope)]
     bodies = [f"{name}/{body}" for name, own in vehicles.items() for body in own]
@@ -185,7 +185,7 @@ def _sensors(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _body_names(scenario: Scenario) -> dict[str, list[str]]:
-    """Body names of all vehicles, also for a scenario with other faults."""
+    """Body names by vehicle, also for a scenario with other errors."""
     found = {name: [*vehicle.bodies] for name, vehicle in scenario.carriages.items()}
     carriers = scenario.carriers
     if carriers is None or not isinstance(carriers.count, int):

@@ -25,7 +25,7 @@ def is_file(profile: str) -> bool:
 
 
 def limit_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of `limits.profile`: names that do not exist or are given twice, and load cases of other profiles."""
+    """Errors in a scenario's rule profiles: unknown or repeated names, and load cases of other profiles."""
     given = [name for name in scenario.limits.profile or () if isinstance(name, str)]
     for number, name in enumerate(given):
         path = ("limits", "profile", number)

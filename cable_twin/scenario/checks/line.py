@@ -26,7 +26,7 @@ ONLY_SPACE = "null; for scenarios in space only"
 
 
 def line_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of one rope with its ends, mesh, towers, loads and terrain; the paths are those of a `cable`."""
+    """Errors in a scenario of one rope: ends, mesh, towers, loads and terrain; key paths start with `cable`."""
     yield from _dimensions(scenario)
     yield from _grading(scenario.cable)
     yield from _joint(scenario)
@@ -40,7 +40,7 @@ def line_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _dimensions(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of plane vectors in a scenario in space, and of vectors in space in a plane."""
+    """Errors of vectors with two numbers in a scenario in space, or with three numbers in a plane."""
     cable, dim = scenario.cable, scenario.dim
     vectors: dict[KeyPath, tuple[float, ...] | None] = {}
     for name, end in cable.ends.items():
@@ -54,19 +54,21 @@ def _dimensions(scenario: Scenario) -> Iterator[Fault]:
     vectors[("air", "wind")] = scenario.air.wind
     for path, given in vectors.items():
         if given is not None and len(given) > dim:
-            allowed = f"x, z{_unit(path)}, or space: 3 or positions x, y, z throughout"
+            allowed = f"x, z{_unit(path)}; x, y, z only with `space: 3` or if all positions have x, y, z"
             yield refuse(path, given, allowed, "three numbers in a plane")
     if dim == 3 and any(load.moment != 0.0 for load in cable.loads):
-        yield refuse(("cable", "loads"), Phrase("a moment in space"), "moments on a cable in a plane, in N m")
+        yield refuse(
+            ("cable", "loads"), Phrase("a moment in space"), "0 N m in space; other moments only on a cable in a plane"
+        )
 
 
 def _unit(path: KeyPath) -> str:
-    """Unit of a vector for a fault; empty for a direction."""
+    """Unit of a vector for an error message, such as " in m"; empty for a direction."""
     return {"position": " in m", "force": " in N", "wind": " in m/s"}.get(str(path[-1]), "")
 
 
 def _grading(cable: Cable) -> Iterator[Fault]:
-    """Faults of a mesh grading: no growth towards the target, or too many elements."""
+    """Errors in a rope's graded mesh: no growth of elements towards the target length, or too many elements."""
     if isinstance(cable.elements, Grading):
         path: KeyPath = ("cable", "elements", "at_towers")
         at_towers, target, length = cable.elements.at_towers, cable.elements.target, cable.unstrained_length
@@ -77,13 +79,13 @@ def _grading(cable: Cable) -> Iterator[Fault]:
 
 
 def _joint(scenario: Scenario) -> Iterator[Fault]:
-    """Fault of `cable.joint: node` in a scenario whose vehicles cannot be at nodes of the mesh."""
+    """Error of `cable.joint: node` in a scenario whose vehicles cannot be at nodes of the mesh."""
     if scenario.cable.joint == "node" and (reason := scenario.paper_reason):
         yield refuse(("cable", "joint"), "node", "paper, or null", reason)
 
 
 def _supports(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the end supports: directions, supports that do not go together, and counterweights."""
+    """Errors in a rope's end supports: directions, combinations that are impossible, and counterweights."""
     cable = scenario.cable
     for name, end in cable.ends.items():
         path = ("cable", name, "direction")
@@ -100,7 +102,7 @@ def _supports(scenario: Scenario) -> Iterator[Fault]:
         allowed = "pinned or clamped at one at least, or initial_shape: straight"
         yield refuse(path, cable.end.support, allowed, "at both ends")
     if cable.start.support == cable.end.support == "counterweight":
-        yield refuse(path, cable.end.support, "at one of them", "at both ends")
+        yield refuse(path, cable.end.support, "a counterweight at one end only", "at both ends")
     for name, end in cable.ends.items():
         if end.support == "counterweight":
             yield from _counterweight(scenario, name, end)
@@ -121,7 +123,7 @@ def _where(end: EndSupport) -> str:
 
 
 def _counterweight(scenario: Scenario, name: str, end: EndSupport) -> Iterator[Fault]:
-    """Faults of missing keys of a counterweight, of its pull, and of its travel and direction."""
+    """Errors in a counterweight at a rope's end: missing keys, pull, travel, and direction."""
     path, stiffness = ("cable", name), scenario.cable.axial_stiffness
     if end.mass is None:
         yield refuse((*path, "mass"), NOTHING, "a number above 0, in kg", "a counterweight needs it")
@@ -143,18 +145,18 @@ def _counterweight(scenario: Scenario, name: str, end: EndSupport) -> Iterator[F
         inner = scenario.corners[-2 if name == "end" else 1]
         here, before, direction = (scenario.vector(v) for v in (end.position, inner, end.direction))
         if sum((a - b) * c for a, b, c in zip(here, before, direction, strict=True)) <= 0.0 < hypot(*direction):
-            allowed = f"one that pulls it away from {show(inner, 'm')}"
+            allowed = f"a direction that pulls the cable away from {show(inner, 'm')}"
             yield refuse((*path, "direction"), end.direction, allowed, "this direction lets the cable go slack")
 
 
 def _span(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the distance of the supports: none, or one that does not fit the length of the rope."""
+    """Errors in the distance of a rope's end supports: zero, or not consistent with the length of the rope."""
     cable = scenario.cable
     start, end, length = cable.start, cable.end, cable.unstrained_length
     if not cable.supports <= HELD:
         return
     if dist(scenario.vector(end.position), scenario.vector(start.position)) <= 1e-6 * length:
-        yield refuse(("cable", "end", "position"), end.position, "another place, in m", "the place of the start")
+        yield refuse(("cable", "end", "position"), end.position, "another place, in m", "it is the place of the start")
     distance = sum(dist(scenario.vector(a), scenario.vector(b)) for a, b in pairwise(scenario.corners))
     strain = distance / length - 1.0
     path = ("cable", "initial_shape")
@@ -163,7 +165,7 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
             yield refuse(path, cable.initial_shape, "equilibrium", "with a counterweight")
         return
     if cable.initial_shape == "straight" and abs(strain) > 1e-9:
-        why = f"unstrained between held ends {distance:.9g} m apart, with a cable of {length:.9g} m"
+        why = f"an unstrained cable of {length:.9g} m is not straight between held ends {distance:.9g} m apart"
         yield refuse(path, cable.initial_shape, "equilibrium, or a free end", why)
     if strain > LARGEST_STRAIN:
         over = " over the towers" if scenario.towers else ""
@@ -178,11 +180,11 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _towers(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers: on a rope with a free end, out of order along the rope, or with contacts that do not fit."""
+    """Errors in a rope's towers: a free rope end, wrong order along the rope, or inconsistent contacts."""
     cable = scenario.cable
     start, end = cable.start.position[0], cable.end.position[0]
     if scenario.towers and "free" in cable.supports:
-        yield refuse(("towers",), scenario.towers, "only where both ends of the rope are held", "beside a free end")
+        yield refuse(("towers",), scenario.towers, "only where both ends of the rope are held", "an end is free")
     if scenario.towers and cable.initial_shape == "straight" and "counterweight" not in cable.supports:
         yield refuse(("cable", "initial_shape"), cable.initial_shape, "equilibrium", "over towers")
     sense = copysign(1.0, end - start)
@@ -191,17 +193,17 @@ def _towers(scenario: Scenario) -> Iterator[Fault]:
         path = ("towers", name)
         yield from name_faults(path)
         if name in ("start", "end"):
-            yield refuse(path, Phrase(f"the name {name!r}"), "another name", "that of an end of the cable")
+            yield refuse(path, Phrase(f"the name {name!r}"), "another name", "an end of the cable has this name")
         x = tower.position[0]
         if sense * (x - passed) <= 0.0 or sense * (end - x) <= 0.0:
-            allowed = f"x between {passed:g} m of {before} and {end:g} m of the end, in order along the cable"
+            allowed = f"x between {passed:g} m ({before}) and {end:g} m (the end), in order along the cable"
             yield refuse((*path, "position"), tower.position, allowed)
         before, passed = f"tower {name!r}", x
         yield from _contacts((*path, "length"), tower)
 
 
 def _contacts(path: KeyPath, tower: Tower) -> Iterator[Fault]:
-    """Faults of a tower's length: too short for its number of contacts, or too long for its radius."""
+    """Errors in a tower's length: too short for its number of contacts, or too long for its radius."""
     if tower.contacts > 1 and tower.length == 0.0:
         yield refuse(path, tower.length, "a number above 0, in m", f"for {tower.contacts} contacts")
     if tower.contacts == 1 and tower.length > 0.0:
@@ -212,18 +214,23 @@ def _contacts(path: KeyPath, tower: Tower) -> Iterator[Fault]:
 
 
 def _loads(cable: Cable) -> Iterator[Fault]:
-    """Faults of loads beyond the rope, and of moments between its ends."""
+    """Errors in a scenario's loads on a rope: places beyond the rope, or moments between the ends."""
     length = cable.unstrained_length
     for number, load in enumerate(cable.loads):
         path: KeyPath = ("cable", "loads", number)
         if load.arc_length > length:
             yield refuse((*path, "arc_length"), load.arc_length, f"0 to {length:.9g} m, on the cable")
         elif load.moment != 0.0 and 0.0 < load.arc_length < length:
-            yield refuse((*path, "moment"), load.moment, "only at the ends of the cable", "within the cable")
+            yield refuse(
+                (*path, "moment"),
+                load.moment,
+                "0 N m, or arc_length at an end of the cable",
+                "between the ends of the cable",
+            )
 
 
 def _terrain(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the terrain: too few points, x that does not rise, or a part of the track without ground."""
+    """Errors in a scenario's terrain: too few points, x that does not rise, or track without ground below."""
     path, terrain = ("terrain",), scenario.terrain
     if len(terrain) == 1:
         yield refuse(path, Phrase("1 point"), "at least 2 points x, z, in m")
@@ -238,14 +245,14 @@ def _terrain(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _rising(path: KeyPath, points: tuple[Vector, ...]) -> Iterator[Fault]:
-    """Faults of points x, z of a profile whose x does not rise."""
+    """Errors in the points x, z of a terrain profile: x that does not rise from point to point."""
     for number, ((before, _), (after, _)) in enumerate(pairwise(points), start=1):
         if after <= before:
             yield refuse((*path, number), Phrase(f"x = {after!r} m after {before!r} m"), "rising x, in m")
 
 
 def _grooves_and_masts(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers in space, and of keys that towers in a plane do not have."""
+    """Errors in a scenario's towers: grooves and masts in space, and keys that are not allowed in a plane."""
     corners = [np.array(scenario.vector(place), dtype=np.float64) for place in scenario.corners]
     for number, (name, tower) in enumerate(scenario.towers.items()):
         if scenario.dim == 2:
@@ -257,7 +264,7 @@ def _grooves_and_masts(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _tower_in_space(scenario: Scenario, path: KeyPath, tower: Tower, corners: list[np.ndarray]) -> Iterator[Fault]:
-    """Faults of a tower: line turning back in plan, groove opening away from the rope, incomplete mast."""
+    """Errors in a tower in space: sharp turn of the line in plan, groove away from the rope, incomplete mast."""
     first, second = np.diff(corners, axis=0)[:, :2]
     turn = degrees(abs(atan2(first[0] * second[1] - first[1] * second[0], first @ second)))
     if turn >= MOST_TURN:
@@ -279,20 +286,20 @@ def _tower_in_space(scenario: Scenario, path: KeyPath, tower: Tower, corners: li
 
 
 def _terrain_sides(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of terrain profiles beside the track: in a plane, without terrain, or not in rising x."""
+    """Errors in a scenario's terrain profiles beside the track: in a plane, without terrain, or x not rising."""
     sides, path = scenario.terrain_sides, ("terrain_sides",)
     if sides is None:
         return
     if scenario.dim == 2:
         yield refuse(path, sides, ONLY_SPACE, "in a plane")
     if not scenario.terrain:
-        yield refuse(path, sides, "null; only beside terrain, the profile under the track", "without terrain")
+        yield refuse(path, sides, "null; only with `terrain`, the profile under the track", "without terrain")
     yield from _rising((*path, "left"), sides.left)
     yield from _rising((*path, "right"), sides.right)
 
 
 def equilibrium_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of towers in space whose grooves cannot hold the bare ropes in equilibrium.
+    """Errors in a scenario's towers in space whose grooves cannot hold the ropes without vehicles in equilibrium.
 
     Strands of a loop share its tension: `groove_faults` checks them where that tension is known.
     """
@@ -307,7 +314,7 @@ def equilibrium_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def groove_faults(scenario: Scenario, system: System) -> Iterator[Fault]:
-    """Faults of towers in space whose grooves cannot hold one bare rope in equilibrium.
+    """Errors in towers in space whose grooves cannot hold one rope without vehicles in equilibrium.
 
     Args:
         scenario: scenario of this rope alone.

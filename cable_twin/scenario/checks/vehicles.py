@@ -20,7 +20,7 @@ Bodies = Mapping[str, Body]  # of a vehicle, by name
 
 
 def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the vehicles on one rope, and of the supports of a moving rope, with key paths from `cable`."""
+    """Errors in a scenario of one rope: its vehicles, and the supports of a moving rope; paths from `cable`."""
     for name, carriage in scenario.carriages.items():
         yield from _carriage(scenario, ("carriages", name), carriage)
     if scenario.drives:
@@ -36,7 +36,7 @@ def vehicle_faults(scenario: Scenario) -> Iterator[Fault]:
 
 
 def name_conflicts(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of names given twice: of supports and drives, of joints of bodies, and of numbered carriers."""
+    """Errors in a scenario's names that occur twice: supports, drives, joints of bodies, numbered carriers."""
     taken = {*scenario.carriages, *scenario.drives}
     for name, carriage in scenario.carriages.items():
         if name in ("start", "end", *scenario.towers):
@@ -63,7 +63,7 @@ def name_conflicts(scenario: Scenario) -> Iterator[Fault]:
 
 
 def drive_faults(scenario: Scenario) -> Iterator[Fault]:
-    """Faults of the drives of ropes: their bullwheels, speeds and limits."""
+    """Errors in a scenario's drives of ropes: bullwheels, speeds and limits."""
     turned: dict[str, str] = {}
     for name, drive in scenario.drives.items():
         path: KeyPath = ("drives", name)
@@ -74,7 +74,7 @@ def drive_faults(scenario: Scenario) -> Iterator[Fault]:
                 yield refuse((*path, "limits", key), given, "null; only the drive of a carriage has it")
         if not scenario.ropes:
             if name != next(iter(scenario.drives)):
-                yield refuse(path, Phrase("a second drive of the cable"), "one")
+                yield refuse(path, Phrase("a second drive of the cable"), "one drive for the cable")
             for key in ("travel", "sheave"):
                 if (given := getattr(drive, key)) is not None:
                     yield refuse((*path, key), given, "null", "the cable has no bullwheels")
@@ -85,20 +85,22 @@ def drive_faults(scenario: Scenario) -> Iterator[Fault]:
         elif drive.sheave not in scenario.sheaves:
             yield refuse((*path, "sheave"), drive.sheave, known)
         elif (other := turned.setdefault(drive.sheave, name)) != name:
-            yield refuse((*path, "sheave"), drive.sheave, "one drive for each", f"{other!r} turns it")
+            yield refuse((*path, "sheave"), drive.sheave, "one drive for each bullwheel", f"{other!r} turns it")
         if drive.travel is not None and not drive.travel[0] <= 0.0 <= drive.travel[1] != drive.travel[0]:
             allowed = "the least travel, then the greatest, in m, with the 0 of the start between them"
             yield refuse((*path, "travel"), drive.travel, allowed)
 
 
 def carrier_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Faults of the kinds of carriers, with their bodies and payloads."""
+    """Errors in a scenario's kinds of carriers: names, bodies and payloads."""
     path: KeyPath = ("carriers",)
     if bool(carriers.bodies) == bool(carriers.kinds):
         given = Phrase("both bodies and kinds" if carriers.bodies else "neither bodies nor kinds")
         yield refuse((*path, "bodies"), given, "bodies where all are of one kind, else kinds")
     if carriers.kinds and carriers.payload is not None:
-        yield refuse((*path, "payload"), carriers.payload, "null; the payload of each kind instead", "beside kinds")
+        yield refuse(
+            (*path, "payload"), carriers.payload, "null; the payload of each kind instead", "together with kinds"
+        )
     for name in carriers.order:
         if name not in carriers.kinds:
             yield refuse((*path, "order"), name, listed(carriers.kinds, "none, as there are no kinds"))
@@ -116,17 +118,17 @@ def carrier_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
 def _payload(
     path: KeyPath, payload: Payload | CarrierPayload, masses: Sequence[str], bodies: Bodies
 ) -> Iterator[Fault]:
-    """Faults of a payload: masses (of given keys) above the capacity, or a body that the vehicle does not have."""
+    """Errors in a vehicle's payload: masses (of given keys) above the capacity, or an unknown body."""
     for key in masses:
         mass = getattr(payload, key)
         if mass is not None and mass > payload.capacity:
             yield refuse((*path, key), mass, f"0 to the capacity of {payload.capacity:g} kg")
     if payload.body is not None and payload.body not in bodies:
-        yield refuse((*path, "body"), payload.body, f"one of {', '.join(bodies)}")
+        yield refuse((*path, "body"), payload.body, listed(bodies, "null, as there are no bodies"))
 
 
 def _carriage(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator[Fault]:
-    """Faults of a carriage: its place on the rope, its bodies, payload and drive."""
+    """Errors in a scenario's entry for a carriage: place on the rope, bodies, payload and drive."""
     yield from name_faults(path)
     length, stroke = scenario.cable.unstrained_length, stop_stroke(scenario, carriage)
     if carriage.joint == "clamped":
@@ -144,19 +146,21 @@ def _carriage(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator
         yield from _payload((*path, "payload"), carriage.payload, ("mass",), carriage.bodies)
     yield from _drive((*path, "drive"), carriage, scenario.solver.integrator)
     if carriage.speed != 0.0 and carriage.joint != "sliding":
-        where = "drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "a fixed joint stays"
+        where = (
+            "as drives.NAME.speed moves the cable" if carriage.joint == "clamped" else "as a fixed joint does not move"
+        )
         yield refuse((*path, "speed"), carriage.speed, f"0 m/s, {where}")
     yield from _initial_speed(path, carriage.speed, carriage.drive.limits.speed)
 
 
 def _initial_speed(path: KeyPath, speed: float, limit: float | None) -> Iterator[Fault]:
-    """Fault of an initial speed (m/s) beyond the limit of the drive."""
+    """Error of an initial speed (m/s) in a scenario beyond the drive's speed limit."""
     if limit is not None and abs(speed) > limit:
         yield refuse((*path, "speed"), speed, f"-{limit:g} to {limit:g} m/s, the limit of the drive")
 
 
 def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault]:
-    """Faults of a chain of bodies: names, pivots and inertia."""
+    """Errors in a vehicle's chain of bodies: names, pivots and inertia."""
     last = list(bodies)[-1:]
     for name, body in bodies.items():
         own = (*path, "bodies", name)
@@ -171,7 +175,7 @@ def _bodies(scenario: Scenario, path: KeyPath, bodies: Bodies) -> Iterator[Fault
 
 
 def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
-    """Fault of an impossible inertia tensor, with a principal moment above the sum of the other two."""
+    """Error of a body's impossible inertia tensor: a principal moment not above 0, or above the sum of the others."""
     given = body.inertia_tensor
     if given is None:
         return
@@ -187,9 +191,14 @@ def _inertia(scenario: Scenario, path: KeyPath, body: Body) -> Iterator[Fault]:
 
 
 def _clamped(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator[Fault]:
-    """Faults of a clamped carriage: on a standing cable, off the loop, or with friction or a drive of its own."""
+    """Errors in a clamped carriage: a cable without drive, a place off the loop, friction, or its own drive."""
     if not scenario.drives:
-        yield refuse((*path, "joint"), carriage.joint, "sliding, fixed, or drives", "on a cable that stands still")
+        yield refuse(
+            (*path, "joint"),
+            carriage.joint,
+            "sliding or fixed; clamped only with `drives`",
+            "on a cable that stands still",
+        )
     elif carriage.arc_length < 0.0 or carriage.arc_length > scenario.loop_length:
         allowed = f"0 to {scenario.loop_length:.9g} m, on the loop of the cable"
         yield refuse((*path, "arc_length"), carriage.arc_length, allowed)
@@ -201,7 +210,7 @@ def _clamped(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator[
 
 
 def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault]:
-    """Faults of the drive of a carriage: decelerations, means of an emergency stop, haul rope and integrator."""
+    """Errors in the drive of a carriage: decelerations, brakes of the emergency stop, haul rope, integrator."""
     drive, limits, means = carriage.drive, carriage.drive.limits, carriage.drive.emergency_stop
     if limits.deceleration is not None and limits.deceleration > limits.emergency_deceleration:
         allowed = f"at most the emergency_deceleration of {limits.emergency_deceleration:g} m/s^2"
@@ -225,12 +234,12 @@ def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault
 
 
 def _spacing(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Faults of the distances of carriers along a loop, and of loops without room for stations."""
+    """Errors in the spacing of carriers along a loop, and of loops without room for stations."""
     length, loop, spacing = scenario.cable.unstrained_length, scenario.loop_length, scenario.spacing
     strand = scenario.strand or scenario.riding
     path: KeyPath = ("carriers",)
     if not scenario.drives and strand is None:
-        yield refuse(path, carriers, "with a drive in drives", "for a cable that stands still")
+        yield refuse(path, carriers, "only with an entry in `drives`", "the cable stands still")
     if carriers.spacing is None and strand is None:
         yield refuse((*path, "spacing"), NOTHING, "a number above 0, in m")
     elif strand is None and spacing > length:

@@ -149,7 +149,7 @@ class Cable(Section):
     @model_validator(mode="before")
     @classmethod
     def _without_kinks(cls, data: Any) -> Any:
-        """Leave out the former key `kinks`, with a warning of its lost effect."""
+        """Remove the obsolete key `kinks` from the given data, with a warning that it has no effect."""
         if isinstance(data, dict) and data.get("kinks") in KINKS:
             warn_of_kinks()
             return {key: value for key, value in data.items() if key != "kinks"}

@@ -132,7 +132,7 @@ def resisting(sheaves, motion, sheave, h):
 
 @kernel
 def move_cylinder(sheaves, motion, sheave, h):
-    """Advance the carriage of a hydraulically tensioned bullwheel by `h` (s), once the pull has left its band."""
+    """Advance the carriage of a hydraulic tensioning device by `h` (s), driven while the pull is out of its band."""
     travel, low, high = motion.carriage.position[sheave], sheaves.travel[sheave, 0], sheaves.travel[sheave, 1]
     missing, wanted = sheaves.pull[sheave] - motion.pull[sheave], 0.0
     if abs(missing) > sheaves.band[sheave]:
@@ -265,7 +265,7 @@ def stop_wheel(sheaves, motion, sheave):
 
 @kernel
 def observe_bullwheels(sheaves, motion, driven, numbers, columns):
-    """Fill the frame columns of all bullwheels, and of drives: indices `numbers` (n,), of wheels `driven` (n,)."""
+    """Fill an output frame's columns for all bullwheels, and for drives `numbers` (n,) at the wheels `driven` (n,)."""
     for sheave in range(sheaves.inertia.size):
         rim, rope = motion.rim, motion.rope
         columns.sheave_position[sheave], columns.sheave_speed[sheave] = rope.position[sheave], rope.velocity[sheave]

@@ -243,7 +243,7 @@ def gap_to_close(bundle, moving, scratch, clamp, system, state, like):
 
 @kernel
 def add_clamp_gaps(bundle, moving, scratch, system, state, work):
-    """Write gaps of clamps, whose joints are at nodes that follow them, to the nodes' patches before condensation."""
+    """Write gaps of clamps of vehicles at nodes to the equations of the nodes (patches), before condensation."""
     like = system.cable.gravity
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] >= 0:
@@ -257,7 +257,7 @@ def add_clamp_gaps(bundle, moving, scratch, system, state, work):
 
 @inlined_kernel
 def add_clamp_at_node(patch, diagonal, right, out, back, like):
-    """Write block and couplings of a clamp, whose joint is at a node that follows it, from the condensed patch."""
+    """Write block and couplings of the clamp of a vehicle at a node, from the node's condensed equations (patch)."""
     dim, square = len(like), outer(0.0, like, like)
     one, force, last = full(0.0, symmetric(0.0, 0.0, like), 1.0), clamp_row(dim), patch.shape[0]
     clear_array(diagonal)
@@ -274,7 +274,7 @@ def add_clamp_at_node(patch, diagonal, right, out, back, like):
 
 @inlined_kernel
 def hold_coupling(cable, node, k, out, back, like):
-    """Project a clamp's coupling `k` with a node onto the free directions of the node's support, like `hold_ends`."""
+    """Project a clamp's coupling `k` with a node onto the directions that a support at the node leaves free."""
     square = outer(0.0, like, like)
     for end in range(2):
         if node == (0 if end == 0 else cable.element_count):
@@ -287,7 +287,7 @@ def hold_coupling(cable, node, k, out, back, like):
 
 @kernel
 def recover_clamps(bundle, moving, scratch, state, work, like):
-    """Update the forces of all clamps, and store the sliding coordinates of vehicles for recovery of the joints."""
+    """Update the forces of all clamps, and store the sliding-coordinate increments that joints are recovered from."""
     for clamp in range(bundle.clamps.rope.size):
         if moving.clamp_rope[clamp] < 0:
             continue
@@ -335,7 +335,10 @@ def ride_tracks(bundle, system, state):
 
 @kernel
 def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_state):
-    """Detach or attach one vehicle, clamped at `place` (m) of a strand with an `offset` (dim,) in m from its joint."""
+    """Attach a vehicle to its track or detach it, by where its clamp is, `place` (m) of a strand.
+
+    `offset` (dim,) in m is from the joint of the vehicle to its clamp.
+    """
     carriage, loop_length = clamps.carriage[clamp], clamps.loop_length[clamp]
     s = clamp_coordinate(strand, strand_state, place, loop_length)
     length, ridden = strand.cable.unstrained_length, track.cable.unstrained_length
@@ -358,7 +361,7 @@ def ride_track(clamps, clamp, place, offset, strand, strand_state, track, track_
 
 @kernel
 def speed_beside(strand, strand_state, s, track, track_state, place, like):
-    """Speed (m/s) along a track, at an arc length `place`, of the point `s` (m) of a strand beside it, and its rate."""
+    """Speed (m/s), and its rate, along a track at arc length `place` (m) of the strand point at `s` (m) beside it."""
     own, beside = point_at(strand, strand_state, s), point_at(track, track_state, place)
     speed, rate = transport_velocity(strand, strand_state, s)
     r_x, along = slope(strand_state.nodes.position, own, like), slope(track_state.nodes.position, beside, like)

@@ -40,7 +40,7 @@ from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, rope_of
 
 @inlined_kernel
 def is_taken(here, node):
-    """Return whether a moving load has taken a node, so that it is not where a connector has its end."""
+    """Return whether a node follows a moving load, so that it is away from the rope point where a connector ends."""
     return here.node_load[node] >= 0
 
 
@@ -84,7 +84,7 @@ def connector_force(bundle, connector, system, state, like):
 
 @kernel
 def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor, like):
-    """Add force and tangent of all connectors to their end nodes, the coupling of both nodes to `cross`.
+    """Add force and tangent of all connectors to their end nodes; store the coupling of both nodes in `scratch.cross`.
 
     Returns:
         Number of connectors that have begun or ceased to pull since the last call.
@@ -142,7 +142,7 @@ def damp_rope(cable, tension_time, state, work, rate_factor):
 
 @formula
 def damp_element(element, length, tension, rates, rate_factor, diagonal, upper, lower, right_side):
-    """Add the Rayleigh damping of an element beside no load by its tension, β T over its length (N s/m)."""
+    """Add the Rayleigh damping of an element's tension, β T / length (N s/m), for an element not beside a load."""
     for i in range(4):
         total = 0.0 * rates[i]
         for j in range(4):

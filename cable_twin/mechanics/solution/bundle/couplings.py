@@ -53,7 +53,7 @@ def place_couplings(bundle, moving, system, state, c, h):
 
 @kernel
 def add_to_patches(bundle, moving, scratch, system, state, work, rate_factor, stiffness_factor):
-    """Add the couplings that may act within patches of loads, before patches are condensed; returns changed contacts.
+    """Add couplings to the equations of moving loads (patches), before condensation; returns count of changed contacts.
 
     These are gaps of clamps and connectors.
     """

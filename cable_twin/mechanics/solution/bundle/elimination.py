@@ -44,7 +44,7 @@ CLAMP_NODES = 4  # of the element with its joint, and of that to which it is cla
 
 
 def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
-    """Indices of the connectors in an order that holds along all ropes.
+    """Indices of all connectors, in an order in which they follow one another along every rope.
 
     Args:
         ropes: (connectors, 2).
@@ -63,7 +63,7 @@ def sequence_of(ropes: IntArray, nodes: IntArray) -> list[int]:
         if not ready:
             raise ValueError(
                 f"connectors {sorted({*range(len(ropes))} - {*sequence})}: given ends that cross each other; "
-                "allowed: one order along all their ropes"
+                "allowed: ends in the same order along all their ropes"
             )
         for connector in sorted(ready):
             sequence.append(connector)
@@ -127,7 +127,7 @@ def order_of(
         if any(place < front[one] for one, place in zip(pair, places, strict=True)):
             raise ValueError(
                 f"connector {number}: given nodes {places}, where it crosses an earlier one; "
-                f"allowed: {[front[one] for one in pair]} or later"
+                f"allowed: nodes {[front[one] for one in pair]} or later ones"
             )
         go_on(dict(zip(pair, places, strict=True)))
         at.append(len(node))
@@ -209,7 +209,7 @@ def solve_bundle(bundle, scratch, work, like):
 
 @kernel
 def eliminate_runs(bundle, scratch, work, like):
-    """Eliminate the nodes of all ropes between their nodes coupled to another one, four runs of them at a time."""
+    """Eliminate all runs of nodes between nodes coupled to another rope, on all ropes, four runs at a time."""
     rope, node, number = next_runs(bundle, 0, scratch.coupled_from[0], scratch)
     done = 0
     while number > 0:
@@ -247,7 +247,7 @@ def substitute_runs(bundle, scratch, work, like):
 
 @kernel
 def next_runs(bundle, rope, node, scratch):
-    """Find the next four runs of uncoupled nodes, from a kept `node` of a rope on; the last is repeated to fill four.
+    """Find the next four runs of uncoupled nodes, from a coupled `node` of a rope on; repeats the last to fill four.
 
     Runs of several ropes come together where these have as many columns.
 
@@ -277,7 +277,7 @@ def next_runs(bundle, rope, node, scratch):
 
 @inlined_kernel
 def run_of(bundle, scratch, run, work):
-    """Workspace and columns of the rope of a run."""
+    """Workspace, and columns of bullwheels, of the rope that has run number `run` of the present four runs of nodes."""
     rope = scratch.run_rope[run]
     columns = scratch.wheel_columns[bundle.offset[rope] : bundle.offset[rope + 1]]
     return record_at(bundle.records[rope, WORK], work), columns
@@ -285,7 +285,7 @@ def run_of(bundle, scratch, run, work):
 
 @inlined_kernel
 def rooms_of(bundle, scratch, work):
-    """Workspaces of the ropes of four runs."""
+    """Workspaces of the four ropes that have the present four runs of nodes."""
     records, ropes = bundle.records, scratch.run_rope
     return (
         record_at(records[ropes[0], WORK], work),

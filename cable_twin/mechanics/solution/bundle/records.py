@@ -67,7 +67,7 @@ class Clamps(NamedTuple):
 
 @by_reference
 class Wires(NamedTuple):
-    """Rayleigh damping coefficients of ropes, proportional to the geometric stiffness of tension."""
+    """Rayleigh damping coefficients β of ropes, for damping by the geometric stiffness of given tensions."""
 
     by_stiffness: FloatArray  # (ropes,) s
     tension: FloatArray  # (ropes,) N, for that stiffness
@@ -256,7 +256,7 @@ class BundleWork(NamedTuple):
 
 @inlined_kernel
 def rope_of(bundle, rope, system, state, work):
-    """Parameters, state and workspace of rope number `rope`; `system`, `state`, `work` of any rope give the types."""
+    """Parameters, state and workspace of the rope of index `rope`; the other arguments, of any rope, give the types."""
     own = bundle.records[rope]
     return record_at(own[SYSTEM], system), record_at(own[STATE], state), record_at(own[WORK], work)
 
@@ -269,7 +269,7 @@ def copy_ropes(bundle, source, target, state):
 
 @inlined_kernel
 def copy_motion(moving, kept):
-    """Copy the motion of couplings into `kept`, a record without the response to bullwheels."""
+    """Copy the motion of couplings into `kept`, without the stored response of ropes to bullwheels."""
     copy_array(moving.memory[: kept.memory.size], kept.memory)
 
 
@@ -283,7 +283,7 @@ BUNDLE_RANGES = ranges_of(BundleState)  # of the arrays, as `arrays_of` names th
 
 
 def sizes_of_bundle(bundle: Bundle) -> dict[str, int]:
-    """Sizes of arrays by name, as "wheel" or "clamp", for the shapes declared in the records of coupled ropes."""
+    """Sizes of array dimensions by name, as "clamp" for the number of clamps, for the records of coupled ropes."""
     clamps, connectors, nodes = bundle.clamps.rope.size, bundle.connectors.length.size, bundle.order.node.size
     pantographs, stages = bundle.pantographs.mass.shape
     coupled = bool(connectors or clamps)  # by what is eliminated beside their nodes

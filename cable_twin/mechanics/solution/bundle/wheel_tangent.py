@@ -59,7 +59,7 @@ def is_active(sheaves, motion, sheave, kind):
 
 @kernel
 def begin_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_factor):
-    """Set up the columns of all bullwheels with unknown coordinates, and of loads at nodes, not condensed yet.
+    """Set up the columns of all bullwheels with unknown coordinates, in ropes and in uncondensed equations of loads.
 
     Bullwheels take part in time integration only, with a rate factor above 0. There are no columns to solve for where
     the response of an earlier iteration still serves.
@@ -176,7 +176,7 @@ def add_wheels(bundle, moving, scratch, system, state, work, mass_factor, rate_f
 
 @kernel
 def add_patch_columns(system, state, work, end, mass_factor, rate_factor, patch_columns, slot):
-    """Add to the columns of loads' patches the change of the elements beside loads by rope over one end.
+    """Add the derivative, by rope over one end, of elements beside loads to the columns of loads' equations (patches).
 
     The change of the element forces is a finite difference, with `PART` (m) of rope. A load that is clamped to the rope
     moves along with it, also where it is on such an element without a node of its own.
@@ -282,7 +282,7 @@ def carry_columns(state, columns, count, wheel_columns, like):
 
 @kernel
 def take_slots(bundle, scratch, sheave):
-    """Assign a slot for the columns of a bullwheel to all ropes that are coupled to its two strands."""
+    """Assign a free block of columns to a bullwheel in all ropes that are coupled to its two strands."""
     line = bundle.order.line
     first, second = line[bundle.sheaves.rope[sheave, 0]], line[bundle.sheaves.rope[sheave, 1]]
     for rope in range(line.size):
@@ -325,7 +325,7 @@ def add_vehicles_and_towers(system, state, work, end, wheel_columns, slot):
 
 @inlined_kernel
 def end_of(bundle, sheave, side, system, state, work):
-    """End of a strand at a bullwheel: rope, its node, the node beside it, parameters, state, workspace."""
+    """Strand end at one side of a bullwheel: rope, end node, node next to it, parameters, state, workspace."""
     rope = bundle.sheaves.rope[sheave, side]
     own, here, room = rope_of(bundle, rope, system, state, work)
     node = own.cable.element_count if side == 0 else 0
@@ -357,7 +357,7 @@ def read_ends(bundle, motion, sheave, system, state, work):
 
 @kernel
 def write_equations(bundle, moving, scratch, sheave, system, state, work, mass_factor, rate_factor):
-    """Write the equations of a bullwheel: right side, own coordinates, and the rows of both ends of strands."""
+    """Write the equations of a bullwheel: right side, tangent by its own coordinates and by both strand ends."""
     sheaves, motion, like, first = bundle.sheaves, moving.sheaves, system.cable.gravity, 2 * sheave
     right, matrix = scratch.wheel_increment, scratch.wheel_matrix
     right[first : first + 2] = 0.0
@@ -402,7 +402,7 @@ def write_equations(bundle, moving, scratch, sheave, system, state, work, mass_f
 
 @kernel
 def add_travel(bundle, moving, scratch, system, state, work):
-    """Add moving carriages and clamps to the columns of bullwheels; then project the columns at the supports.
+    """Add derivatives by carriage travel, and clamps, to the columns of bullwheels; then project these at the supports.
 
     Needs all couplings of ropes assembled, before supports hold the ropes.
     """

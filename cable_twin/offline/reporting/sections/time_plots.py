@@ -27,7 +27,7 @@ class TimePlots:
     template = "time_plots.html"
 
     def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: charts by plot; None without signals."""
+        """Template data of the section: charts grouped by plot title; None without signals."""
         if results.signals is None or not results.signals.series:
             return None
         groups = []
@@ -42,7 +42,7 @@ class TimePlots:
 
 
 def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:
-    """Chart of one signal over time, with the signals that share the chart; None without a line."""
+    """Chart of one signal over time, with other signals drawn in the same chart; None if nothing is to be drawn."""
     beside = [one for one in SIGNALS.values() if one.beside == signal.name]
     lines = {}
     for one in (signal, *beside):
