@@ -2,13 +2,15 @@
 
 `python -m verification.alarms` lets a twin follow plants of a scenario with another mesh and noisy sensors, into each
 of which a fault is put under way, and prints a table for docs/follow.md: from when on it could be told from the sensors
-(`verification.observability`), how much later the alarm came and what it said, and alarms of anything else.
+(`verification.observability`; for lifts from when on it is there), how much later the alarm came and what it said, and
+alarms of anything else.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,15 +31,16 @@ from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import Measurement, standard_sensors
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
-from verification.followed import SCENES, Changed, Plant, Step, alarms_of, news
+from verification.followed import LIFTS, SCENES, Changed, Plant, Scene, Step, alarms_of, news
 from verification.observability import Observable, Readings
 
 LEFT, SPEED = 20.0, 7.0  # s, m/s: when a trip begins, and how fast it is
 BOARDED, FAULT = 10.0, 50.0  # s, when payload and other faults set in
 WANTED = 10.0  # s after it is observable, for an alarm
-WATCHED = 30.0  # s, for which an alarm is waited for
+WATCHED = 35.0  # s, for which an alarm is waited for
 BIAS = 5.0  # standard deviations of the noise of a sensor
 SHARE = 0.15  # of the force of a drive, that is lost between it and the rope
 ICE, ICING = 1.0, 60  # kg/m, and s in which it comes, in as many steps
@@ -77,11 +80,11 @@ class Case(NamedTuple):
 
     planned: Mapping[str, Any]  # of both, by key
     weather: Mapping[str, Any]  # of the plant, by key
-    payload: str  # key
-    rolling: tuple[str, ...]  # keys
-    ice: str  # key; empty where none is estimated
-    stuck: Callable[[Snapshot], Mapping[str, Any]]  # values with which a counterweight stays where it is
+    rolling: tuple[str, ...]  # keys, of carriages or towers
     sensors: Sequence[str]  # that are spoiled
+    payload: str = ""  # key; empty where that of one vehicle is no key
+    ice: tuple[str, ...] = ()  # keys; empty where none is estimated
+    stuck: Callable[[Snapshot], Mapping[str, Any]] | None = None  # values with which a counterweight stays where it is
 
 
 def _stuck_at_start(snapshot: Snapshot) -> dict[str, Any]:
@@ -90,16 +93,32 @@ def _stuck_at_start(snapshot: Snapshot) -> dict[str, Any]:
     return {"cable.start.travel": [place - 1e-4, place + 1e-4]}
 
 
+def _of_lift(towers: int, *cells: str) -> Case:
+    """Case of a lift with so many towers, of whose load cells some are spoiled."""
+    friction = tuple(f"towers.tower_{row}_{rope}.friction" for row in range(1, towers + 1) for rope in ("up", "down"))
+    ice = "ropes.up.ice", "ropes.down.ice"
+    return Case({}, {}, friction, ("encoder_haul_rope", "force_haul_rope", *cells), ice=ice)
+
+
 CASES = {
     "aerial_tramway": Case(
         {"carriages.cabin.payload.mass": 6000.0},
         {"air.wind.x": WIND},
-        "carriages.cabin.payload.mass",
         ("carriages.cabin.friction.rolling",),
-        "cable.ice",
-        _stuck_at_start,
         ("encoder_cabin", "force_cabin", "load_start", "load_tower", "load_end", "tilt_cabin"),
+        "carriages.cabin.payload.mass",
+        ("cable.ice",),
+        _stuck_at_start,
     ),
+    "jig_back": Case(
+        {"carriages.cabin_1.payload.mass": 6000.0},
+        {"air.wind.x": WIND},
+        tuple(f"carriages.cabin_{number}.friction.rolling" for number in (1, 2)),
+        ("encoder_haul_rope", "force_haul_rope", "load_track_1_start", "load_track_1_end", "tilt_cabin_1"),
+        "carriages.cabin_1.payload.mass",
+    ),
+    "chairlift": _of_lift(6, "load_tower_3_up", "load_tower_2_down", "load_up_start"),
+    "gondola": _of_lift(7, "load_tower_3_up", "load_tower_2_down", "load_up_start"),
 }
 
 
@@ -113,27 +132,34 @@ def value_of(scenario: Scenario, key: str) -> Any:
 
 def faults(scenario: Scenario, case: Case, at: float) -> Iterator[Fault]:
     """All faults, most of them from a time (s) under way on."""
-    mass, rolling = value_of(scenario, case.payload), value_of(scenario, case.rolling[0])
-    tolerance = {one.key: one.tolerance for one in slow_quantities(scenario)}
+    tolerance = defaultdict(float, {one.key: one.tolerance for one in slow_quantities(scenario)})
 
     def values(key: str, value: float, time: float, *also: str) -> Step:
         return Step(time, values=lambda _: dict.fromkeys((key, *also), value))
 
-    heavy, borne = (values(case.payload, mass + more, BOARDED) for more in (0.05 * mass, tolerance[case.payload]))
-    yield Fault("payload +5 %", BOARDED, "payload is", [heavy], about="/payload", tolerated=[borne])
+    if case.payload:
+        mass = value_of(scenario, case.payload)
+        heavy, borne = (values(case.payload, mass + more, BOARDED) for more in (0.05 * mass, tolerance[case.payload]))
+        yield Fault("payload +5 %", BOARDED, "payload is", [heavy], about="/payload", tolerated=[borne])
     if case.ice:
-        start, most = {case.ice: ICE}, {case.ice: tolerance[case.ice]}
+        most_ice = tolerance[case.ice[0]]
+        start, most = dict.fromkeys(case.ice, ICE), dict.fromkeys(case.ice, most_ice)
         name = f"ice {ICE:g} kg/m from the start"
         yield Fault(name, 0.0, "ice is", start=start, about="ice", tolerated_start=most)
         grown = [(at + one, ICE * (one + 1) / ICING) for one in range(ICING)]
-        steps = [values(case.ice, ice, time) for time, ice in grown]
-        less = [values(case.ice, min(ice, tolerance[case.ice]), time) for time, ice in grown]
+        steps = [values(case.ice[0], ice, time, *case.ice[1:]) for time, ice in grown]
+        less = [values(case.ice[0], min(ice, most_ice), time, *case.ice[1:]) for time, ice in grown]
         yield Fault(f"ice {ICE:g} kg/m, in {ICING} s", at, "ice is", steps, about="ice", tolerated=less)
+    rolling = value_of(scenario, case.rolling[0])
+    if rolling is None:  # of towers
+        rolling = TOWER_FRICTION[scenario.of_rope("up").towers["tower_1_up"].kind]
     rough, borne = (
         values(case.rolling[0], rolling + more, at, *case.rolling[1:]) for more in (rolling, tolerance[case.rolling[0]])
     )
-    yield Fault("rolling friction doubled", at, "rolling is", [rough], about="/rolling", tolerated=[borne])
-    yield Fault("counterweight stuck", at, "counterweight", [Step(at, values=case.stuck)])
+    said = "towers/friction is" if scenario.carriers else "rolling is"
+    yield Fault("rolling friction doubled", at, said, [rough], about="/rolling", tolerated=[borne])
+    if case.stuck is not None:
+        yield Fault("counterweight stuck", at, "counterweight", [Step(at, values=case.stuck)])
     sensors = {name: one for name, one in scenario.sensors.items() if name in case.sensors}
     for name, one in sensors.items():
         if one.kind == "drive_force":
@@ -190,12 +216,18 @@ def swapped(first: str, second: str, at: float) -> Changed:
 
 def readings_of(name: str, at: float, seed: int) -> Readings:
     """Readings of plants of a scenario without noise, with faults at a time (s)."""
-    values = {**SCENES[name].mesh, **CASES[name].weather}
+    values = {**scene_of(name).mesh, **CASES[name].weather}
     return Readings(twin_of(name, seed), values, _trip(name), max(at, LEFT) + WATCHED)
 
 
+def scene_of(name: str) -> Scene:
+    """Scene of plants of a scenario, with carriages or carriers."""
+    return {**SCENES, **LIFTS}[name]
+
+
 def _trip(name: str) -> Step:
-    return Step(LEFT, Command("speed", {SCENES[name].drive: SPEED}))
+    scene = scene_of(name)
+    return Step(LEFT, Command("speed", {scene.drive: min(SPEED, scene.speeds[1])}))
 
 
 def observable(fault: Fault, plain: Readings) -> Observable:
@@ -210,13 +242,12 @@ def observable(fault: Fault, plain: Readings) -> Observable:
 def trial(name: str, fault: Fault, seed: int, took: list[float], plain: Readings | None = None) -> Outcome:
     """Alarms of a twin of a scenario whose plant has a fault, beside readings of plants without noise."""
     case, twin, end = CASES[name], twin_of(name, seed), max(fault.at, LEFT) + WATCHED
-    scenario = load_scenario(twin.resolved(), {**SCENES[name].mesh, **case.weather, **fault.start})
+    scenario = load_scenario(twin.resolved(), {**scene_of(name).mesh, **case.weather, **fault.start})
     plant = Plant(scenario, sorted([_trip(name), *fault.steps], key=lambda one: one.time))
     alarms = [*alarms_of(news(plant, Tracker(twin), end, took, fault.spoils()))]
     right = [one for one in alarms if one.time >= fault.at and fault.said in one.reason]
     alarm = right[0] if right else None
-    never = Observable(float("inf"), float("inf"))
-    seen = observable(fault, plain) if plain else never
+    seen = observable(fault, plain) if plain else Observable(fault.at, fault.at)
     return Outcome(fault, seen, alarm, [one for one in alarms if one is not alarm])
 
 
@@ -256,7 +287,7 @@ def main() -> int:
         for one in faults(twin_of(options.scenario, options.seed), CASES[options.scenario], options.at)
         if options.only in one.name
     ]
-    plain = readings_of(options.scenario, options.at, options.seed)
+    plain = None if options.scenario in LIFTS else readings_of(options.scenario, options.at, options.seed)
     outcomes = [
         trial(options.scenario, fault, options.seed, took, plain)
         for fault in track(chosen, "faults", console=Console(stderr=True), transient=True)

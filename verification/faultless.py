@@ -26,8 +26,7 @@ from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
-from verification import following_line
-from verification.followed import SCENES, Plant, alarms_of, news
+from verification.followed import LIFTS, SCENES, Plant, alarms_of, news
 
 BEGINS = 20.0  # s, when a plant begins to move
 GUST, GUST_TIME, BLOWN = 1.0, 50.0, 5.0  # m/s, s in which they change, s from one to the next
@@ -54,7 +53,7 @@ TRIPS = {
     "windy_tramway": ONE_CABIN,
     "jig_back": Trips("cabin_1", (14.5, 1024.0), 0.3, {"carriages.cabin_1.payload.mass": 6000.0}),
 }
-SCENARIOS = (*TRIPS, *following_line.SCENES)
+SCENARIOS = (*TRIPS, *LIFTS)
 
 
 class Shuttle:
@@ -147,13 +146,13 @@ def of_carriages(name: str, seed: int) -> tuple[Scenario, Plant, Shuttle]:
 
 def of_carriers(name: str, seed: int) -> tuple[Scenario, Plant, Circulation]:
     """Twin, plant and driver of a lift."""
-    scene, draws = following_line.SCENES[name], np.random.default_rng(seed)
+    scene, draws = LIFTS[name], np.random.default_rng(seed)
     twin, rough = _with_sensors(load_scenario(name), seed), float(draws.uniform(1.0 - ROUGH, 1.0 + ROUGH))
     towers = {tower: one for rope in twin.cables for tower, one in twin.of_rope(rope).towers.items()}
     friction = {
         f"towers.{tower}.friction": rough * (one.friction or TOWER_FRICTION[one.kind]) for tower, one in towers.items()
     }
-    driver = Circulation(following_line.DRIVE, scene.speed, 1000 + seed)
+    driver = Circulation(scene.drive, scene.speeds[0], 1000 + seed)
     return twin, Plant(load_scenario(twin.resolved(), {**scene.mesh, **friction}), [], driver), driver
 
 

@@ -31,6 +31,12 @@ ROPES = {
 }
 
 
+def _lift(target: float, at_towers: float, growth: float) -> dict[str, Any]:
+    """Half the step, and elements (m) of both ropes of a lift that are finer than those of the scenario."""
+    elements = {"target": target, "at_towers": at_towers, "growth": growth}
+    return {"solver.step": 0.005} | {f"ropes.{rope}.elements": elements for rope in ("up", "down")}
+
+
 class Scene(NamedTuple):
     """Scenario with what its plants have otherwise."""
 
@@ -43,6 +49,10 @@ SCENES = {
     "aerial_tramway": Scene(TRAMWAY, "cabin", (6.0, 9.0)),
     "windy_tramway": Scene(TRAMWAY, "cabin", (5.0, 8.0)),
     "jig_back": Scene(ROPES, "haul_rope", (6.0, 9.0)),
+}
+LIFTS = {
+    "chairlift": Scene(_lift(9.0, 0.8, 3.0), "haul_rope", (2.5, 2.5)),
+    "gondola": Scene(_lift(10.0, 1.0, 2.0), "haul_rope", (5.0, 5.0)),
 }
 
 Changed = Callable[[Measurement], Measurement]

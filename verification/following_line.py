@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from time import process_time
 from typing import Any, NamedTuple
 
@@ -24,28 +24,12 @@ from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.scenario.builders.system import TOWER_FRICTION
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
+from verification.followed import LIFTS
 
-DRIVE = "haul_rope"
 PLANTS, DURATION, FRAME = 4, 120.0, 0.05  # -, s, s
 START = 2.0  # s
 PERSON = 75.0  # kg
 NEAR = 10.0  # m from a station, where the twin may change people a moment before or after the plant
-
-
-class Scene(NamedTuple):
-    """Scenario with what its plants have otherwise."""
-
-    mesh: Mapping[str, Any]  # by key
-    speed: float  # m/s, of the drive
-
-
-def _mesh(target: float, at_towers: float, growth: float) -> dict[str, Any]:
-    """Half the step, and elements (m) of both ropes that are finer than those of the scenario."""
-    elements = {"target": target, "at_towers": at_towers, "growth": growth}
-    return {"solver.step": 0.005} | {f"ropes.{rope}.elements": elements for rope in ("up", "down")}
-
-
-SCENES = {"chairlift": Scene(_mesh(9.0, 0.8, 3.0), 2.5), "gondola": Scene(_mesh(10.0, 1.0, 2.0), 5.0)}
 
 
 class Score(NamedTuple):
@@ -84,7 +68,7 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
     Processor time (s) of the twin is added to what it `took`.
     """
     draws = np.random.default_rng(seed)
-    bare, scene = load_scenario(scenario), SCENES[scenario]
+    bare, scene = load_scenario(scenario), LIFTS[scenario]
     plan = Simulation(bare)
     usual = standard_sensors(bare, plan.snapshot, seed)
     follower = LineFollower(load_scenario(scenario, {"sensors": usual}))
@@ -106,7 +90,7 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
         time = round(frame * FRAME, 9)
         snapshot = plant.advance_to(time)
         if abs(time - START) < 0.5 * FRAME:
-            command = Command("speed", {DRIVE: scene.speed})
+            command = Command("speed", {scene.drive: scene.speeds[0]})
             plant.apply(command)
             follower.command(AppliedCommand(time, command, "plant"))
         here = snapshot.columns.joint_position[:, 0]
@@ -165,7 +149,7 @@ def main() -> int:
     parser.add_argument("--plants", type=int, default=PLANTS, help=f"default: {PLANTS}")
     parser.add_argument("--duration", type=float, default=DURATION, help=f"s; default: {DURATION:g}")
     parser.add_argument("--first", type=int, default=1, help="seed of the first plant; default: 1")
-    parser.add_argument("--scenario", choices=list(SCENES), default="chairlift", help="default: chairlift")
+    parser.add_argument("--scenario", choices=list(LIFTS), default="chairlift", help="default: chairlift")
     options = parser.parse_args()
     seeds, said, took = range(options.first, options.first + options.plants), list[str](), list[float]()
     found = [

@@ -13,7 +13,7 @@ from cable_twin.ensemble.estimate.quantities import Estimate
 
 CERTAIN = 3.0  # standard deviations, beyond which an estimate is not the expected one
 SUDDEN = 2.0  # the same of a sudden change, for which measurements speak already
-REMEMBERED = 20.0  # s, for which an estimate is held against the one before a sudden change
+REMEMBERED = 20.0  # s, for which an estimate is held against the one before a sudden change, and an alarm is recent
 
 
 class Expected(NamedTuple):
@@ -33,7 +33,7 @@ class Departures:
     """
 
     def __init__(self) -> None:
-        self._told: dict[str, float] = {}  # values of quantities with an alarm
+        self._told: dict[str, tuple[float, float]] = {}  # times (s) and values of the last alarms of quantities
         self._before: dict[str, tuple[float, float]] = {}  # times (s) of sudden changes, and the values before
 
     def changed(self, time: float, name: str, value: float) -> None:
@@ -45,6 +45,10 @@ class Departures:
         for name in names:
             self._told.pop(name, None)
 
+    def told(self, time: float, name: str) -> bool:
+        """Whether a recent alarm, seen from a time (s), says that a quantity is not as expected."""
+        return name in self._told and time - self._told[name][0] < REMEMBERED
+
     def alarms(self, time: float, slow: Mapping[str, Estimate], expected: Mapping[str, Expected]) -> list[Alarm]:
         """New alarms at a time (s) with the estimates of then, by name, for those of which something is expected."""
         found = []
@@ -53,15 +57,15 @@ class Departures:
             if name in self._before and time - self._before[name][0] > REMEMBERED:
                 del self._before[name]
             before = self._before[name][1] if name in self._before and not one.may_change else got.value
-            sure, told = one.tolerance + margin, self._told.get(name, np.inf)
+            sure, told = one.tolerance + margin, self._told.get(name, (time, np.inf))[1]
             plan = f"{with_unit(one.value, got.unit)} in the {one.source}"
             said = f"{name} is {with_deviation(got.value, got.deviation, got.unit)}"
             if abs(got.value - one.value) + margin < one.tolerance:
                 self._told.pop(name, None)
             elif min(abs(got.value - one.value), abs(got.value - told)) > sure:
-                self._told[name] = got.value
+                self._told[name] = time, got.value
                 found.append(Alarm(time, f"{said}; {plan}"))
             elif name not in self._told and abs(got.value - before) > one.tolerance + SUDDEN * got.deviation:
-                self._told[name] = got.value
+                self._told[name] = time, got.value
                 found.append(Alarm(time, f"{said}, after {with_unit(before, got.unit)}; {plan}"))
         return found

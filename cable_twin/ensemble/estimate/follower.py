@@ -58,6 +58,7 @@ SURELY = 5.0  # standard deviations of a change of tension at an end
 WRONG = 5.0  # times its noise, by which a sensor may be wrong all at once, a standard deviation
 RARER = 4.0  # logarithm of how much rarer that is than a change of the plant that explains as much
 BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
+FASTER = 20.0  # times the usual drift of a quantity of which an alarm has told: ice that has come may go on coming
 SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
 FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
@@ -257,8 +258,8 @@ class Follower:
                 self._doubt_steps()
         lasted, self._since, self._from = time - self._since, time, time
         hidden, slow = self._hidden(numbers), self._slow()
-        self._go_on(lasted, numbers)
         alarms += self._departures.alarms(time, slow, self._expected)
+        self._go_on(lasted, numbers)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
     def _rest_where_believed(self, time: float) -> bool:
@@ -350,7 +351,7 @@ class Follower:
         kept = np.exp(-lasted / FORGOTTEN)
         self._stirred = 1.0 if self._at_tower else self._stirred * float(np.exp(-lasted / CALMED))
         decay = np.concatenate([np.ones(count + swinging), np.full(self._errors.size, kept)])
-        walks = np.array([BOARDING * one.high if self._boards(one, numbers[0]) else one.walk for one in self.slow])
+        walks = np.array([self._walk(one, numbers[0]) for one in self.slow])
         gained = growth(self._fast, lasted, self._stirred, self._at_tower)
         added = np.concatenate([walks**2 * lasted, gained, (1.0 - kept**2) * self._errors**2])
         self._rows = []
@@ -427,6 +428,12 @@ class Follower:
             covariance[found.number, found.number] += found.size**2
             self._belief = self._belief._replace(covariance=covariance)
             self._departures.changed(self.time, self.slow[found.number].name, float(self._belief.mean[found.number]))
+
+    def _walk(self, one: Slow, numbers: FloatArray) -> float:
+        """Standard deviation of what a slow quantity may change by in a second, by the values (n,) of a frame."""
+        if self._boards(one, numbers):
+            return BOARDING * one.high
+        return one.walk * (FASTER if self._departures.told(self.time, one.name) else 1.0)
 
     def _boards(self, one: Slow, numbers: FloatArray) -> bool:
         """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame."""
