@@ -156,7 +156,7 @@ def faults(scenario: Scenario, case: Case, at: float) -> Iterator[Fault]:
     rough, borne = (
         values(case.rolling[0], rolling + more, at, *case.rolling[1:]) for more in (rolling, tolerance[case.rolling[0]])
     )
-    said = "towers/friction is" if scenario.carriers else "rolling is"
+    said = "more force than payload and friction need" if scenario.carriers else "rolling is"
     yield Fault("rolling friction doubled", at, said, [rough], about="/rolling", tolerated=[borne])
     if case.stuck is not None:
         yield Fault("counterweight stuck", at, "counterweight", [Step(at, values=case.stuck)])
