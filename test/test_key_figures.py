@@ -23,9 +23,10 @@ from prescribed_frames import (
 from strands import one_strand
 
 from cable_twin.frame.records import AppliedCommand, Command
-from cable_twin.key_figures import FigureId, KeyFigures
+from cable_twin.key_figures import FigureId, KeyFigures, figure_from_values, not_judged, values_of
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.scenario import load_scenario
+from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.simulation import Simulation
 
@@ -324,6 +325,47 @@ def test_the_stop_of_a_moving_cable():
     figures.update(chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0), gone=15.0))
     found = gathered(figures)
     assert (found["haul_rope: stopping distance"].value, found["haul_rope: stopping time"].value) == (10.0, 4.0)
+
+
+@pytest.mark.parametrize(("limit", "kept", "verdict"), [(100.0, None, "not decided"), (20.0, False, "exceeded")])
+def test_a_stop_that_is_not_over_at_the_end_decides_nothing_but_a_limit_that_it_has_passed(limit, kept, verdict):
+    figures = KeyFigures(scenario(limits__stopping_distance=limit))
+    drive(figures, lambda _: 6.0, 5.0)
+    figures.command(AppliedCommand(5.0, Command("emergency_stop", {}), "test"))
+    drive(figures, lambda _: 7.0, 5.0, start=130.0, begin=5.0 + PERIOD)
+    found = gathered(figures)
+    stop, passenger = found["cabin: stopping distance"], found["cabin: passenger's stopping distance"]
+    assert stop.value == pytest.approx(35.0, rel=0.01)
+    assert stop.place == "emergency stop from 6.00 m/s at 130.0 m, not over: still 7.00 m/s"
+    assert (stop.unfinished, stop.kept, stop.verdict) == (True, kept, verdict)
+    assert "cabin: mean deceleration of the stop" not in found
+    assert figure_from_values(stop.name, values_of(stop)) == stop
+    assert passenger.unfinished
+
+
+def test_a_carriage_that_runs_into_an_end_stop_is_told():
+    figures = KeyFigures(scenario())
+    end = scenario().cable.unstrained_length - stop_stroke(scenario(), scenario().carriages["cabin"])
+    drive(figures, lambda _: 3.0, 20.0, start=end - 30.0)
+    met = gathered(figures)["cabin: speed into an end stop"]
+    assert (met.value, met.time) == (3.0, pytest.approx(10.0, abs=2.0 * PERIOD))
+    figures = KeyFigures(scenario())
+    drive(figures, lambda _: 3.0, 9.0, start=end - 30.0)
+    assert "cabin: speed into an end stop" not in gathered(figures)
+
+
+def test_limits_by_which_nothing_is_judged_are_told():
+    bare = scenario(cable__breaking_force=None, limits__stopping_time=30.0)
+    figures = KeyFigures(bare)
+    figures.update(snapshot(0.0))
+    assert [one.text for one in not_judged(bare, figures.figures())] == [
+        "limits.rope_safety_factor: cable.breaking_force is not given",
+        "limits.stopping_time: the run has no such key figure",
+    ]
+    strong = scenario(cable__breaking_force=4e6)
+    figures = KeyFigures(strong)
+    figures.update(snapshot(0.0))
+    assert not_judged(strong, figures.figures()) == []
 
 
 def test_a_payload_does_not_end_a_stop():

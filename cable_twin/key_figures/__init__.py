@@ -6,7 +6,16 @@ The cost and the memory of an update do not grow with the run.
 """
 
 from cable_twin.key_figures.extremes import supports_of
-from cable_twin.key_figures.figure import FigureId, KeyFigure, Subject, figure, figure_from_values, values_of
+from cable_twin.key_figures.figure import (
+    FigureId,
+    KeyFigure,
+    NotJudged,
+    Subject,
+    figure,
+    figure_from_values,
+    not_judged,
+    values_of,
+)
 from cable_twin.key_figures.figures_of_run import KeyFigures, compile_figures
 from cable_twin.key_figures.quantities import QUANTITIES, Quantity
 
@@ -15,11 +24,13 @@ __all__ = [
     "FigureId",
     "KeyFigure",
     "KeyFigures",
+    "NotJudged",
     "Quantity",
     "Subject",
     "compile_figures",
     "figure",
     "figure_from_values",
+    "not_judged",
     "supports_of",
     "values_of",
 ]

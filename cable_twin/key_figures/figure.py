@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast, get_args
 
@@ -66,11 +66,17 @@ class KeyFigure:
     source: str = ""  # of the limit
     uncertainty: float | None = None  # difference from a run with finer mesh and step; None without one
     band: str = ""  # samples of the extreme: means over a time, frames, or steps
+    unfinished: bool = False  # still growing at the end of the run, as the distance of a stop that is not over
 
     @property
     def kept(self) -> bool | None:
-        """Whether the value complies with its limit, to a tolerance of 0.1 % of the limit; None without a limit."""
-        return None if self.limit is None else self._keeps(self.value)
+        """Whether the value complies with its limit, to a tolerance of 0.1 % of the limit.
+
+        None without a limit, and for an unfinished value that has not reached its limit.
+        """
+        if self.limit is None or (self.unfinished and self._keeps(self.value)):
+            return None
+        return self._keeps(self.value)
 
     @property
     def verdict(self) -> str:
@@ -78,6 +84,8 @@ class KeyFigure:
         if self.limit is None:
             return ""
         off = self.uncertainty or 0.0
+        if self.kept is None:
+            return "not decided"
         if self._keeps(self.value - off) != self._keeps(self.value + off):
             return "not decided"
         return "kept" if self.kept else "exceeded"
@@ -124,10 +132,37 @@ def figure(
     return KeyFigure(FigureId(quantity, subject.key, statistic), name, value, row.unit, time, place)
 
 
+class NotJudged(NamedTuple):
+    """Limit by which no key figure of a run is judged: its key in `limits`, and the missing key if it is one."""
+
+    limit: str
+    missing: str = ""
+
+    @property
+    def text(self) -> str:
+        """Limit and reason in words."""
+        reason = f"{self.missing} is not given" if self.missing else "the run has no such key figure"
+        return f"limits.{self.limit}: {reason}"
+
+
+def not_judged(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[NotJudged]:
+    """Limits by which no key figure of a run is judged: safety factors of ropes, and others that a scenario gives."""
+    found = []
+    for name, cable in scenario.cables.items():
+        if limit_of(scenario.of_rope(name), "rope_safety_factor")[0] and cable.breaking_force is None:
+            found.append(NotJudged("rope_safety_factor", f"{scenario.rope_key(name)}.breaking_force"))
+    judged = {QUANTITIES[one.id.quantity].limit for one in figures if one.limit is not None}
+    given = {key for key in scenario.limits.model_fields_set if getattr(scenario.limits, key)}
+    known = {row.limit for row in QUANTITIES.values() if row.limit} - {"rope_safety_factor"}
+    return found + [NotJudged(key) for key in sorted((given & known) - judged)]
+
+
 def values_of(figure: KeyFigure) -> dict[str, str]:
     """Key figure as the text values of a diagnostic status; inverse of `figure_from_values`, exact to the last bit."""
     values = {"value": repr(float(figure.value)), "unit": figure.unit, "time_s": repr(float(figure.time))}
     values |= {"place": figure.place, "band": figure.band, "id": str(figure.id)}
+    if figure.unfinished:
+        values["unfinished"] = "true"
     if figure.limit is not None:
         values |= {"limit": repr(float(figure.limit)), "bound": figure.bound, "source": figure.source}
     return values
@@ -143,6 +178,7 @@ def figure_from_values(name: str, values: Mapping[str, str]) -> KeyFigure:
         id_ = FigureId.of_text(values["id"])
         figure = KeyFigure(id_, name, float(values["value"]), values["unit"], float(values["time_s"]))
         figure = replace(figure, place=values.get("place", ""), band=values.get("band", ""))
+        figure = replace(figure, unfinished="unfinished" in values)
         if "limit" not in values:
             return figure
         bound, limit = values["bound"], float(values["limit"])

@@ -14,6 +14,7 @@ from cable_twin.frame.snapshot import DERAILED as WAYS_OUT
 from cable_twin.frame.snapshot import ENDS, Layout, Snapshot
 from cable_twin.geometry.ground import surroundings_of
 from cable_twin.key_figures.dissipation import Dissipation
+from cable_twin.key_figures.end_stops import EndStops
 from cable_twin.key_figures.extremes import (
     PLACE,
     ROPE,
@@ -88,7 +89,7 @@ class KeyFigures:
         on_bullwheels = {name for name, one in scenario.drives.items() if one.sheave}
         self._stops = DriveStops(subjects, self._motion, on_bullwheels)
         self._carried, self._seats = CarriedStops(scenario), SeatStops(scenario)
-        self._dissipation = Dissipation(scenario)
+        self._end_stops, self._dissipation = EndStops(scenario), Dissipation(scenario)
 
     def update(self, snapshot: Snapshot) -> None:
         """Update the key figures with one snapshot, in order of time.
@@ -100,6 +101,7 @@ class KeyFigures:
             self._take_layout(snapshot.layout)
         self._carried.update(snapshot)
         self._seats.update(snapshot)
+        self._end_stops.update(snapshot)
         time = snapshot.time
         passed = time - self._last
         if passed > 0.0 and not passed >= self._period:
@@ -183,7 +185,7 @@ class KeyFigures:
             found += [one for row, name in enumerate(self._sheaves) for one in self._of_sheave(row, name)]
             found += self._of_loads()
         found += [one.limited_by(self._scenario) for one in self._carried.figures()]
-        found += [*self._seats.figures(), *self._of_couplings(), *self._of_passing()]
+        found += [*self._seats.figures(), *self._end_stops.figures(), *self._of_couplings(), *self._of_passing()]
         if self._wind[0] > 0.0:
             found.append(figure("wind", Subject("air"), "highest", *self._wind))
         found.append(self._dissipation.figure(self._last))

@@ -91,6 +91,9 @@ _ROWS = (
         "m",
         HIGHEST,
     ),
+    Quantity(
+        "end_stop_speed", "speed into an end stop", "speed of a carriage that runs into an end stop", "m/s", HIGHEST
+    ),
     _limited("vehicle acceleration", "acceleration", HIGHEST),
     _limited("swing along the track", "swing", HIGHEST),
     _limited("swing across the track", "lateral_swing", HIGHEST),

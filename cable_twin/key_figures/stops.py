@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isnan, nan
 from typing import NamedTuple
 
@@ -59,11 +59,22 @@ def ordered_stop(applied: AppliedCommand, movers: Set[str]) -> str | None:
 
 
 def stop_figures(
-    subject: Subject, speed: float, values: tuple[float, float], time: float, places: tuple[str, str]
+    subject: Subject,
+    speed: float,
+    values: tuple[float, float],
+    time: float,
+    places: tuple[str, str],
+    *,
+    unfinished: bool = False,
 ) -> list[KeyFigure]:
-    """Key figures of a stop from a speed (m/s) ordered at a time (s): distance, time and mean deceleration."""
+    """Key figures of a stop from a speed (m/s) ordered at a time (s): distance, time and mean deceleration.
+
+    A stop that is unfinished has distance and time so far, and no mean deceleration.
+    """
     pairs = zip(("stopping_distance", "stopping_time"), values, places, strict=True)
     found = [figure(quantity, subject, "highest", value, time, place) for quantity, value, place in pairs]
+    if unfinished:
+        return [replace(one, unfinished=True) for one in found]
     if values[0] > 0.0:
         mean = speed**2 / (2.0 * values[0])
         found.append(figure("mean_deceleration", subject, "mean", mean, time, places[0]))
@@ -131,16 +142,27 @@ class DriveStops:
                     self._braking[name] = Stop(kind, applied.time, start, speed)
 
     def figures(self, name: str) -> list[KeyFigure]:
-        """Key figures of one drive's decisive stop, and its shortest delay of a restart; none without a stop."""
-        stop = self._stops.get(name)
-        if stop is None:
+        """Key figures of one drive's decisive stop, and its shortest delay of a restart; none without a stop.
+
+        Of a stop under way that would be decisive, the figures are those so far.
+        """
+        if name not in self._subjects:
             return []
+        stop, braking, subject = self._stops.get(name), self._braking.get(name), self._subjects[name]
         delay = self._restarts.get(name)
-        again = [] if delay is None else [figure("restart_delay", self._subjects[name], "lowest", *delay)]
-        place = f"{stop.kind} from {abs(stop.speed):.2f} m/s at {stop.start:.1f} m"
-        place += f", {RIM}" if name in self._on_bullwheels else ""
-        values = stop.distance, stop.end - stop.time
-        return stop_figures(self._subjects[name], stop.speed, values, stop.time, (place, place)) + again
+        again = [] if delay is None else [figure("restart_delay", subject, "lowest", *delay)]
+        under_way = braking is not None and (stop is None or braking.kind == EMERGENCY or stop.kind == STOP)
+        one = braking if under_way else stop
+        if one is None:
+            return again
+        text = f"{one.kind} from {abs(one.speed):.2f} m/s at {one.start:.1f} m"
+        text += f", {RIM}" if name in self._on_bullwheels else ""
+        values = one.distance, one.end - one.time
+        if under_way:
+            place, speed = self._motion(name)
+            text += f", not over: still {abs(speed):.2f} m/s"
+            values = abs(place - one.start), self._time - one.time
+        return stop_figures(subject, one.speed, values, one.time, (text, text), unfinished=under_way) + again
 
 
 class Travel:
@@ -271,8 +293,11 @@ class CarriedStops:
             self._begin(kind, applied.time, self._travel.last)
 
     def figures(self) -> Iterator[KeyFigure]:
-        """Yield the key figures of the stop, distance and time, of each carriage and of the farthest carrier."""
-        yield from self._stops
+        """Yield the key figures of the stop, distance and time, of each carriage and of the farthest carrier.
+
+        Of a stop under way that would count, the figures are those so far.
+        """
+        yield from self._stops if self._begun is None or self._is_minor(self._begun[0]) else self._figures(*self._begun)
 
     def _begin(self, kind: str, time: float, last: Snapshot) -> None:
         speed = np.where(self._travel.attached(last), last.columns.speed[self._travel.vehicles], 0.0)
@@ -294,20 +319,32 @@ class CarriedStops:
 
     def _finish(self) -> None:
         assert self._begun is not None
-        (kind, time), self._begun = self._begun, None
-        if kind == STOP and self._counts == EMERGENCY:
-            return
-        self._counts, self._stops = kind, []
+        begun, self._begun = self._begun, None
+        if not self._is_minor(begun[0]):
+            self._counts, self._stops = begun[0], [*self._figures(*begun)]
+
+    def _is_minor(self, kind: str) -> bool:
+        """Whether a stop of a kind does not count, as there was an emergency stop before."""
+        return kind == STOP and self._counts == EMERGENCY
+
+    def _figures(self, kind: str, time: float) -> Iterator[KeyFigure]:
+        """Yield the key figures of the last stop, of a kind and from a time (s) on; those so far while it goes on."""
+        last = self._travel.last
         for subject, members in self._travel.groups:
-            counted = [member for member in members if self._end[member] > time]
-            if counted:
-                member = max(counted, key=lambda one: self._way[one])
-                where = (
-                    f"{self._travel.describe(member, members, kind, self._start[member])}, of its clamp along the rope"
-                )
-                values = float(self._way[member]), float(self._end[counted].max()) - time
-                places = where, f"{kind}, until the last vehicle stands still"
-                self._stops += stop_figures(subject, float(self._start[member]), values, time, places)
+            moving = [one for one in members if isnan(self._end[one]) and abs(self._start[one]) > SLOWEST]
+            counted = [*moving, *(one for one in members if self._end[one] > time)]
+            if not counted or last is None:
+                continue
+            member, under_way = max(counted, key=lambda one: self._way[one]), bool(moving)
+            where = f"{self._travel.describe(member, members, kind, self._start[member])}, of its clamp along the rope"
+            end, until = float(np.max(self._end[counted])), f"{kind}, until the last vehicle stands still"
+            if under_way:
+                speed = max(abs(float(last.columns.speed[self._travel.vehicles[one]])) for one in moving)
+                where, end = f"{where}, not over: still {speed:.2f} m/s", last.time
+                until = f"{kind}, not over: still {speed:.2f} m/s"
+            values = float(self._way[member]), end - time
+            places = where, until
+            yield from stop_figures(subject, float(self._start[member]), values, time, places, unfinished=under_way)
 
 
 class Farthest(NamedTuple):
@@ -379,7 +416,17 @@ class SeatStops:
             if (one := self._found.get(subject)) is not None:
                 stop = self._travel.describe(one.number, members, one.kind, one.speed)
                 where = f"{stop}, its load along the rope, swing included"
-                yield figure("passenger_stopping_distance", subject, "highest", one.way, one.begun, where)
+                found = figure("passenger_stopping_distance", subject, "highest", one.way, one.begun, where)
+                if self._goes_on(one.number):
+                    found = replace(found, place=f"{where}, not over", unfinished=True)
+                yield found
+
+    def _goes_on(self, number: int) -> bool:
+        """Whether a vehicle, by index, still moves in a stop under way, and its load has never been farther."""
+        last = self._travel.last
+        if self._over[number] or last is None or self._farthest_at[number] < last.time:
+            return False
+        return abs(float(last.columns.speed[self._travel.vehicles[number]])) > SLOWEST
 
     def _begin(self, number: int, kind: str, time: float, last: Snapshot) -> None:
         """Begin the stop of one moving vehicle, by index."""

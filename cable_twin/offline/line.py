@@ -14,7 +14,7 @@ from typing import Any, TextIO
 import numpy as np
 from rich.console import Console
 
-from cable_twin.key_figures import values_of
+from cable_twin.key_figures import not_judged, values_of
 from cable_twin.key_figures.rules import judge, profiles_of
 from cable_twin.offline.check import compared, refined
 from cable_twin.offline.export import STDOUT
@@ -76,6 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     title = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
     words.print(f"{line.scenario.name} at rest, {title}", markup=False)
     print_figures(words, [line.figures], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
+    for one in not_judged(line.scenario, line.figures):
+        words.print(f"not judged: {one.text}", markup=False)
     print_verdicts(words, profiles_of(line.scenario), judge(line.scenario, line.figures, at_rest=True), line.scenario)
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):

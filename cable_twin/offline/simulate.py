@@ -16,7 +16,7 @@ from functools import partial
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures
+from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures, not_judged
 from cable_twin.key_figures.rules import judge, profiles_of
 from cable_twin.messages import nanoseconds, topics
 from cable_twin.messages.figure_messages import describe
@@ -335,8 +335,10 @@ def report(
     print_figures(table_console(), [figures])
     print_verdicts(table_console(), profiles_of(scenario), judge(scenario, figures), scenario)
     warned = [one for one in figures if one.kept is False and one.id.quantity in ("energy_lost", "derailed")]
-    met = [one for one in figures if one.id.quantity == "buffer_force"]
+    met = [one for one in figures if one.id.quantity in ("buffer_force", "end_stop_speed")]
+    met += [one for one in figures if one.id.quantity == "stopping_distance" and one.unfinished]
     lines = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
+    lines += [f"not judged: {one.text}" for one in not_judged(scenario, figures)]
     lines += [f"refused: {line}" for line in outcome.refused[:5]]
     lines += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     lines += [*faults]
