@@ -105,3 +105,14 @@ def test_an_encoder_that_has_gone_far_before_its_twin_begins_is_not_of_another_u
         for time in TIMES:
             doubts.of_samples(time, [Measurement("encoder", time, (800.0 + 0.1 * time,))], np.array([0.1 * time]))
         assert [*doubts.left_out] == said
+
+
+def test_one_sample_near_zero_is_not_of_another_unit():
+    reading = Reading("tilt", "rad", np.zeros(1, dtype=np.intp), 1e-3, Errors(1e-3, 1e-3), 1e-3)
+    doubts, swing = Doubts({"tilt": reading}), np.array([0.17])
+    for time in range(20):
+        doubts.of_samples(0.1 * time, [Measurement("tilt", 0.1 * time, (1.7e-4 if time % 6 == 3 else 0.1,))], swing)
+    assert not doubts.left_out
+    for time in range(20, 26):
+        doubts.of_samples(0.1 * time, [Measurement("tilt", 0.1 * time, (1.7e-4,))], swing)
+    assert [*doubts.left_out] == ["tilt"]

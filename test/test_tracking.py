@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,9 +91,49 @@ def measured():
     return scenario, found
 
 
+def tracker_of(scenario):
+    """Tracker that may begin under way, as if payload and friction were known from before."""
+    tracker = Tracker(scenario)
+    tracker.follower.needs_rest = False
+    return tracker
+
+
+def test_a_twin_that_knows_nothing_waits_until_its_plant_stands(measured):
+    scenario, found = measured
+    tracker, lines = Tracker(scenario), []
+    stands = next(item.values for item in found if item.sensor == "encoder_cabin" and item.time >= 10.0)
+    for number in range(round(found[-1].time / 0.05)):
+        now = 0.05 * (number + 1)
+        arrived = [item for item in found if now - 0.05 < item.time <= now]
+        tracker.measure(
+            [replace(one, values=stands) if one.sensor == "encoder_cabin" and now > 10.0 else one for one in arrived],
+            now,
+        )
+        lines += [(now, line) for news in tracker.advance(now) for line in news.lines]
+    (_, waits), (begun, follows), *_ = lines
+    assert waits == "waits until cabin of the plant stands still"
+    assert follows.startswith("follows the plant from 1")
+    assert begun > 10.0
+    assert "with 0.00 m/s" in follows
+    tracker.follower.close()
+
+
+def test_a_twin_begins_at_a_constant_speed_alone(measured):
+    scenario, found = measured
+    tracker, lines = tracker_of(scenario), []
+    for number in range(200):
+        now = 0.05 * (number + 1)
+        arrived = [item for item in found if now - 0.05 < item.time <= now and item.time > 7.0]
+        tracker.measure(arrived, now)
+        lines += [line for news in tracker.advance(now) for line in news.lines]
+    assert lines == ["waits until cabin of the plant moves at a constant speed"]
+    assert tracker.state == WAITING
+    tracker.follower.close()
+
+
 def test_a_twin_begins_where_its_plant_is_goes_on_alone_and_follows_again(measured):
     scenario, found = measured
-    tracker, lines, estimates = Tracker(scenario), [], []
+    tracker, lines, estimates = tracker_of(scenario), [], []
 
     def pass_on(first, last):
         for number in range(round(20.0 * (last - first))):
@@ -130,17 +172,18 @@ def test_a_twin_begins_where_its_plant_is_goes_on_alone_and_follows_again(measur
 
 def test_a_plant_that_is_somewhere_else_is_begun_with_anew(measured):
     scenario, found = measured
-    tracker, lines = Tracker(scenario), []
+    tracker, lines = tracker_of(scenario), []
     moved = [Measurement(item.sensor, item.time, (item.values[0] + 100.0,)) if item.sensor == "encoder_cabin" else item
              for item in found if item.time > 3.0]  # fmt: skip
     arrived = sorted([item for item in found if item.time <= 3.0] + moved, key=lambda item: item.time)
-    for number in range(100):
+    for number in range(140):
         now = 0.05 * (number + 1)
         tracker.measure([item for item in arrived if now - 0.05 < item.time <= now], now)
         for news in tracker.advance(now):
             lines.extend(news.lines)
     assert any(line.startswith("cabin is +") for line in lines)
-    assert 255.0 < tracker.follower.place_of("encoder_cabin") < 300.0
+    assert lines[-1].startswith("follows the plant from ")
+    assert 255.0 < tracker.follower.place_of("encoder_cabin") < 310.0
     tracker.follower.close()
 
 
@@ -148,7 +191,8 @@ def test_a_twin_that_is_too_far_behind_begins_anew_at_the_present(measured, monk
     scenario, found = measured
     monkeypatch.setattr("cable_twin.ensemble.estimate.tracker.BEHIND", 2.0)
     monkeypatch.setattr("cable_twin.ensemble.estimate.tracker.TOO_FAR", 4.0)
-    tracker, lines, behind = Tracker(scenario), [], []
+    monkeypatch.setattr("cable_twin.ensemble.estimate.tracker.STEADY", 1.0)  # as the plant slows down
+    tracker, lines, behind = tracker_of(scenario), [], []
 
     def pass_on(first, last, present=None):
         tracker.measure([one for one in found if first < one.time <= last], last)

@@ -18,6 +18,7 @@ PLANT = "plant"  # instead of a sensor: several contradict
 SUSPECT_WINDOWS = 3  # in which it has to, one after the other, before it is left out for good
 STUCK_SAMPLES = 30  # equal ones of a sensor with noise
 STANDING_SAMPLES = 5  # equal ones of an encoder, which before was faster than
+UNIT_SAMPLES = 5  # of another unit, one after the other: one alone may be near 0 by chance
 SUDDEN = 1.0  # m/s, from which no drive stops within a sample
 WELL_ABOVE = 30.0  # times its noise, from which on a prediction tells the unit of a sensor
 LOST = 0.1  # share of the force of a drive, from which on its sensor is not the only one that may be at fault
@@ -73,6 +74,7 @@ class Doubts:
         self._last: dict[str, tuple[float, int]] = {}  # value and count of equal samples
         self._moved: dict[str, tuple[float, float, float]] = {}  # time, place and speed of the last move of an encoder
         self._jumps = {name: Jumps(one.noise) for name, one in readings.items() if one.unit == "m"}
+        self._of_other_units: dict[str, int] = {}  # count of samples one after the other
         self._exchanged: dict[str, str] = {}  # sensor by another one, whose name its measurements have
         self.left_out: dict[str, Alarm] = {}
 
@@ -203,7 +205,9 @@ class Doubts:
             wanted = abs(reading.in_frame(numbers))
             size = abs(reading.measured(one))
             share = size / wanted if wanted > WELL_ABOVE * reading.noise else 1.0
-            if any(THOUSANDFOLD[0] <= ratio <= THOUSANDFOLD[1] for ratio in (share, 1.0 / max(share, 1e-12))):
+            odd = any(THOUSANDFOLD[0] <= ratio <= THOUSANDFOLD[1] for ratio in (share, 1.0 / max(share, 1e-12)))
+            self._of_other_units[one.sensor] = self._of_other_units.get(one.sensor, 0) + 1 if odd else 0
+            if self._of_other_units[one.sensor] == UNIT_SAMPLES:
                 read, expected = with_unit(size, reading.unit), with_unit(wanted, reading.unit)
                 text = f"reads {read} where {expected} are expected: another unit? It is left out"
                 alarms.append(self._leave_out(one.sensor, time, f"sensor {one.sensor} {text}"))

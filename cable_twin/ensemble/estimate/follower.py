@@ -29,6 +29,7 @@ from cable_twin.ensemble.estimate.quantities import (
     Hidden,
     Reading,
     Slow,
+    friction_errors,
     hidden_quantities,
     readings,
     slow_quantities,
@@ -62,6 +63,7 @@ FASTER = 20.0  # times the usual drift of a quantity of which an alarm has told:
 SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
 FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
+MOVED = 1.0  # m, from which on a plant has moved
 RESTS = 8  # at most, that are tried for one window
 FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
 
@@ -95,6 +97,8 @@ class Follower:
         readings: sensors that are read, by name.
         hidden: estimated quantities that no sensor need measure.
         doubts: detector of faulty sensors.
+        needs_rest: whether it has to begin at a plant that stands: under way payload, ice and friction have effects too
+            much alike to be told apart, unless they are known from before.
 
     Args:
         scenario: of the twin; its `sensors` are those of the plant.
@@ -120,6 +124,7 @@ class Follower:
         self._deviation = np.array([one.deviation for one in self.slow])
         self.doubts, self._scatter = Doubts(self.readings), Scatter(tuple(self.readings))
         errors = np.array([one.error for one in self.readings.values()])
+        self._usual_errors, self._of_friction = errors, friction_errors(scenario, self.readings, scale)
         self._errors, self._rows_of = errors, {name: row for row, name in enumerate(self.readings)}
         mean = np.concatenate([[one.mean for one in self.slow], np.zeros(len(self._fast) + errors.size)])
         swing = np.full(len(self._fast), PRIOR)
@@ -132,7 +137,7 @@ class Follower:
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
         self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
-        self._departures = Departures()
+        self.needs_rest, self._departures = True, Departures()
         self._expected = {one.name: Expected(one.plan, one.tolerance, bool(one.payload_of)) for one in self.slow}
         self._alarms: list[Alarm] = []  # of samples, to be told with the next correction
 
@@ -169,12 +174,24 @@ class Follower:
         mean[fast], covariance[fast, :], covariance[:, fast] = 0.0, 0.0, 0.0
         under_way = any(speed != 0.0 for _, speed in motion.values())
         covariance[fast, fast] = (ANY_SWING if under_way else PRIOR) ** 2 * np.eye(len(self._fast))
+        of_friction = self._of_friction if self._has_moved(motion) else 0.0
+        self._errors = np.hypot(self._usual_errors, of_friction)
+        covariance[range(fast.stop, mean.size), range(fast.stop, mean.size)] += self._errors**2 - self._usual_errors**2
         self._belief = Belief(mean, covariance)
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
         self._stands, self._begun = not under_way, time
+        self._stirred = 1.0 if under_way else 0.0
+        self.needs_rest = self.needs_rest and under_way
         self.doubts.forget()
         self._swing()
+
+    def _has_moved(self, motion: Motion) -> bool:
+        """Whether a plant is not where its scenario begins, so that its towers hold the rope by an unknown friction."""
+        starts = {name: one.arc_length for name, one in self._scenario.carriages.items()}
+        return any(
+            speed != 0.0 or abs(place - starts.get(name, 0.0)) > MOVED for name, (place, speed) in motion.items()
+        )
 
     def close(self) -> None:
         """End the threads of the ensemble."""

@@ -104,6 +104,7 @@ class LineFollower:
             with the model, the others only looked at for faults of their own.
         doubts: detector of faulty sensors.
         carriers: names of the carriers.
+        needs_rest: False, as it may begin at a lift under way.
 
     Args:
         scenario: of the twin; its `sensors` are those of the plant.
@@ -111,6 +112,7 @@ class LineFollower:
 
     slow: tuple[Slow, ...] = ()
     window = WINDOW
+    needs_rest = False
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario

@@ -12,7 +12,7 @@ APART, NEAR = 0.3, 0.1  # m beyond the way of `TIMING`, from which a place is pu
 TIMING = 0.1  # s, by which commands of a plant may be earlier or later in the twin
 CLOSING = 4.0  # s, in which a distance is made up for
 SLOWING = 0.1  # m/s^2, by which a twin that made up for a distance becomes slower: less than any drive can
-SPAN = 1.0  # s, over which a measured speed is averaged
+SPAN, LONG_SPAN = 1.0, 2.0  # s, over which a measured speed is averaged, and an acceleration
 CHANGED = 0.02  # m/s, from which on another speed is commanded
 LONGEST = 0.3  # s, after which a speed is commanded again
 
@@ -31,7 +31,7 @@ class Pursuit:
     def __init__(self, most: Mapping[str, float], period: Mapping[str, float] | None = None) -> None:
         self._most, self._period = dict(most), dict(period or {})
         self._commanded: dict[str, tuple[float, float]] = {}  # time (s) and speed (m/s) of the last command
-        self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `SPAN`
+        self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `LONG_SPAN`
         self._given: dict[str, tuple[float, float]] = {}
         self._pursued: set[str] = set()
 
@@ -44,16 +44,26 @@ class Pursuit:
         """Record the place (m) of a carriage or drive that an encoder measured at a time (s)."""
         kept = self._places.setdefault(name, deque())
         kept.append((time, place))
-        while kept[-1][0] - kept[0][0] > SPAN + 1e-9:
+        while kept[-1][0] - kept[0][0] > LONG_SPAN + 1e-9:
             kept.popleft()
 
     def speed_of(self, name: str) -> float | None:
         """Measured speed (m/s) of a carriage or drive, mean of the last `SPAN`; None with too few measurements."""
+        return self._rate_of(name, SPAN, 1)
+
+    def acceleration_of(self, name: str) -> float | None:
+        """Measured acceleration (m/s^2) of a carriage or drive in the last `LONG_SPAN`; None with few measurements."""
+        half = self._rate_of(name, LONG_SPAN, 2)
+        return None if half is None else 2.0 * half
+
+    def _rate_of(self, name: str, span: float, degree: int) -> float | None:
+        """Highest coefficient of a polynomial fit of the places measured in a span (s); None with few measurements."""
         kept = self._places.get(name, deque())
-        if len(kept) < 3 or kept[-1][0] - kept[0][0] < 0.5 * SPAN:
+        recent = [one for one in kept if kept[-1][0] - one[0] <= span + 1e-9]
+        if len(recent) < degree + 2 or recent[-1][0] - recent[0][0] < 0.5 * span:
             return None
-        times, places = np.array(kept).T
-        return float(np.polyfit(times - times[-1], places, 1)[0])
+        times, places = np.array(recent).T
+        return float(np.polyfit(times - times[-1], places, degree)[0])
 
     def place_of(self, name: str) -> float | None:
         """Newest measured place (m) of a carriage or drive; None without any measurement."""

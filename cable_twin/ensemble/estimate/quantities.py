@@ -13,6 +13,7 @@ from cable_twin.frame.sensors import ANGLES, Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.builders.system import TOWER_FRICTION
 
 # slow error of the model in what a sensor reads, a standard deviation beside its noise, assumed
 PLACE_ERROR, FORCE_ERROR, LOAD_ERROR, ANGLE_ERROR = 0.2, 0.15, 6e-5, 4e-4  # m, of the noise, of the load, rad
@@ -70,6 +71,7 @@ WIND_WALK = 0.2  # m/s after a second, as of gusts of 1 m/s that last 50 s; less
 ICE, ICE_TOLERANCE, ICE_WALK = 0.5, 0.3, 5e-3  # kg/m: prior deviation, without an alarm, after a second
 ICING = 0.05  # kg/m, standard deviation of ice that comes or falls off within a window
 PAYLOAD_TOLERANCE = 0.015  # of the capacity, without an alarm
+HELD = 0.1  # of the friction of all towers, standard deviation of what it holds of a tension after earlier motion
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 
@@ -212,6 +214,34 @@ def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> 
             place = np.atleast_1d(column).astype(np.intp)
             fast = FAST_ANGLE if alone else FAST_ANGLE_OF_ROPES
             found[name] = Reading(name, "rad", place, noise, fast, ANGLE_ERROR)
+    return found
+
+
+def friction_errors(scenario: Scenario, readings: Mapping[str, Reading], scale: Mapping[str, float]) -> FloatArray:
+    """Standard deviations (sensors,) of the load cells by the friction of towers, which depends on earlier motion.
+
+    Args:
+        scenario: with the sensors.
+        readings: of the sensors, by name.
+        scale: load at rest (N) by support.
+    """
+    found = np.zeros(len(readings))
+    for rope in scenario.cables:
+        own, ends = scenario.of_rope(rope), scenario.end_names(rope)
+        towers = own.towers
+        usual = {
+            name: TOWER_FRICTION[one.kind] if one.friction is None else one.friction for name, one in towers.items()
+        }
+        held = HELD * sum(usual[name] * scale[name] for name in towers)
+        strongest = max(scale[end] for end in ends)
+        share = {name: 0.5 * scale[name] / strongest for name in towers}
+        share |= {
+            name: float(end.support != "counterweight") for name, end in zip(ends, own.cable.ends.values(), strict=True)
+        }
+        for row, name in enumerate(readings):
+            sensor = scenario.sensors[name]
+            if sensor.kind == "load_cell" and sensor.of in share:
+                found[row] = held * share[sensor.of]
     return found
 
 

@@ -19,6 +19,8 @@ from cable_twin.simulation import EquilibriumError
 
 SILENT = 2.0  # s without a measurement, after which the twin says that it goes on by its model
 LISTENING = 1.0  # s of measurements before the twin begins where the plant is
+STEADY, LONGEST_WAIT = 0.05, 900.0  # m/s^2, up to which a plant moves steadily; s, for which it is waited for
+MOVES = 0.1  # m/s, from which on a plant moves
 ELSEWHERE = 20.0  # m, by which a plant is too far away to be pursued
 TIMES = 5  # samples, one after the other, that say so
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
@@ -55,7 +57,7 @@ class Tracker:
         self._pursuit = Pursuit(self._most)
         self.sensors = scenario.sensors
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
-        self._first = 0.0  # s, of the first measurement since it waits
+        self._first, self._waits = 0.0, False  # s, of the first measurement since it waits; whether for a steady plant
         self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
         self._refused: set[str] = set()
         self.behind, self._told_behind = 0.0, False
@@ -140,11 +142,31 @@ class Tracker:
 
     def _begin(self, time: float) -> Iterator[News]:
         """Start the twin at the places of the plant's vehicles, after measurements of `LISTENING` (s)."""
-        self._first = self._first or time
+        new = not self._first
+        self._first = time if new else self._first
+        if new:
+            self._waits = False
         if time - self._first < LISTENING:
             return
-        lines = self._begin_at(time)
-        yield News(time, None, tuple(lines))
+        changing = [name for name in self._encoders.values() if not self._is_steady(name)]
+        if changing and time - self._first < LONGEST_WAIT:
+            if not self._waits:
+                self._waits = True
+                wanted = "stands still" if self.follower.needs_rest else "moves at a constant speed"
+                yield News(time, None, (f"waits until {', '.join(changing)} of the plant {wanted}",))
+            return
+        yield News(time, None, tuple(self._begin_at(time)))
+
+    def _is_steady(self, name: str) -> bool:
+        """Whether a carriage or drive of the plant stands, or moves at a constant speed where that is enough to begin.
+
+        Ropes swing after an acceleration and the force of a drive is another one, which a twin in steady motion would
+        put down to payload, ice and friction.
+        """
+        speed, acceleration = self._pursuit.speed_of(name), self._pursuit.acceleration_of(name)
+        if speed is None or abs(speed) < MOVES:
+            return True
+        return not self.follower.needs_rest and acceleration is not None and abs(acceleration) < STEADY
 
     def _begin_at(self, time: float) -> list[str]:
         motion = {}
@@ -152,7 +174,7 @@ class Tracker:
             place, speed = self._pursuit.place_of(name), self._pursuit.speed_of(name)
             if place is not None:
                 most = self._most.get(name, np.inf)
-                motion[name] = place, 0.0 if speed is None or abs(speed) < 0.1 else float(np.clip(speed, -most, most))
+                motion[name] = place, 0.0 if speed is None or abs(speed) < MOVES else float(np.clip(speed, -most, most))
         where = ", ".join(f"{name} at {place:.2f} m with {speed:.2f} m/s" for name, (place, speed) in motion.items())
         try:
             self.follower.begin_at(time, motion)
@@ -173,7 +195,9 @@ class Tracker:
             self._far[name] = self._far.get(name, 0) + 1 if abs(apart) > ELSEWHERE else 0
             if self._far[name] >= TIMES:
                 self._far.clear()
-                return [f"{name} is {apart:+.1f} m from the twin", *self._begin_at(time)]
+                self.state, self._first = WAITING, 0.0
+                self._pursuit.forget()
+                return [f"{name} is {apart:+.1f} m from the twin, which begins anew there"]
             if fault := self._drive(time, name, place):
                 return [fault]
         return []
