@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_twin import Ensemble
-from cable_twin.ensemble.estimate.doubts import Alarm
 from cable_twin.ensemble.estimate.follower import Correction, Follower
+from cable_twin.ensemble.estimate.sensor_faults import Alarm
 from cable_twin.ensemble.estimate.tracker import News, Tracker
 from cable_twin.frame.records import AppliedCommand, Command, FloatArray
 from cable_twin.frame.sensors import Measurement, Sensors

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from cable_twin import Ensemble
-from cable_twin.ensemble.estimate.doubts import STUCK_SAMPLES, Doubts
 from cable_twin.ensemble.estimate.follower import BOARDING, Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.quantities import Errors, Reading, readings, slow_quantities
 from cable_twin.ensemble.estimate.scatter import Scatter
+from cable_twin.ensemble.estimate.sensor_faults import STUCK_SAMPLES, Doubts
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.messages import ESTIMATE, statuses_of_message

@@ -20,7 +20,6 @@ from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.changes import best_change
 from cable_twin.ensemble.estimate.departures import Departures, Expected
-from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
@@ -37,6 +36,7 @@ from cable_twin.ensemble.estimate.quantities import (
     weights_of,
 )
 from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter, excuse
+from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement

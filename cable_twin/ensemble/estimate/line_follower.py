@@ -16,11 +16,11 @@ import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.departures import Departures, Expected
-from cable_twin.ensemble.estimate.doubts import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
+from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
