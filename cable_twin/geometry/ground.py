@@ -13,6 +13,8 @@ from cable_twin.mechanics.parameters import IntArray
 from cable_twin.mechanics.readout.clearances import Surroundings
 from cable_twin.scenario import Scenario, masts
 
+MAST, BELOW = 15.0, 0.25  # m, longest drawn mast without terrain, and share of the ropes' height range below them
+
 
 def surroundings_of(scenario: Scenario) -> Surroundings:
     """Terrain, masts and vehicle outlines of a scenario, as the record that the clearance kernel `look_around` takes.
@@ -71,6 +73,22 @@ def heights_over_ground(scenario: Scenario, points: FloatArray) -> FloatArray:
         ground += share * (np.where(points[:, 1] > 0.0, left, right) - ground)
     heights: FloatArray = points[:, 2] - ground
     return heights
+
+
+def tower_foot(scenario: Scenario, x: float, top: float, ropes: FloatArray) -> float:
+    """Height (m) of the foot of a tower for drawings: on the terrain, else below its top and a little below all ropes.
+
+    Args:
+        scenario: Scenario of the tower.
+        x: Place of the tower along the track, in m.
+        top: Height of its top, in m.
+        ropes: Heights (n,) of all ropes, in m; NaN is left out.
+    """
+    if scenario.terrain:
+        ground = np.array(scenario.terrain, dtype=np.float64)
+        return float(np.interp(x, ground[:, 0], ground[:, -1]))
+    lowest, highest = float(np.nanmin(ropes)), float(np.nanmax(ropes))
+    return min(top, max(top - MAST, lowest - BELOW * (highest - lowest)))
 
 
 def default_ground(cable: FloatArray, carriages: Sequence[FloatArray]) -> FloatArray:

@@ -24,7 +24,7 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.offline.lines.plot import _clearance, tension_envelope, tension_limits, write_line_plot
+from cable_twin.offline.lines.plot import _clearance, _profile, _towers, tension_envelope, tension_limits, write_line_plot
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {
@@ -221,6 +221,24 @@ def test_a_line_in_the_wind_is_drawn_from_above_too(tmp_path):
         middle = rope[len(rope) // 2]
     assert heights[20.0] > 1.2 * heights[0.0]
     assert middle[1] / -middle[2] == pytest.approx(drag / (3.0 * 9.81), rel=0.05)
+
+
+def test_a_line_without_a_vehicle_has_its_loads_over_its_towers():
+    """Formerly an empty panel over `arc length of  [m]`, and masts of 15 m below wires with a sag of 1 m."""
+    towers = {f"support_{x}": {"position": [1.0 * x, 0.0], "kind": "saddle"} for x in (100, 200, 300)}
+    cable = SPAN["cable"] | {"mass_per_length": 1.0, "unstrained_length": 400.0}
+    line = plan_line(load_scenario({"cable": cable, "towers": towers}), 4, None)
+    calculate(line)
+    _, (profile, loads) = plt.subplots(2)
+    _profile(profile, line)
+    _towers(loads, line)
+    down, along = loads.get_lines()
+    assert (down.get_marker(), along.get_marker(), loads.get_xlabel()) == ("o", "x", "x, along the track [m]")
+    assert down.get_xdata().tolist() == [100.0, 200.0, 300.0]
+    assert down.get_ydata() == pytest.approx([1e-3 * line.rows[f"{name}: load downwards [N]"][0] for name in towers])
+    heights = np.concatenate([one.get_ydata() for one in profile.get_lines()])
+    assert np.ptp(heights) < 1.5 * np.ptp(line.columns[0].rope_position[:, 2])
+    plt.close()
 
 
 def test_on_a_narrow_terminal_each_place_says_whose_it_is(monkeypatch, capsys):

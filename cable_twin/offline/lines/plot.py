@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Layout
-from cable_twin.geometry.ground import heights_over_ground
+from cable_twin.geometry.ground import heights_over_ground, tower_foot
 from cable_twin.key_figures import FigureId
 from cable_twin.offline.lines.at_rest import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
@@ -64,16 +64,15 @@ def _profile(axes: Axes, line: Line) -> None:
             axes.plot(rope[part, 0], rope[part, 2], color=COLORS[0], linewidth=0.4, label=called)
     bodies = np.array([columns.body_position for columns in line.columns])
     here = np.array([np.repeat(columns.attached > 0.0, np.diff(_layout(line).first_body)) for columns in line.columns])
-    axes.plot(bodies[..., 0][here], bodies[..., 2][here], ".", color=COLORS[1], markersize=2.5, label="vehicles")
+    if here.any():
+        axes.plot(bodies[..., 0][here], bodies[..., 2][here], ".", color=COLORS[1], markersize=2.5, label="vehicles")
     if line.scenario.terrain:
         ground = np.array(line.scenario.terrain)
         axes.plot(ground[:, 0], ground[:, -1], color=INK, label="terrain")
         axes.fill_between(ground[:, 0], ground[:, -1], ground[:, -1].min() - 10.0, color=QUIET, alpha=0.15, linewidth=0)
     for number, tower in enumerate(line.scenario.towers.values()):
         x, top = tower.position[0], tower.position[-1]
-        foot = top - 15.0
-        if line.scenario.terrain:
-            foot = float(np.interp(x, ground[:, 0], ground[:, -1]))
+        foot = tower_foot(line.scenario, x, top, ropes[:, :, 2])
         axes.plot([x, x], [foot, top], color=QUIET, linewidth=2.5, label="" if number else "towers")
     axes.set_xlabel("x, along the track [m]")
     axes.set_ylabel("z, height [m]")
@@ -114,6 +113,9 @@ def _tension(axes: Axes, line: Line) -> None:
     low, high = tension_envelope(line, tensions)
     for number, (rope, part) in enumerate(_layout(line).ropes.items()):
         color, whose = COLORS[number % len(COLORS)], f"{rope}, " if line.scenario.ropes else ""
+        if not line.moved:
+            axes.plot(arc[part], high[part], color=color, label=rope if line.scenario.ropes else "rope")
+            continue
         axes.fill_between(arc[part], low[part], high[part], color=color, alpha=0.2, linewidth=0)
         axes.plot(arc[part], high[part], color=color, label=f"{whose}highest")
         axes.plot(arc[part], low[part], color=color, linestyle="--", label=f"{whose}lowest")
@@ -226,25 +228,38 @@ def _clearance(axes: Axes, line: Line) -> None:
 
 
 def _towers(axes: Axes, line: Line) -> None:
-    """Draw both load components of each tower of a line over the place of the vehicle."""
+    """Draw both load components of each tower of a line over the place of the vehicle; without one, of the towers."""
     towers = list(line.scenario.towers)
-    for number, name in enumerate(towers):
-        color = COLORS[number] if len(towers) <= len(COLORS) else plt.get_cmap("viridis")(number / len(towers))
-        down, along = (line.rows[f"{name}: load {part} [N]"] for part in ("downwards", "along the track"))
-        axes.plot(line.places, 1e-3 * down, color=color, label=f"{name}, downwards")
-        axes.plot(line.places, 1e-3 * along, color=color, linestyle="--")
-    axes.plot([], [], color=QUIET, linestyle="--", label="along the track")
+    down, along = (
+        {name: 1e-3 * line.rows[f"{name}: load {part} [N]"] for name in towers}
+        for part in ("downwards", "along the track")
+    )
+    if line.moved:
+        for number, name in enumerate(towers):
+            color = COLORS[number] if len(towers) <= len(COLORS) else plt.get_cmap("viridis")(number / len(towers))
+            axes.plot(line.places, down[name], color=color, label=f"{name}, downwards")
+            axes.plot(line.places, along[name], color=color, linestyle="--")
+        axes.plot([], [], color=QUIET, linestyle="--", label="along the track")
+    else:
+        at = [line.scenario.tower_places[name][0] for name in towers]
+        axes.plot(at, [down[name][0] for name in towers], "o", color=COLORS[0], label="downwards")
+        axes.plot(at, [along[name][0] for name in towers], "x", color=COLORS[1], label="along the track")
+        rope = line.columns[0].rope_position[:, 0]
+        axes.update_datalim([(rope.min(), 0.0), (rope.max(), 0.0)])  # to stand below the profile
     if line.scenario.limits.support_load is not None:
         axes.axhline(1e-3 * line.scenario.limits.support_load, color=LIMIT, linewidth=1.0, label="limit")
     axes.set_xlabel(_where(line))
     axes.set_ylabel("load of the rope\non towers [kN]")
-    if len(towers) > MANY:
+    if line.moved and len(towers) > MANY:
         axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0), fontsize=5.5)
     else:
         axes.legend(ncols=4, **HEAD)
 
 
 def _where(line: Line) -> str:
+    """Axis label for the places of the vehicle; without a vehicle for those of the towers."""
+    if not line.moved:
+        return "x, along the track [m]"
     carriers = line.scenario.carriers
     if line.moved in line.scenario.drives or (carriers is not None and line.moved == carriers.name):
         return "rope travel [m]"
