@@ -12,6 +12,7 @@ from cable_twin.frame.records import FloatArray
 
 LETTER, LINE = 6.4, 16.0  # pixels, width of a letter and height of a line in rerun; measured, rounded up
 MARGIN = (8.0, 6.0)  # pixels of background left and right of a text, and above and below it
+SAMPLES = 400  # of the highest of several curves
 NEAR = 0.025  # distance over the length of the track within which supports share one name, as two do not fit
 
 
@@ -51,6 +52,37 @@ def apart(anchors: FloatArray, sizes: FloatArray, taken: FloatArray | None = Non
     placed = np.array(anchors, dtype=np.float64)
     np.put_along_axis(placed[..., 1], order, y[..., len(fixed) :], axis=-1)
     return placed
+
+
+def highest_line(curves: Sequence[FloatArray]) -> FloatArray:
+    """Return the upper edge (m, 2) of several curves (n, 2) over their first coordinate; NaN where there is none."""
+    x = np.linspace(min(one[:, 0].min() for one in curves), max(one[:, 0].max() for one in curves), SAMPLES)
+    heights = []
+    for one in curves:
+        order = np.argsort(one[:, 0])
+        heights.append(np.interp(x, one[order, 0], one[order, 1], left=np.nan, right=np.nan))
+    return np.column_stack([x, np.fmax.reduce(heights)])
+
+
+def above_line(place: FloatArray, width: float, line: FloatArray, ends: tuple[float, float]) -> tuple[float, float]:
+    """Return where a label above a point clears a line: share of it left of the point, height of its lower side.
+
+    Of a label in the middle, to the left and to the right, the lowest between the ends counts.
+
+    Args:
+        place: (2,), the point.
+        width: Width of the label.
+        line: (n, 2), the line over its first coordinate.
+        ends: Least and greatest first coordinate of the label.
+    """
+    found = []
+    for share in (0.5, 1.0, 0.0):
+        low = place[0] - share * width
+        if ends[0] <= low and low + width <= ends[1]:
+            below = line[(line[:, 0] >= low) & (line[:, 0] <= low + width), 1]
+            found.append((float(np.fmax.reduce(below, initial=place[1])), share))
+    height, share = min(found, key=lambda one: one[0], default=(float(place[1]), 0.5))
+    return share, height
 
 
 Place = TypeVar("Place", Sequence[float], tuple[float, float, float], FloatArray)

@@ -24,7 +24,14 @@ from cable_twin.simulation import Simulation
 pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
-from cable_twin.offline.lines.plot import _clearance, _profile, _towers, tension_envelope, tension_limits, write_line_plot
+from cable_twin.offline.lines.plot import (
+    _clearance,
+    _profile,
+    _towers,
+    tension_envelope,
+    tension_limits,
+    write_line_plot,
+)
 
 SPAN = {  # a level span, pinned at both ends
     "cable": {

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,14 @@ from cable_twin.key_figures.rules.document import Document
 from cable_twin.offline import envelope, report, reporting, review, simulate, study
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting import german, printing
-from cable_twin.offline.reporting.chart import LOOKS, Chart, span, ticks
+from cable_twin.offline.reporting.chart import LOOKS, Chart, Mark, span, ticks
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.judging import judge_cases, judge_extremes
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
+from cable_twin.offline.reporting.results import Results, RopeCourse
 from cable_twin.offline.reporting.sections import SECTIONS
+from cable_twin.offline.reporting.sections.profile import LineProfile
+from cable_twin.offline.reporting.texts import Texts
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.files import config_directory
 
@@ -336,6 +340,65 @@ def test_lines_differ_without_colours_and_gaps_stay():
     assert "a &lt;b&gt;" in svg
     assert ticks(-0.3, 1.1) == pytest.approx([-0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
     assert span([np.array([1.0, 1.0])])[0] < 1.0
+
+
+def _texts(svg):
+    """Text and place (x, y) of each text of a chart, without halos; x is that of the anchor."""
+    found = re.findall(r'<text x="([-\d.]+)" y="([-\d.]+)" text-anchor="(\w+)"[^>]* fill="#[^>]*>([^<]*)</text>', svg)
+    return {text: (float(x), float(y), anchor) for x, y, anchor, text in found}
+
+
+def _ropes(scenario, slope=0.3):
+    """Courses of all ropes of a scenario, straight from (0, 0) on."""
+    x = np.linspace(0.0, 1200.0, 50)
+    for name in scenario.cables:
+        shape = np.column_stack([x, 0.0 * x, slope * x])
+        yield RopeCourse(name, x, shape, x, shape[:, 2], 20.0 + 0.0 * x, np.array([1e5 + x, 1.2e5 + x]))
+
+
+@pytest.mark.parametrize(
+    ("name", "towers"),
+    [
+        ("jig_back", ["tower_1, tower_2,", "rollers_1, rollers_2"]),
+        ("bicable", ["tower_1, rollers_1", "tower_2, rollers_2"]),
+    ],
+)
+def test_a_profile_names_all_ropes_and_towers(name, towers):
+    """Formerly three ropes alone had their sags, `rollers_1` stood for all towers and lay on the ropes."""
+    scenario = load_scenario(name)
+    sags = [
+        replace(figure("sag", Subject(f"ropes.{rope}.0", rope), "highest", 7.0 + number, 0.0), place="x 300.0 m")
+        for number, rope in enumerate(scenario.cables)
+    ]
+    found = Results("", scenario, sags, inputs_of(scenario, None), ropes=list(_ropes(scenario)))
+    drawn = LineProfile().content(found, Texts("en"))
+    texts = _texts(drawn["profile"])
+    numbers = [texts[f"{7 + number}"] for number in range(len(sags))]
+    for rope, (_, row, _) in zip(scenario.cables, numbers, strict=True):  # its name beside its number
+        ((x, y),) = re.findall(rf'<text x="([\d.]+)" y="([\d.]+)" text-anchor="end"[^>]*>{rope}<', drawn["profile"])
+        assert float(x) > 6.0 * len(rope)
+        assert float(y) == row
+    ticks_at = [y for text, (_, y, anchor) in texts.items() if anchor == "end" and re.fullmatch(r"-?\d+", text)]
+    assert max(ticks_at) < numbers[0][1] - 8.0
+    last = re.findall(r'<polyline points="([^"]*)"', drawn["profile"])[-1]
+    rope_px = np.array([point.split(",") for point in last.split()], dtype=float)
+    for line in towers:
+        x, y, anchor = texts[line]
+        width = 6.4 * len(line)
+        left = x - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor]
+        assert (np.interp(np.linspace(left, left + width, 20), *rope_px.T) > y).all()  # the rope is below the name
+    assert all(f"{rope}: rope, least" in drawn["clearance"] for rope in scenario.cables)
+
+
+@pytest.mark.parametrize(("value", "below"), [(1.0, False), (9.0, True), (9.5, True)])
+def test_a_number_is_not_struck_through_by_a_limit(value, below):
+    chart = Chart("", (0.0, 10.0), (0.0, 10.0), ("x", "y"))
+    chart.level(9.8, "limit")
+    chart.dot(5.0, value)
+    chart.mark(Mark(5.0, value, "number", up=7.0))
+    svg = chart.svg()
+    (dot,) = re.findall(r'cy="([\d.]+)"', svg)
+    assert (_texts(svg)["number"][1] > float(dot)) is below
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import cycle
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import matplotlib as mpl
@@ -22,9 +23,12 @@ from cable_twin.geometry.ground import heights_over_ground, tower_foot
 from cable_twin.key_figures import FigureId
 from cable_twin.offline.lines.at_rest import Line
 from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
+from cable_twin.view.labels import above_line, highest_line, shared_names
 
 LIMIT = "#C0392B"
 SAMPLES = 400  # of x, at which the clearance of ropes is drawn
+MOST_NAMES, LONGEST_NAME = 24, 24  # of towers, above which none is written, and letters in a line of a name
+LETTER, ROW = 0.008, 0.06  # mean width of a letter of these names and height of a line, over those of the panel
 HEAD: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.0}
 
 
@@ -70,13 +74,35 @@ def _profile(axes: Axes, line: Line) -> None:
         ground = np.array(line.scenario.terrain)
         axes.plot(ground[:, 0], ground[:, -1], color=INK, label="terrain")
         axes.fill_between(ground[:, 0], ground[:, -1], ground[:, -1].min() - 10.0, color=QUIET, alpha=0.15, linewidth=0)
-    for number, tower in enumerate(line.scenario.towers.values()):
-        x, top = tower.position[0], tower.position[-1]
+    for number, (x, _, top) in enumerate(line.scenario.tower_places.values()):
         foot = tower_foot(line.scenario, x, top, ropes[:, :, 2])
         axes.plot([x, x], [foot, top], color=QUIET, linewidth=2.5, label="" if number else "towers")
+    _name_towers(axes, line, [rope[part][:, [0, 2]] for rope in ropes for part in _layout(line).ropes.values()])
     axes.set_xlabel("x, along the track [m]")
     axes.set_ylabel("z, height [m]")
     axes.legend(ncols=4, **HEAD)
+
+
+def _name_towers(axes: Axes, line: Line, ropes: Sequence[FloatArray]) -> None:
+    """Write the names of the towers of a line above the ropes, given as points (n, 2) of a vertical plane in m."""
+    tops: dict[float, float] = {}
+    for x, _, top in line.scenario.tower_places.values():
+        tops[x] = max(top, tops.get(x, top))
+    names = {name: (place[0],) for name, place in line.scenario.tower_places.items()}
+    shared = shared_names(names, {}, list(line.scenario.cables))
+    if not 0 < len(shared) <= MOST_NAMES:
+        return
+    upper, (low, high), row = highest_line(ropes), axes.get_xlim(), ROW * float(np.ptp(axes.get_ylim()))
+    for name, (x,) in shared.items():
+        lines = wrap(name, LONGEST_NAME)
+        width = LETTER * max(map(len, lines)) * (high - low)
+        share, height = above_line(np.array([x, tops[x]]), width, upper, (low, high))
+        side = {0.0: "left", 0.5: "center", 1.0: "right"}[share]
+        axes.update_datalim([(x, height + row * len(lines))])
+        axes.annotate(
+            "\n".join(lines), (x, height), (0.0, 4.0), textcoords="offset points", ha=side, va="bottom", fontsize=8.0
+        )
+    axes.autoscale_view()
 
 
 def _sideways(line: Line) -> float:

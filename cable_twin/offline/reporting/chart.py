@@ -5,16 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
+from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
 
 from cable_twin.basics.units import rounded
 from cable_twin.frame.records import FloatArray
+from cable_twin.view.labels import above_line
 
 WIDTH = 760.0  # px of a drawing, as wide as the text of a page
 LEFT, RIGHT, TOP, BOTTOM = 64.0, 14.0, 26.0, 40.0  # px around the axes
-LETTER = 6.2  # px, mean width of a letter of the legend
+LETTER = 6.4  # px, mean width of a letter
+LONGEST_NAME = 24  # letters in a line of a name
+ANCHORS = {0.0: "start", 0.5: "middle", 1.0: "end"}  # of a text, by the share of it left of its place
+NAMES = 26.0  # px, left of the names of rows, for the label of the vertical axis
+ROW, LEGEND_ROW = 13.0, 15.0  # px, height of a row of texts below the range of a chart, and of its legend
 TICKS = 6  # about as many on an axis
 STEPS = 1.0, 2.0, 2.5, 5.0, 10.0  # of ticks, times a power of ten
 INK, QUIET, GRID, LIMIT = "#1b2730", "#6b7780", "#dfe4e8", "#a3241b"
@@ -50,6 +56,21 @@ class Mark(NamedTuple):
     up: float = 6.0  # px above the point
 
 
+class Box(NamedTuple):
+    """Box of a chart (px) that a line or a text takes."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    def covers(self, other: Box) -> bool:
+        """Whether this box and another one overlap."""
+        return (
+            self.left < other.right and other.left < self.right and self.top < other.bottom and other.top < self.bottom
+        )
+
+
 class Chart:
     """Chart with two axes as SVG, to which lines, areas, arrows and marks are added.
 
@@ -59,6 +80,10 @@ class Chart:
         labels: of both axes, with unit.
         height: px.
         rows: names of values in place of numbers on the vertical axis.
+        below: names of rows for texts below the vertical range.
+
+    Attributes:
+        floor: value of the vertical axis at its lower end, below those rows.
     """
 
     def __init__(
@@ -70,16 +95,25 @@ class Chart:
         *,
         height: float = 240.0,
         rows: Mapping[float, str] | None = None,
+        below: Sequence[str] = (),
     ) -> None:
-        self._title, self._labels, self._height, self._rows = title, labels, height, rows
-        self._x, self._y = _widened(*x), _widened(*y)
+        self._title, self._labels, self._rows, self._below = title, labels, rows, tuple(below)
+        room = ROW * len(below) + 8.0 if below else 0.0
+        self._height = height + room
+        names = [*(rows or {}).values(), *below]
+        self._left = max(LEFT, NAMES + LETTER * max(map(len, names), default=0))
+        self._x, self._seen = _widened(*x), _widened(*y)
+        low, high = self._seen
+        self.floor = low - room / (height - TOP - BOTTOM) * (high - low)
+        self._y = self.floor, high
         self._parts: list[str] = []
+        self._taken: list[Box] = []  # by levels and their labels
         self._legend: list[tuple[str, Look]] = []
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
         (x_low, x_high), (y_low, y_high) = self._x, self._y
         return (
-            LEFT + (x - x_low) / (x_high - x_low) * (WIDTH - LEFT - RIGHT),
+            self._left + (x - x_low) / (x_high - x_low) * (WIDTH - self._left - RIGHT),
             self._height - BOTTOM - (y - y_low) / (y_high - y_low) * (self._height - TOP - BOTTOM),
         )
 
@@ -97,7 +131,9 @@ class Chart:
         self._parts.append(
             f'<line x1="{left:.1f}" y1="{height:.1f}" x2="{right:.1f}" y2="{height:.1f}"{_stroke(look)}/>'
         )
-        self._parts.append(_text(0.5 * (left + right), height - 4.0, label, "middle", bold=True, halo=True))
+        middle = 0.5 * (left + right)
+        self._parts.append(_text(middle, height - 4.0, label, "middle", bold=True, halo=True))
+        self._taken += [Box(left, right, height - 1.0, height + 1.0), _box(middle, height - 4.0, label, "middle")]
 
     def area(self, x: FloatArray, low: FloatArray, high: FloatArray, color: str = QUIET, opacity: float = 0.18) -> None:
         """Add a filled area between two lines over x to the chart."""
@@ -127,14 +163,30 @@ class Chart:
         self._parts.append(f'<circle cx="{left:.1f}" cy="{top:.1f}" r="2.6" fill="{color}"/>')
 
     def mark(self, mark: Mark) -> None:
-        """Add a text beside a point of the chart."""
+        """Add a text beside a point of the chart; on the other side of it where a level would strike it through."""
         left, top = self._at(mark.x, mark.y)
-        self._parts.append(_text(left, top - mark.up, mark.text, mark.anchor, halo=True))
+        sides = [top - up for up in (mark.up, -mark.up - 7.0)]
+        free = [y for y in sides if not any(map(_box(left, y, mark.text, mark.anchor).covers, self._taken))]
+        self._parts.append(_text(left, (free or sides)[0], mark.text, mark.anchor, halo=True))
 
-    def beside(self, text: str, y: float, up: float) -> None:
-        """Add a text to the left of the vertical axis, `up` px above a value."""
-        left, top = self._at(self._x[0], y)
-        self._parts.append(_text(left - 5.0, top - up, text, "end"))
+    def name(self, x: float, y: float, name: str, curve: FloatArray) -> None:
+        """Add a name above a point of the chart, so that a curve (n, 2) does not run through it."""
+        lines = wrap(name, LONGEST_NAME)
+        drawn = np.array([self._at(*point) for point in curve]) * (1.0, -1.0)
+        left, top = self._at(x, y)
+        width = LETTER * max(map(len, lines))
+        share, height = above_line(np.array([left, -top]), width, drawn, (self._left, WIDTH - RIGHT))
+        for number, line in enumerate(reversed(lines)):
+            self._parts.append(_text(left, -height - 7.0 - ROW * number, line, ANCHORS[share], halo=True))
+
+    def note(self, x: float, row: str, text: str) -> None:
+        """Add a text at a place of the horizontal axis to a row below the vertical range."""
+        left, _ = self._at(x, 0.0)
+        self._parts.append(_text(left, self._row(row), text, "middle", halo=True))
+
+    def _row(self, row: str) -> float:
+        """Vertical place (px) of the texts of a row below the vertical range."""
+        return self._height - BOTTOM - 6.0 - ROW * (len(self._below) - 1 - self._below.index(row))
 
     def named(self, label: str, look: Look) -> None:
         """Add a label to the legend of the chart, without a line."""
@@ -143,16 +195,20 @@ class Chart:
     def svg(self) -> str:
         """SVG text of the chart, an `svg` element."""
         title = escape(self._title)
+        legend, rows = self._legend_parts()
+        down = LEGEND_ROW * (rows - 1)
+        height = self._height + down
         return "\n".join(
             [
-                f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {self._height:g}" '
-                f'width="{WIDTH:g}" height="{self._height:g}" role="img" aria-label="{title}" '
+                f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:g}" '
+                f'width="{WIDTH:g}" height="{height:g}" role="img" aria-label="{title}" '
                 'font-family="DejaVu Sans, Verdana, sans-serif" font-size="10.5">',
                 f"<title>{title}</title>",
+                *legend,
+                f'<g transform="translate(0 {down:g})">',
                 *self._axes(),
                 *self._parts,
-                *self._legend_parts(),
-                "</svg>",
+                "</g></svg>",
             ]
         )
 
@@ -163,10 +219,11 @@ class Chart:
             place, _ = self._at(value, 0.0)
             found.append(f'<line x1="{place:.1f}" y1="{bottom:.1f}" x2="{place:.1f}" y2="{top:.1f}" stroke="{GRID}"/>')
             found.append(_text(place, bottom + 13.0, rounded(value), "middle", QUIET))
-        for value, named in (self._rows or {one: rounded(one) for one in ticks(*self._y)}).items():
+        for value, named in (self._rows or {one: rounded(one) for one in ticks(*self._seen)}).items():
             _, place = self._at(0.0, value)
             found.append(f'<line x1="{left:.1f}" y1="{place:.1f}" x2="{right:.1f}" y2="{place:.1f}" stroke="{GRID}"/>')
             found.append(_text(left - 5.0, place + 3.6, named, "end", QUIET))
+        found += [_text(left - 5.0, self._row(named), named, "end") for named in self._below]
         found.append(f'<path d="M{left:.1f},{top:.1f}V{bottom:.1f}H{right:.1f}" fill="none" stroke="{QUIET}"/>')
         found.append(_text(0.5 * (left + right), self._height - 8.0, self._labels[0], "middle"))
         middle = 0.5 * (top + bottom)
@@ -175,16 +232,19 @@ class Chart:
                      f"{escape(self._labels[1])}</text>")  # fmt: skip
         return found
 
-    def _legend_parts(self) -> list[str]:
+    def _legend_parts(self) -> tuple[list[str], int]:
+        """SVG parts of the legend and the number of its rows."""
         found: list[str] = []
-        place = LEFT
+        place, row = self._left, 0
         for label, look in self._legend:
-            if place + 36.0 + LETTER * len(label) > WIDTH and found:
-                break  # what has no room is named in the table below
-            found.append(f'<line x1="{place:.1f}" y1="12" x2="{place + 28.0:.1f}" y2="12"{_stroke(look)}/>')
-            found.append(_text(place + 33.0, 15.6, label, "start"))
-            place += 50.0 + LETTER * len(label)
-        return found
+            width = 50.0 + LETTER * len(label)
+            if place + width - 14.0 > WIDTH and place > self._left:
+                place, row = self._left, row + 1
+            y = 12.0 + LEGEND_ROW * row
+            found.append(f'<line x1="{place:.1f}" y1="{y:g}" x2="{place + 28.0:.1f}" y2="{y:g}"{_stroke(look)}/>')
+            found.append(_text(place + 33.0, y + 3.6, label, "start"))
+            place += width
+        return found, row + 1
 
 
 def ticks(low: float, high: float) -> list[float]:
@@ -239,3 +299,10 @@ def _text(
         f'{start} fill="none" stroke="#fff" stroke-width="3" aria-hidden="true">{escape(text)}</text>' if halo else ""
     )
     return f'{behind}{start} fill="{color}">{escape(text)}</text>'
+
+
+def _box(x: float, y: float, text: str, anchor: str) -> Box:
+    """Box of a text with its base line at a place (px)."""
+    width = LETTER * len(text)
+    left = x - width * next(share for share, name in ANCHORS.items() if name == anchor)
+    return Box(left, left + width, y - 9.0, y + 3.0)

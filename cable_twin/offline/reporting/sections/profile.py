@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from cable_twin.basics.units import rounded
+from cable_twin.geometry.ground import tower_foot
 from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.reporting.chart import LOOKS, QUIET, Chart, Look, Mark, span
 from cable_twin.offline.reporting.results import Results, RopeCourse
 from cable_twin.offline.reporting.sections.section import place_along, row_of
 from cable_twin.offline.reporting.texts import Texts
+from cable_twin.view.labels import highest_line, shared_names
 
-MOST_MARKS, MOST_ROWS = 24, 3  # numbers that have room in a row, and rows
-ROW = 13.0  # px
+MOST_MARKS = 24  # numbers that have room in a row, and names of towers
 TERRAIN = Look("#5b4636", "", 1.8)
 TOWER = Look(QUIET, "", 3.0)
-HEIGHT = 350.0  # px
-FOOT = 15.0  # m, drawn height of towers without terrain
+HEIGHT = 330.0  # px, without rows of numbers
 
 
 class LineProfile:
@@ -48,63 +48,39 @@ def _profile(results: Results, sags: Sequence[KeyFigure], texts: Texts) -> Chart
     ground = np.array(scenario.terrain, dtype=np.float64).reshape(
         -1, len(scenario.terrain[0]) if scenario.terrain else 2
     )
-    places = list(scenario.tower_places.values())
+    heights = np.concatenate([*(one.shape[:, 2] for one in ropes), *(one.lowest for one in ropes)])
+    feet = {
+        name: (x, tower_foot(scenario, x, top, heights), top) for name, (x, _, top) in scenario.tower_places.items()
+    }
     x = span([*(one.x for one in ropes), ground[:, 0]], margin=0.01)
-    heights = [*(one.shape[:, 2] for one in ropes), *(one.lowest for one in ropes), ground[:, -1]]
-    z = span([*heights, *([place[2] - FOOT for place in places] if not scenario.terrain else [])], margin=0.08)
-    rows = min(len(ropes), MOST_ROWS) * ROW + 8.0
-    z = z[0] - rows / (HEIGHT - rows) * (z[1] - z[0]), z[1]
-    chart = Chart(texts("Line profile"), x, z, (texts("x, along the track [m]"), texts("z, height [m]")), height=HEIGHT)
+    z = span([heights, ground[:, -1], *(foot for _, foot, _ in feet.values())], margin=0.08)
+    z = z[0], z[1] + 0.05 * (z[1] - z[0])  # for two lines of a name
+    numbered = len(sags) <= MOST_MARKS * len(ropes)
+    rows = [one.name if len(ropes) > 1 else "" for one in ropes if numbered]
+    labels = texts("x, along the track [m]"), texts("z, height [m]")
+    chart = Chart(texts("Line profile"), x, z, labels, height=HEIGHT, below=rows)
     if scenario.terrain:
-        chart.area(ground[:, 0], np.full(len(ground), z[0]), ground[:, -1], TERRAIN.color, 0.16)
+        chart.area(ground[:, 0], np.full(len(ground), chart.floor), ground[:, -1], TERRAIN.color, 0.16)
         chart.line(ground[:, 0], ground[:, -1], TERRAIN, texts("terrain"))
-    feet: dict[float, float] = {}
-    for at_x, _, top in places:
-        foot = float(np.interp(at_x, ground[:, 0], ground[:, -1])) if scenario.terrain else top - FOOT
-        feet[at_x] = min(foot, feet.get(at_x, foot))
+    for at_x, foot, top in feet.values():
         chart.line(np.array([at_x, at_x]), np.array([foot, top]), TOWER)
-    if places:
+    if feet:
         chart.named(texts("tower"), TOWER)
     for number, rope in enumerate(ropes):
         look = LOOKS[number % len(LOOKS)]._replace(dashes="")
         chart.line(rope.shape[:, 0], rope.shape[:, 2], look, rope.name)
         chart.line(rope.x, rope.lowest, look._replace(dashes="5 2.5", width=1.0))
     chart.named(texts("lowest place"), LOOKS[0]._replace(dashes="5 2.5", width=1.0))
-    if len(feet) <= MOST_MARKS:
-        for name, (at_x, _, top) in _one_of_each(scenario.tower_places).items():
-            chart.mark(Mark(at_x, top, name, up=8.0))
-    if len(sags) <= MOST_MARKS * MOST_ROWS:
-        _mark_sags(chart, results, sags, z[0])
+    names = shared_names({name: (at_x,) for name, (at_x, _, _) in feet.items()}, {}, list(scenario.cables))
+    if len(names) <= MOST_MARKS:
+        upper = highest_line([one.shape[:, [0, 2]] for one in ropes])
+        for name, (at_x,) in names.items():
+            chart.name(at_x, max(top for other, _, top in feet.values() if other == at_x), name, upper)
+    for one in sags if numbered else ():
+        rope_name = one.id.subject.removeprefix("ropes.").rpartition(".")[0]
+        if (at := place_along(one, "x")) is not None:
+            chart.note(at, rope_name if len(ropes) > 1 else "", rounded(one.value))
     return chart
-
-
-def _one_of_each(places: Mapping[str, tuple[float, float, float]]) -> dict[str, tuple[float, float, float]]:
-    """One tower at each x of the line, with the common part of the names where several stand there."""
-    by_x: dict[float, list[str]] = {}
-    for name, place in places.items():
-        by_x.setdefault(place[0], []).append(name)
-    return {_common(names): places[names[0]] for names in by_x.values()}
-
-
-def _common(names: Sequence[str]) -> str:
-    """Common beginning of names of towers, without a trailing underscore or space."""
-    first, last = min(names), max(names)
-    count = next(
-        (n for n, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), len(min(first, last, key=len))
-    )
-    return first if len(names) == 1 else first[:count].rstrip("_ ") or first
-
-
-def _mark_sags(chart: Chart, results: Results, sags: Sequence[KeyFigure], bottom: float) -> None:
-    """Write the sags at the bottom of the profile chart below their places, in a row for each rope."""
-    names = [one.name for one in results.ropes[:MOST_ROWS]]
-    for one in sags:
-        rope = one.id.subject.removeprefix("ropes.").rpartition(".")[0]
-        at = place_along(one, "x")
-        if at is not None and rope in names:
-            chart.mark(Mark(at, bottom, rounded(one.value), up=6.0 + ROW * (len(names) - 1 - names.index(rope))))
-    for row, name in enumerate(names if len(names) > 1 else ()):
-        chart.beside(name, bottom, 6.0 + ROW * (len(names) - 1 - row))
 
 
 def _clearance(results: Results, figures: Sequence[KeyFigure], texts: Texts) -> Chart:
@@ -126,7 +102,8 @@ def _clearance(results: Results, figures: Sequence[KeyFigure], texts: Texts) -> 
         if (at := place_along(one, "x")) is not None:
             chart.dot(at, one.value)
             if one is least:
-                chart.mark(Mark(at, one.value, f"{rounded(one.value)} m"))
+                anchor = "end" if at > sum(x) / 2.0 else "start"
+                chart.mark(Mark(at, one.value, f"{rounded(one.value)} m", anchor, up=-14.0))
     return chart
 
 

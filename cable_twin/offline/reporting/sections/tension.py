@@ -46,6 +46,8 @@ def _chart(rope: RopeCourse, results: Results, texts: Texts) -> Chart:
     title = f"{texts('Tension')}: {rope.name}"
     labels = texts("arc length of the rope, unstrained [m]"), texts("tension [kN]")
     chart = Chart(title, span([rope.arc_lengths], margin=0.01), y, labels, height=220.0)
+    if limit is not None and factor is not None and factor.limit:
+        chart.level(limit, f"{texts('safety factor of')} {rounded(factor.limit)}: {rounded(limit)} kN")
     chart.area(rope.arc_lengths, tension[0], tension[1])
     for row, (statistic, look) in enumerate((("lowest", LOOKS[1]), ("highest", LOOKS[0]))):
         chart.line(rope.arc_lengths, tension[row], look, f"{rope.name}, {texts(statistic)}")
@@ -60,6 +62,4 @@ def _chart(rope: RopeCourse, results: Results, texts: Texts) -> Chart:
             up = 7.0 if statistic == "highest" else -14.0
             anchor = "end" if at > middle else "start"
             chart.mark(Mark(at, 1e-3 * one.value, f"{rounded(1e-3 * one.value)} kN", anchor, up))
-    if limit is not None and factor is not None and factor.limit:
-        chart.level(limit, f"{texts('safety factor of')} {rounded(factor.limit)}: {rounded(limit)} kN")
     return chart
