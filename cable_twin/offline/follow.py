@@ -11,16 +11,18 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 
+from cable_twin.basics.units import shown_unit
 from cable_twin.ensemble.estimate.follower import Alarm, Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
+from cable_twin.ensemble.estimate.quantities import Estimate
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.messages import ESTIMATE, SCENARIO, Topic, nanoseconds, scenario_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.topics import DiagnosticArray, String
 from cable_twin.offline.following.plant_log import Item, PlantLog, at_rest_with_sensors
+from cable_twin.offline.following.truth import Truth, true_values
 from cable_twin.offline.simulate import run_progress
 from cable_twin.offline.simulate_options import UNUSABLE, add_changes, number, plots_fault
 from cable_twin.recording.log_file import LogError
@@ -31,12 +33,14 @@ from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown
 from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
 
+BAND, MOST_DECIMALS = 1.96, 6  # standard deviations of a band of 95 %, and decimals of an estimate
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 LONGEST_SILENCE = 60.0  # s, after which the twin says that it goes on by its model
 EPILOG = """\
 The twin gets the commands of the plant and corrects payloads, rolling friction, wind and counterweights by what its
-sensors measure. It prints the estimates of the end with their bands of 95 %, and each alarm with its time and reason: a
-sensor that contradicts the others and is left out, and quantities that are not those of the scenario.
+sensors measure. It prints the estimates of the end with their bands of 95 %, beside the true values where the bag has
+them, and each alarm with its time and reason: a sensor that contradicts the others and is left out, and quantities that
+are not those of the scenario.
 
 Sensors are those of SCENARIO, else those of the log, else the usual ones of `plant`.
 
@@ -197,14 +201,15 @@ def _report(
 ) -> int:
     """Print the last estimates of a followed plant, and draw all; returns the exit code."""
     last = corrections[-1]
-    truth = true_values(log, follower) if log.scenario != run.simulation.scenario.resolved() else {}
-    wide = max(map(len, (*last.slow, *last.hidden)))
-    head = f"{f'estimate at {last.time:.1f} s':{wide + 4}} {'value':>12}    95 % band"
-    print(head + ("           plant" if truth else ""))
+    try:
+        truth = true_values(log, follower, last, run.simulation.scenario)
+    except LogError as error:
+        tell("follow", error)
+        truth = {}
+    wide = max(map(len, (*last.slow, *last.hidden))) + 4
+    print(f"{f'estimate at {last.time:.1f} s':{wide}} {'value':>12}    95 % band" + (f"{'plant':>18}" if truth else ""))
     for name, one in (last.slow | last.hidden).items():
-        known = truth.get(name)
-        said = "" if known is None else f"{np.interp(last.time, *known):12.6g}"
-        print(f"{name:{wide + 4}} {one.value:12.6g} +- {1.96 * one.deviation:<9.3g} {one.unit:4}{said}")
+        print(_row(name, one, truth.get(name), wide))
     for sensor in follower.left_out:
         print(f"left out: {sensor}")
     print(f"estimates: {run.directory}")
@@ -224,19 +229,14 @@ def _report(
     return FAILED if run.recorder.faults else DONE
 
 
-def true_values(log: Log, follower: AnyFollower) -> dict[str, tuple[Any, Any]]:
-    """True values of estimated quantities with times (s), by name, from a simulated plant's log; for comparison."""
-    found: dict[str, tuple[Any, Any]] = {}
-    for one in follower.slow:
-        value: Any = log.scenario
-        for part in one.key.split("."):
-            if isinstance(value, list | tuple):
-                value = value["xyz".index(part)] if part in "xyz" else None
-            else:
-                value = value.get(part) if isinstance(value, dict) else None
-        if isinstance(value, int | float):
-            found[one.name] = np.array([0.0, log.end]), np.array([value, value], dtype=float)
-    return found
+def _row(name: str, one: Estimate, true: Truth | None, wide: int) -> str:
+    """Row of a table of estimates, with as many decimals as make two digits of the band of 95 %."""
+    unit, scale = shown_unit(one.unit, max(abs(one.value), 0.0 if true is None else abs(true.last)))
+    band = BAND * one.deviation * scale
+    decimals = min(max(1 - math.floor(math.log10(band)), 0), MOST_DECIMALS) if band > 0.0 else MOST_DECIMALS
+    known = "" if true is None else f"{true.last * scale:13.{decimals}f}"
+    value = f"{one.value * scale + 0.0:12.{decimals}f}"
+    return f"{name:{wide}} {value} +- {f'{band:.{decimals}f}':<9} {unit:4}{known}".rstrip()
 
 
 if __name__ == "__main__":

@@ -9,19 +9,28 @@ import numpy as np
 import pytest
 
 from cable_twin import Ensemble
-from cable_twin.ensemble.estimate.follower import BOARDING, Follower
+from cable_twin.ensemble.estimate.follower import BOARDING, Correction, Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
-from cable_twin.ensemble.estimate.quantities import Errors, Reading, readings, slow_quantities
+from cable_twin.ensemble.estimate.line_follower import LineFollower
+from cable_twin.ensemble.estimate.quantities import Errors, Estimate, Reading, readings, slow_quantities
 from cable_twin.ensemble.estimate.scatter import Scatter
 from cable_twin.ensemble.estimate.sensor_faults import STUCK_SAMPLES, Doubts
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import ESTIMATE, statuses_of_message
 from cable_twin.offline import plant
 from cable_twin.offline.follow import main
-from cable_twin.recording.log_reader import read_log
+from cable_twin.offline.following.truth import Truth, true_values
+from cable_twin.recording.log_reader import Log, read_log
+from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
+
+pytest.importorskip("matplotlib")
+import matplotlib.pyplot as plt
+
+from cable_twin.offline.following.plot import write_estimates
 
 PAYLOAD = "carriages.cabin.payload.mass"
 TRUTH = 4200.0  # kg
@@ -337,8 +346,14 @@ def test_a_bag_is_followed_into_a_log_of_estimates_and_a_plot(bag, tmp_path, cap
     assert main([str(bag), *arguments]) == 0
     said = capsys.readouterr()
     assert "cabin/payload is 4" in said.err
-    (line,) = [line for line in said.out.splitlines() if line.startswith("cabin/payload")]
-    assert line.split()[-1] == "4200"
+    rows = {line.split("  ")[0]: line.split() for line in said.out.splitlines()}
+    assert float(rows["cabin/payload"][-1]) == TRUTH
+    last = [item for item in read_snapshots(read_log(bag)) if isinstance(item, Snapshot)][-1]  # at 8 s
+    force = np.linalg.norm(last.columns.support_force[last.layout.support_rows["end"]])
+    assert rows["end/force"][-2] == "kN"
+    assert float(rows["end/force"][-1]) == pytest.approx(1e-3 * force, rel=1e-3)
+    assert rows["cabin/cabin/pitch"][-2] == "deg"
+    assert abs(float(rows["cabin/cabin/pitch"][-1])) < 10.0
     assert (tmp_path / "estimates.png").stat().st_size > 20_000
     log = read_log(next(path.parent for path in tmp_path.rglob("*.mcap")))
     messages = [statuses_of_message(data) for _, _, data in log.messages([ESTIMATE])]
@@ -346,6 +361,58 @@ def test_a_bag_is_followed_into_a_log_of_estimates_and_a_plot(bag, tmp_path, cap
     last = {status.name: status.values for status in messages[-1]}
     assert abs(float(last["cabin/payload"]["value"]) - TRUTH) < 500.0
     assert last["end/force"]["unit"] == "N"
+
+
+def test_the_plant_of_a_lift_has_its_payloads_forces_and_friction_beside_the_estimates(tmp_path, capsys, monkeypatch):
+    """Also of a twin with the plant's own scenario; but not from a log of a twin that itself has followed a plant."""
+    changes = {"carriers.payload.leaving.return": 220.0, "towers.tower_1_up.friction": 0.03}
+    given = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
+    assert plant.main(["chairlift", *given, "--duration", "2", "--log", str(tmp_path / "plant")]) == 0
+    (bag,) = {path.parent for path in tmp_path.rglob("*.mcap")}
+    assert main([str(bag), "--scenario", "chairlift", "--output", str(tmp_path / "out")]) == 0
+    rows = {line.split("  ")[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+    assert {float(rows[f"chair_{number}/payload"][-1]) for number in range(1, 29)} == {0.0, 220.0}
+    assert float(rows["towers/friction"][-1]) == 1.0
+    snapshots = [item for item in read_snapshots(read_log(bag)) if isinstance(item, Snapshot)]
+    force = np.linalg.norm(snapshots[0].columns.support_force[snapshots[0].layout.support_rows["tower_1_up"]])
+    assert float(rows["tower_1_up/force"][-1]) == pytest.approx(1e-3 * force, rel=0.01)  # at rest
+    follower = LineFollower(load_scenario(read_log(bag).scenario))
+    correction = Correction(1.0, {"chair_1/payload": Estimate(1.0, 1.0, "kg")}, {}, 1.0, ())
+    log = read_log(bag)
+    assert [*true_values(log, follower, correction, load_scenario(log.scenario))] == ["chair_1/payload"]
+    monkeypatch.setattr(Log, "messages", lambda *_: iter([(ESTIMATE, 0, b"")]))
+    assert true_values(log, follower, correction, load_scenario(log.scenario)) == {}
+
+
+def test_many_estimates_make_a_small_picture_and_no_lines_between_samples_of_motion(tmp_path, monkeypatch):
+    """Title above the panels, bands within the axes, the plant by its own samples, and 28 payloads in one panel."""
+    monkeypatch.setattr(plt, "close", lambda _figure: None)
+    corrections = [
+        Correction(
+            2.0 * number,
+            {f"chair_{row}/payload": Estimate(100.0, 200.0 / number, "kg") for row in range(28)},
+            {"cabin/pitch": Estimate(0.01 * (-1.0) ** number, 0.01 / number, "rad")},
+            1.0,
+            (),
+        )
+        for number in range(1, 6)
+    ]
+    times = np.linspace(0.0, 10.0, 301)
+    write_estimates("a", corrections, {"cabin/pitch": Truth(times, np.sin(times), 0.0)}, tmp_path / "estimates.png")
+    figure = plt.gcf()
+    last, pitch = figure.axes
+    assert plt.imread(tmp_path / "estimates.png").shape[0] < 1000
+    assert [text.get_text() for text in last.get_xticklabels()] == [f"chair_{row}" for row in range(28)]
+    truth, estimate = pitch.get_lines()
+    assert len(truth.get_xdata()) == 301
+    assert (len(estimate.get_xdata()), estimate.get_linestyle()) == (5, "None")
+    low, high = pitch.get_ylim()
+    assert low < np.rad2deg(-0.01 - 1.96 * 0.01) < high
+    renderer = figure.canvas.get_renderer()
+    (title,) = figure.texts
+    assert title.get_window_extent(renderer).y0 > last.get_tightbbox(renderer).y1
+    monkeypatch.undo()
+    plt.close("all")
 
 
 @pytest.mark.parametrize(
