@@ -39,7 +39,7 @@ def main(name: str = "aerial_tramway", target: str = "cabin") -> None:
     """Print the limited key figures of a run, and the highest tension at each place of a line."""
     for figure in run(name, target, 2.0, 8.0):
         if figure.limit is not None:
-            verdict = "kept" if figure.kept else "EXCEEDED"
+            verdict = "kept" if figure.kept else "NOT KEPT"
             value, limit = (with_unit(number, figure.unit) for number in (figure.value, figure.limit))
             print(f"{figure.name}: {value}, {figure.bound} {limit}: {verdict}")
     line = at_rest(name, 5)

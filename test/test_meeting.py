@@ -49,7 +49,7 @@ def test_two_cabins_push_each_other_whatever_the_pacing():
     assert 1.0 < least < 2.0
     # 30 m less what a ramp to 5 m/s at 2 m/s² takes, at 10 m/s, until 2 m are left; the rope is stretched a little
     met = 2.5 + (28.0 - 2 * 6.25) / 10.0
-    [line] = [line for line in told if not line.startswith("limit exceeded")]
+    [line] = [line for line in told if not line.startswith("limit not kept")]
     assert line.startswith("'up' and 'down' touch at 4.0")
     touch = figures.touches()[0]
     assert (touch.vehicle, touch.other) == ("up", "down")

@@ -135,18 +135,18 @@ def test_profiles_that_contradict_are_refused(tmp_path):
     ("value", "options", "state", "reason"),
     [
         (2.001, {}, "kept", ""),
-        (2.1, {}, "exceeded", ""),
+        (2.1, {}, "not kept", ""),
         (2.1, {"waiver": "if watched"}, "authority may allow", "if watched"),
         (1.9, {"uncertainty": 0.05}, "kept", ""),
         (1.9, {"uncertainty": 0.2}, "not decided", "within the uncertainty of 0.2 m/s"),
         (1.9, {"compared": "at most", "definition": "mean"}, "not decided", "the figure is at most what .*: mean"),
-        (2.1, {"compared": "at most"}, "exceeded", ""),
+        (2.1, {"compared": "at most"}, "not kept", ""),
         (2.1, {"compared": "at least"}, "not decided", "the figure is at least what"),
         (1.9, {"allowance": 0.2}, "not decided", "within the allowance of 0.2 m/s"),
         (1.7, {"allowance": 0.2}, "kept", ""),
-        (2.1, {"allowance": 0.2}, "exceeded", ""),
-        (2.0, {"comparison": "below"}, "exceeded", ""),
-        (2.0, {"comparison": "within", "limit": [1.0, "rated_speed / 2"]}, "exceeded", ""),
+        (2.1, {"allowance": 0.2}, "not kept", ""),
+        (2.0, {"comparison": "below"}, "not kept", ""),
+        (2.0, {"comparison": "within", "limit": [1.0, "rated_speed / 2"]}, "not kept", ""),
         (1.2, {"comparison": "within", "limit": [1.0, "rated_speed / 2"]}, "kept", ""),
         (1.2, {"limit": "0.5 + persons / 4"}, "not decided", "limits.installation.persons is not stated"),
         (1.2, {"limit": "1 / (persons - 4)", "changes": {"limits.installation.persons": 4}}, "not decided", "no value"),
@@ -169,7 +169,7 @@ def test_verdicts(tmp_path, value, options, state, reason):
 def test_a_case_and_a_unit_of_a_rule(tmp_path):
     limit = [{"when": {"persons": [1, 2]}, "limit": 2.5}, {"when": {"persons": "> 2"}, "limit": 2.3}]
     found = verdict(tmp_path, 2.4, {"limits.installation.persons": 4}, limit=limit)
-    assert (found.state, found.limits) == ("exceeded", (2.3,))
+    assert (found.state, found.limits) == ("not kept", (2.3,))
     scenario = load_scenario("chairlift", {"limits.profile": [profile(
         tmp_path, "percent", quantity="swing_tangent/vehicles/highest", limit=20, unit="%")]})  # fmt: skip
     swing = figure("swing", Subject("carriers", "chair"), "highest", 0.15, 1.0)
@@ -210,7 +210,7 @@ def test_a_running_twin_warns_once_of_a_rule(tmp_path):
     watch.update(Simulation(scenario).snapshot)
     watch.statuses()
     watch.statuses()
-    (told,) = [line for line in watch.take_messages() if line.startswith("rule of own: A-1 exceeded: ")]
+    (told,) = [line for line in watch.take_messages() if line.startswith("rule of own: A-1 not kept: ")]
     assert "at least 50" in told
     assert "own A-1" in watch.status()[2]
     gone = load_scenario("chairlift", {"limits.profile": [str(tmp_path / "gone.yaml")]})

@@ -53,7 +53,7 @@ def test_a_figure_on_a_topic_is_in_one_unit_with_its_limit():
 
 def test_what_a_comparison_comes_to_says_which_run_is_beyond():
     runs = [[named("sag", value, "m", 1.0, limit=5.0), named("speed", 1.0, "m/s", 0.0)] for value in (4.0, 6.0)]
-    assert verdict_lines(runs) == ["1 of 1 limits is not kept:", "  sag: exceeded by b: 6 m, at most 5 m"]
+    assert verdict_lines(runs) == ["1 of 1 limits is not kept:", "  sag: not kept by b: 6 m, at most 5 m"]
     assert verdict_lines(runs[:1]) == ["the limit is kept"]
     near = replace(runs[1][0], value=5.1, uncertainty=0.2, place="x 3 m")
     assert verdict_lines([[near]])[1] == "  sag: not decided: 5.1 m, at most 5 m, at 1.00 s, x 3 m"

@@ -22,7 +22,7 @@ from cable_twin.simulation.command_handlers import GUST_DURATION, check_ahead
 HORIZON, LONGEST = 60.0, 3600.0  # s
 LOOK = 0.1  # s between two looks at the key figures of a future, as long as drives stop and what that stirs is new
 EARLY, SELDOM = 10.0, 2  # s from which on there are that many times fewer looks
-CHECK = 2.0  # s between two moments among which the time of an exceeded limit is found
+CHECK = 2.0  # s between two moments among which the time is found from which on a limit is not kept
 GUST = 10.0  # m/s, of the announced gust where nothing is announced; assumed: a squall that no wind alarm foretells
 WINDS = ("gust", "operating_gust", "wind")  # kinds of commands that can be announced
 NAMES = (EMERGENCY_STOP, AS_COMMANDED, ANNOUNCED)
@@ -138,13 +138,13 @@ class Forecaster:
         return (round(now / step) + np.append(clocks, total)) * step
 
 
-def _exceeds(figure: KeyFigure | None) -> bool:
-    """Whether a key figure exists (is not None) and exceeds its limit."""
+def _breaks(figure: KeyFigure | None) -> bool:
+    """Whether a key figure exists (is not None) and does not keep its limit."""
     return figure is not None and figure.kept is False
 
 
 class _Run:
-    """Future during its run: key figures, tensions over time, and the times at which limits are exceeded."""
+    """Future during its run: key figures, tensions over time, and the times from which on limits are not kept."""
 
     def __init__(self, scenario: Scenario, name: str, assumed: str) -> None:
         self.name, self.assumed, self.fault = name, assumed, ""
@@ -168,13 +168,13 @@ class _Run:
         self._last = snapshot
 
     def note(self) -> None:
-        """Store the present extremes, from which the times of exceeded limits are found after the run."""
+        """Store the present extremes, in which the times of limits that are not kept are found after the run."""
         self._kept.append(self.figures.extremes())
 
-    def _exceeded(self, found: Sequence[KeyFigure]) -> dict[FigureId, float]:
-        """Times (s) at which key figures in `found` first exceeded their limits, for those that exceed them.
+    def _broken(self, found: Sequence[KeyFigure]) -> dict[FigureId, float]:
+        """Times (s) at which key figures in `found` first did not keep their limits, for those that do not.
 
-        An extreme that exceeds its limit does so ever after, so that the first of the kept moments is found by halving.
+        An extreme beyond its limit stays so, and the first of the kept moments with one is found by halving.
         """
         moments: dict[int, dict[FigureId, KeyFigure]] = {}
 
@@ -183,20 +183,20 @@ class _Run:
                 moments[moment] = {one.id: one for one in self.figures.figures_with(self._kept[moment])}
             return moments[moment]
 
-        def first_exceeding(figure: FigureId) -> int:
-            return bisect_left(moments_kept, True, key=lambda moment: _exceeds(at(moment).get(figure)))
+        def first_breaking(figure: FigureId) -> int:
+            return bisect_left(moments_kept, True, key=lambda moment: _breaks(at(moment).get(figure)))
 
         moments_kept, times = range(len(self._kept)), {}
         for one in found:
             if one.kept is False:
-                first = first_exceeding(one.id)
+                first = first_breaking(one.id)
                 times[one.id] = at(first)[one.id].time if first < len(moments_kept) else one.time
         return times
 
     def future(self, *, run: bool) -> Future:
-        """Result of the future: key figures, times of exceeded limits, tensions; no figures where it was not run."""
+        """Result of the future: key figures, times of limits not kept, tensions; no figures where it was not run."""
         found = [one for one in self.figures.figures() if one.id.quantity != LEFT_OUT] if run else []
-        passed = self._exceeded(found)
+        passed = self._broken(found)
         shown = tuple(one for one in found if one.id.quantity in SHOWN or one.id in passed)
         times, highest, lowest = (np.array(one) for one in (self._times, self._highest, self._lowest))
         last = self._last if run else None

@@ -88,7 +88,7 @@ class KeyFigure:
             return "not decided"
         if self._keeps(self.value - off) != self._keeps(self.value + off):
             return "not decided"
-        return "kept" if self.kept else "exceeded"
+        return "kept" if self.kept else "not kept"
 
     def __reduce__(self) -> tuple[type[KeyFigure], tuple[Any, ...]]:
         """Class and constructor arguments for pickling; takes half the time of the default for a dataclass."""

@@ -15,7 +15,7 @@ LONGEST_TEXT = 1000  # characters of what a bag says of a figure
 
 
 def figure_statuses(figures: Iterable[KeyFigure]) -> list[Status]:
-    """Diagnostic status of each key figure: a warning for an exceeded limit."""
+    """Diagnostic status of each key figure: a warning where a limit is not kept."""
     return [
         Status(WARNING if figure.kept is False else OK, figure.name, describe(figure), values_of(figure))
         for figure in figures

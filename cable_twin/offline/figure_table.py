@@ -85,7 +85,7 @@ def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:
 
 
 def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_at: str = "s") -> list[str]:
-    """Summary lines of a table of key figures: count and names of exceeded limits; arguments as in `print_figures`."""
+    """Summary lines of a table of key figures: limits that are not kept; arguments as in `print_figures`."""
     runs = [{figure.id: figure for figure in run if figure.limit is not None} for run in figures]
     ids = dict.fromkeys(key for run in runs for key in run)
     if not ids:
@@ -106,7 +106,7 @@ def verdict_lines(figures: Sequence[Sequence[KeyFigure]], at: str = "at", unit_a
 
 
 def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
-    """Text about a key figure that exceeds its limit: value and limit, and unless `brief` also time and place."""
+    """Text about a key figure that does not keep its limit: value and limit, and unless `brief` also time and place."""
     assert figure.limit is not None
     unit, scale = shown_unit(figure.unit, max(abs(figure.value), abs(figure.limit)))
     unit = "" if unit == "-" else f" {unit}"
@@ -135,13 +135,13 @@ def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:
-    """Text of the verdict on a key figure of one or more runs: kept, or exceeded by which run; uncertainty if any."""
+    """Text of the verdict on a key figure of one or more runs: kept, or by which run not; uncertainty if any."""
     lone = figures[0] if len(figures) == 1 else None
     if lone is not None and lone.uncertainty is not None:
-        word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "exceeded" else lone.verdict
+        word = f"[bold red]{lone.verdict}[/]" if lone.verdict == "not kept" else lone.verdict
         return ", ".join(filter(None, (word, f"± {_uncertainty(lone, scale)}")))
     kept = [figure.kept if figure is not None else None for figure in figures]
     if False not in kept:
         return "kept" if True in kept else ""
     broken = " and ".join(label for label, keeps in zip(LABELS, kept, strict=False) if keeps is False)
-    return f"[bold red]exceeded{f' by {broken}' if len(figures) > 1 else ''}[/]"
+    return f"[bold red]not kept{f' by {broken}' if len(figures) > 1 else ''}[/]"

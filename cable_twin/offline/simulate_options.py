@@ -134,7 +134,7 @@ def parser() -> OneLineParser:
         "--plot",
         type=Path,
         metavar="FILE",
-        help="with --sweep: plot the key figures that exceed their limits first, as .png, .pdf or .svg",
+        help="with --sweep: plot the key figures that first do not keep their limits, as .png, .pdf or .svg",
     )
     source = result.add_mutually_exclusive_group()
     source.add_argument(

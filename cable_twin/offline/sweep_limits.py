@@ -1,4 +1,4 @@
-"""Limits in a sweep: swept value at which each key figure exceeds its limit, and windows with all limits kept."""
+"""Limits in a sweep: first swept value at which each is not kept, and windows with all limits kept."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SweptFigure:
 
     @property
     def passed_at(self) -> float | None:
-        """First swept value at which the key figure exceeds its limit; None where the limit is kept throughout."""
+        """First swept value at which the limit is not kept; None where it is kept throughout."""
         for place, figure in enumerate(self.figures):
             if figure is not None and figure.kept is False:
                 before = self.figures[place - 1] if place else None
@@ -63,7 +63,7 @@ class SweptFigure:
         return None
 
     def passed(self) -> Iterator[tuple[float, float]]:
-        """Ranges of swept values (least, most) with an exceeded limit; infinite where the sweep ends in a range."""
+        """Ranges of swept values (least, most) with a limit not kept; infinite where the sweep ends in a range."""
         first, last = None, len(self.values) - 1
         for place, figure in enumerate(self.figures):
             broken = figure is not None and figure.kept is False
@@ -106,7 +106,7 @@ class Edge:
 
     Attributes:
         value: swept value.
-        figure: figure whose limit is exceeded beyond the end; None where the sweep ends there, or a run failed.
+        figure: figure whose limit is not kept beyond the end; None where the sweep ends there, or a run failed.
         run: value of the outermost run within the window.
     """
 
@@ -147,9 +147,9 @@ def keeps_all(run: SweptRun) -> bool:
 
 
 def limited_figures(runs: Sequence[SweptRun]) -> list[SweptFigure]:
-    """Key figures of a sweep with a limit: exceeded ones in the order of the sweep, then by decreasing utilisation.
+    """Key figures of a sweep with a limit: those not kept in the order of the sweep, then by decreasing utilisation.
 
-    Of limits exceeded from the first run on, the limit that is exceeded longest comes first.
+    Of limits that are not kept from the first run on, the one not kept longest comes first.
     """
     values = [run.value for run in runs]
     by_run = [{figure.id: figure for figure in run.figures if figure.limit is not None} for run in runs]
@@ -223,7 +223,7 @@ def unsure_gaps(runs: Sequence[SweptRun], figures: Sequence[SweptFigure], least:
         ]
         if broken[0].keys() & broken[1].keys():
             continue
-        # limits exceeded in the first run may be kept before those of the second one are exceeded
+        # limits not kept in the first run may be kept before those of the second one are not
         again = max(abs(figure.crossing(gap) - one.value) for figure in broken[0].values())
         until = min(abs(figure.crossing(gap) - one.value) for figure in broken[1].values())
         if again < until:

@@ -1,4 +1,4 @@
-"""Plot of a sweep: the first exceeded key figures over the swept value, and windows with all limits kept."""
+"""Plot of a sweep: key figures that first miss their limits over the swept value, windows with all limits kept."""
 
 from __future__ import annotations
 

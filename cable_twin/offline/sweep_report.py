@@ -29,7 +29,7 @@ DIGITS = 5  # of a swept value
 def print_sweep(
     console: Console, title: str, runs: Sequence[SweptRun], figures: Sequence[SweptFigure], rows: Collection[float]
 ) -> None:
-    """Print a sweep: for each value in `rows` a row of the first exceeded figures, then ranges of exceeded limits."""
+    """Print a sweep: for each value in `rows` a row of the first figures beyond a limit, then ranges of these."""
     room = min(max((console.width - 14) // COLUMN, 2), MOST_COLUMNS)
     shown_figures = figures[:room]
     table = Table(escape(_on_lines(title)), box=box.SIMPLE_HEAD, pad_edge=False)
@@ -45,14 +45,14 @@ def print_sweep(
             table.add_row(rounded(run.value, DIGITS), *cells)
     console.print(table)
     passed = [figure for figure in figures if figure.passed_at is not None]
-    lines = ["* limit exceeded"] if passed else []
+    lines = ["* limit not kept"] if passed else []
     if len(figures) > room:
         lines.append(f"{len(figures) - room} more figures have limits; --csv and --json contain all")
     if lines:
         console.print("\n".join(f"  {line}" for line in lines), markup=False)
     if not passed:
         return
-    below = Table("limit exceeded", escape(_on_lines(title)), "limit", box=box.SIMPLE_HEAD, pad_edge=False)
+    below = Table("limit not kept", escape(_on_lines(title)), "limit", box=box.SIMPLE_HEAD, pad_edge=False)
     for head in ("worst", "at"):
         below.add_column(head, justify="right")
     sources = list(dict.fromkeys(figure.source for figure in passed if figure.source))

@@ -23,7 +23,7 @@ HEIGHT, WIDTH = 0.34, 11.0  # inches, of a bar and of the picture
 
 
 def used_share(one: RuleVerdict) -> float:
-    """Utilisation of the limit of a rule verdict by its figure, cut off at `MOST`; above 1 the limit is exceeded."""
+    """Utilisation of the limit of a rule verdict by its figure, cut off at `MOST`; above 1 the limit is not kept."""
     assert one.value is not None
     low, high, value = one.limits[0], one.limits[-1], one.value
     above = abs(value / high) if high else float(value > 0.0)

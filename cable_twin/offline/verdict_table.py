@@ -18,9 +18,9 @@ from cable_twin.key_figures.rules.comparison import topic_of
 from cable_twin.key_figures.rules.document import UNITS, counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import (
-    EXCEEDED,
     KEPT,
     NOT_DECIDED,
+    NOT_KEPT,
     OUTSIDE,
     WAIVABLE,
     limit_text,
@@ -30,7 +30,7 @@ from cable_twin.key_figures.rules.verdicts import (
 from cable_twin.scenario import Scenario
 
 WIDE = 140  # characters that a table with clauses needs
-STYLES = {EXCEEDED: "bold red", WAIVABLE: "bold yellow"}
+STYLES = {NOT_KEPT: "bold red", WAIVABLE: "bold yellow"}
 COLUMNS = (
     *("profile", "check", "document", "edition", "clause", "text", "verdict", "reason", "quantity", "figure", "value"),
     *("comparison", "limits", "unit", "place", "time [s]"),
@@ -87,7 +87,7 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
                 table.add_row(f"{one.check}{below}", value, limit, verdict)
         console.print(table)
     for one in verdicts:
-        if one.state in (EXCEEDED, WAIVABLE):
+        if one.state in (NOT_KEPT, WAIVABLE):
             _say(console, f"  {sentence(one)}", style=STYLES[one.state])
     reasons: dict[str, list[str]] = {}
     for one in verdicts:

@@ -34,7 +34,7 @@ class FigureWatch:
         self._figures = figures
         self._broken: dict[tuple[str, str], RuleVerdict] = {}  # first verdict beyond a rule, by profile and check
         self._lock = threading.Lock()  # so that value, time and place of an extreme belong together
-        self._exceeded: dict[FigureId, KeyFigure] = {}  # with the first value beyond the limit
+        self._passed: dict[FigureId, KeyFigure] = {}  # with the first value beyond the limit
         self._contacts: dict[tuple[str, str], float] = {}  # pair of vehicles -> time (s) of its last reported contact
         self._messages: list[str] = []
         try:
@@ -60,7 +60,7 @@ class FigureWatch:
         return next((one.limit for one in figures if one.id[:2] == (quantity, subject)), None)
 
     def statuses(self) -> list[Status]:
-        """Status of each key figure: a warning for an exceeded limit."""
+        """Status of each key figure: a warning where a limit is not kept."""
         with self._lock:
             figures, touches = self._figures.figures(), self._figures.touches()
         for touch in touches:
@@ -68,9 +68,9 @@ class FigureWatch:
                 self._contacts[touch.vehicle, touch.other] = touch.time
                 self._messages.append(str(touch))
         for figure in figures:
-            if figure.kept is False and figure.id not in self._exceeded:
-                self._exceeded[figure.id] = figure
-                self._messages.append(f"limit exceeded: {figure.name}: {describe(figure)}")
+            if figure.kept is False and figure.id not in self._passed:
+                self._passed[figure.id] = figure
+                self._messages.append(f"limit not kept: {figure.name}: {describe(figure)}")
         for one in [] if self._judge is None else self._judge.verdicts(figures):
             if one.state in BROKEN and (one.profile, one.check) not in self._broken:
                 self._broken[one.profile, one.check] = one
@@ -78,15 +78,15 @@ class FigureWatch:
         return figure_statuses(figures)
 
     def take_messages(self) -> list[str]:
-        """New messages: a line for each figure whose limit is first exceeded, and for vehicles in contact."""
+        """New messages: a line for each figure that first does not keep its limit, and for vehicles in contact."""
         taken, self._messages = self._messages, []
         return taken
 
     def status(self) -> tuple[int, str, dict[str, str]]:
-        """Level, message and figures for the task `limits`: a warning that names exceeded limits."""
-        values = {figure.name: describe(figure) for figure in self._exceeded.values()}
+        """Level, message and figures for the task `limits`: a warning that names limits that are not kept."""
+        values = {figure.name: describe(figure) for figure in self._passed.values()}
         values |= {f"{profile} {check}": sentence(one) for (profile, check), one in self._broken.items()}
-        return (WARNING, f"limits exceeded: {', '.join(values)}", values) if values else (OK, "all limits kept", {})
+        return (WARNING, f"limits not kept: {', '.join(values)}", values) if values else (OK, "all limits kept", {})
 
 
 class PaceWatch:

@@ -62,7 +62,7 @@ def test_the_operating_limit_is_where_the_closed_form_has_it(scenario, tmp_path,
     (line,) = output.splitlines()[-1:]
     assert line.startswith(f"hanging: operating limit of air.wind.x: {AT:.3g}")  # 10.1 on a straight line
     assert line.endswith(" m/s: car: swing along the track, at most 11.46 deg")
-    assert f"{np.rad2deg(swing[15.0]):.4g} *" in output  # limit exceeded
+    assert f"{np.rad2deg(swing[15.0]):.4g} *" in output  # limit not kept
     found = json.loads((tmp_path / "sweep.json").read_text())
     assert found["sweep"] == {
         "scenario": "hanging",

@@ -36,7 +36,7 @@ def test_the_event_is_told_everywhere_and_to_who_comes_late(processes, participa
     values = {pair.key: pair.value for pair in status.values}
     assert (status.level, status.name, values["how"]) == (2, "tower", "outward to the right")
     assert "x 100.0, y 0.0, z 2.0 m" in status.message
-    passed = "limit exceeded: tower: derailed: 1 at"
+    passed = "limit not kept: tower: derailed: 1 at"
     participant.until(lambda: passed in sim.output, 2.0 * PATIENCE, what="a warning")
     participant.until(lambda: "tower: derailed" in participant.task("limits")[1], what="diagnostics")
     late = participants(sim.domain)

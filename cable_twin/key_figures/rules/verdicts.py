@@ -17,11 +17,11 @@ from cable_twin.key_figures.rules.expressions import FormulaError, MissingError,
 from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
 
-KEPT, EXCEEDED, NOT_DECIDED = "kept", "exceeded", "not decided"
+KEPT, NOT_KEPT, NOT_DECIDED = "kept", "not kept", "not decided"
 WAIVABLE, OUTSIDE = "authority may allow", "does not apply"
-BROKEN = (EXCEEDED, WAIVABLE)
+BROKEN = (NOT_KEPT, WAIVABLE)
 LONG = 100.0  # m, chord above which a span is long
-STATES = (EXCEEDED, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
+STATES = (NOT_KEPT, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
 # what a run needs for figures that not every one has
 NEEDS = {
     "stopping_distance": "a stop in the run",
@@ -218,7 +218,7 @@ class Judge:
         if kept == {True}:
             return base.made(KEPT, check.doubt)
         if _never_kept(check.comparison or "", limits, least, most):
-            state = WAIVABLE if check.waiver else EXCEEDED
+            state = WAIVABLE if check.waiver else NOT_KEPT
             return base.made(state, "; ".join(filter(None, (check.waiver, check.doubt))))
         if figure.uncertainty and least < value < most:
             return base.open(f"within the uncertainty of {off:.2g} {base.check.unit}")
@@ -334,7 +334,7 @@ def _margin(verdict: RuleVerdict) -> float:
     if value is None or not verdict.limits:
         return inf
     ends = [abs(value - limit) / max(abs(limit), 1e-9) for limit in verdict.limits]
-    return -min(ends) if verdict.state in (EXCEEDED, WAIVABLE) else min(ends)
+    return -min(ends) if verdict.state in (NOT_KEPT, WAIVABLE) else min(ends)
 
 
 def sentence(one: RuleVerdict) -> str:

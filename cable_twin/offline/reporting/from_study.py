@@ -96,8 +96,8 @@ def _rows(file: Path) -> Iterator[dict[str, str]]:
 
 
 def _case(row: Mapping[str, str], vary: Mapping[str, Any]) -> Case:
-    exceeded = row["limits_exceeded"]
-    name = f"limits exceeded: {exceeded}" if exceeded not in ("", "0") else ""
+    broken = row["limits_not_kept"]
+    name = f"limits not kept: {broken}" if broken not in ("", "0") else ""
     return Case(row["case"], name, {key: _number(row[key]) for key in vary}, row["fault"])
 
 

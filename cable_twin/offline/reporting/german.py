@@ -105,7 +105,7 @@ TEXTS: Mapping[str, str] = {
     "more no figure decides": "weitere entscheidet kein Kennwert",
     # verdicts and limits
     "kept": "eingehalten",
-    "exceeded": "überschritten",
+    "not kept": "nicht eingehalten",
     "not decided": "nicht entschieden",
     "not judged": "nicht beurteilt",
     "not given": "nicht angegeben",

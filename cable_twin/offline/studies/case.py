@@ -60,7 +60,7 @@ class Finished(NamedTuple):
         fault: reason of missing figures or of an early end; empty without a fault.
         refused: refused commands, a line each.
         figures: value, time (s) and place of each key figure, by id.
-        exceeded: ids of figures whose limit is exceeded.
+        exceeded: ids of figures that do not keep their limits.
     """
 
     case: str

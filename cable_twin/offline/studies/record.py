@@ -150,19 +150,19 @@ class Results:
     Attributes:
         cases: all cases.
         faults: fault of each case; "not calculated" where it is not finished.
-        exceeded: number of exceeded limits of each case.
+        not_kept: number of limits that each case does not keep.
         figures: (cases,) values of each key figure by id; NaN where a case lacks it.
         names: name and unit of each key figure by id.
     """
 
     def __init__(self, cases: Sequence[Case], kept: Kept) -> None:
         self.cases, self.names = cases, kept.names
-        self.faults, self.refused, self.exceeded = [], [], []
+        self.faults, self.refused, self.not_kept = [], [], []
         found: dict[str, FloatArray] = {}
         for row, one in enumerate(kept.results(cases)):
             self.faults.append("not calculated" if one is None else one.fault)
             self.refused.append(0 if one is None else len(one.refused))
-            self.exceeded.append(0 if one is None else len(one.exceeded))
+            self.not_kept.append(0 if one is None else len(one.exceeded))
             for key, (value, _, _) in ({} if one is None else one.figures).items():
                 if key not in found:
                     found[key] = np.full(len(cases), np.nan)
@@ -177,7 +177,7 @@ class Results:
             **{key: [one.values[key] for one in self.cases] for key in keys},
             "fault": self.faults,
             "refused": self.refused,
-            "limits_exceeded": self.exceeded,
+            "limits_not_kept": self.not_kept,
             **self.figures,
         }
 
