@@ -250,6 +250,7 @@ def _print(solution: Solution) -> None:
         value, half, prior = (scale * number for number in (one.value, one.half, one.parameter.mean))
         interval = f"{rounded(value - half, 5)} to {rounded(value + half, 5)}"
         remark = "  prior kept" if not one.told else "  at its bound" if one.at_bound else ""
+        remark += "".join(f"  = {key}" for key in one.parameter.joined)
         numbers = f"{rounded(value, 5):>12} {interval:>27} {rounded(prior, 5):>12}"
         print(f"{one.parameter.key:{wide}}  {numbers}  {unit}{remark}")
     print("root mean square of residuals in standard deviations:")

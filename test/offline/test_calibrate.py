@@ -26,6 +26,13 @@ force_cabin: {kind: drive_force, of: cabin, rate: 5}
 load_start: {kind: load_cell, of: start, rate: 5}
 load_tower: {kind: load_cell, of: tower, rate: 5}
 """
+LEAVING = "carriers.payload.leaving.return"
+LIFT_SENSORS = """\
+encoder: {kind: encoder, of: haul_rope, rate: 5}
+force: {kind: drive_force, of: haul_rope, rate: 5}
+load_up_start: {kind: load_cell, of: up/start, rate: 5}
+load_down_end: {kind: load_cell, of: down/end, rate: 5}
+"""
 
 
 class Linear:
@@ -152,6 +159,41 @@ def test_a_run_that_never_moved_says_what_it_cannot_give(bags, tmp_path, capsys)
     assert found[PAYLOAD]["value"] == pytest.approx(4200.0, rel=1e-3)
     (line,) = re.findall(r"rolling: .*", (output / "calibrated.yaml").read_text())
     assert "prior kept: the logs do not tell it" in line
+
+
+@pytest.fixture(scope="module")
+def lift_bag(tmp_path_factory):
+    """Bag of a chairlift with a stiffer rope and lighter payloads than the scenario."""
+    directory = tmp_path_factory.mktemp("lift")
+    (directory / "start.yaml").write_text("- {time: 0.2, name: haul_rope, speed: 2.5}\n", encoding="utf-8")
+    (directory / "sensors.yaml").write_text(LIFT_SENSORS, encoding="utf-8")
+    values = {"ropes.up.axial_stiffness": 70e6, "ropes.down.axial_stiffness": 70e6, LEAVING: 200.0}
+    options = [part for key, value in values.items() for part in ("--set", f"{key}={value}")]
+    options += ["--sensors", str(directory / "sensors.yaml"), "--script", str(directory / "start.yaml")]
+    assert plant.main(["chairlift", *options, "--duration", "6", "--log", str(directory / "bag")]) == 0
+    (bag,) = (directory / "bag").iterdir()
+    return str(bag)
+
+
+def test_strands_of_one_loop_have_one_stiffness_and_payloads_of_carriers_stay_within_capacity(
+    lift_bag, tmp_path, capsys
+):
+    keys = f"ropes.down.axial_stiffness,ropes.up.axial_stiffness,{LEAVING}"
+    assert main([lift_bag, "--scenario", "chairlift", "--free", keys, "--output", str(tmp_path)]) == 0
+    stiffness, payload = json.loads((tmp_path / "calibration.json").read_text())["parameters"]
+    assert (stiffness["key"], stiffness["joined"]) == ("ropes.down.axial_stiffness", ["ropes.up.axial_stiffness"])
+    assert stiffness["value"] == pytest.approx(70e6, rel=1e-3)
+    assert (payload["value"], payload["bounds"]) == (pytest.approx(200.0, abs=0.1), [0.0, 300.0])
+    found = load_scenario(str(tmp_path / "calibrated.yaml")).ropes
+    assert found["up"].axial_stiffness == found["down"].axial_stiffness == pytest.approx(stiffness["value"])
+    assert "kN  = ropes.up.axial_stiffness" in capsys.readouterr().out
+
+
+def test_one_rope_has_one_prior(lift_bag, tmp_path, capsys):
+    priors = [f"--prior=ropes.{rope}.axial_stiffness=60e6:5e6" for rope in ("up", "down")]
+    command = [lift_bag, "--free", "ropes.up.axial_stiffness", *priors, "--output", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert "and ropes.down.axial_stiffness, of one rope; allowed: one of them" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

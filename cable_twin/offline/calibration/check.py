@@ -17,7 +17,7 @@ ALIKE = 0.8  # correlation from which on two parameters are told together only
 ADVICE = (  # by the end of a key, or the error of a sensor: what has to happen in a run that tells it
     (r"friction|resistance", "a run at constant speed in both directions"),
     (r"damping", "a run with an emergency stop and half a minute of swing after it"),
-    (r"payload\.mass$|bodies\..*\.mass$", "a run that starts and stops, with a load cell or the force of the drive"),
+    (r"\.payload\.|bodies\..*\.mass$", "a run that starts and stops, with a load cell or the force of the drive"),
     (r"mass_per_length$", "a run through all of the span with load cells at both ends or at a tower"),
     (r"(\.|_)stiffness$", "a run through all of the span with a load cell at a fixed end, and the drive's place"),
     (r"\.(start|end|counterweight)\.mass$", "a run with a load cell at the counterweight"),

@@ -28,12 +28,13 @@ SHARES = (
     (r"(\.|_)stiffness$", 0.15),
     (r"\.mass_per_length$", 0.05),
     (r"\.(start|end|counterweight)\.mass$", 0.03),
-    (r"\.payload\.mass$", 0.5),
     (r"\.(mass|inertia)$", 0.1),
     (r"friction|resistance", 0.5),
     (r"damping", 0.75),
     (r"\.drag", 0.3),
 )
+OF_CAPACITY = 0.3  # prior standard deviation of a payload
+PAYLOAD = re.compile(r"(.*\.payload)\.(mass|from_start|from_end|on_cable|leaving\.[^.]+)")
 ABSOLUTE = ((r"^air\.wind\.", 5.0), (r"temperature$", 15.0), (r"\.ice", 1.0))
 
 
@@ -53,6 +54,12 @@ class Parameter(NamedTuple):
     sensor: str = ""  # whose error it is; empty for a key of the scenario
     error: str = ""  # of `ERRORS`
     given: bool = False  # whether its prior is given by the user
+    joined: tuple[str, ...] = ()  # keys of other strands of the loop, which have the same value
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All scenario keys that have the value of the parameter; of a sensor's error its key."""
+        return (self.key, *self.joined)
 
     @property
     def prior(self) -> str:
@@ -112,24 +119,46 @@ def parameters_of(
         priors: priors given by the user, by key.
         scale: typical size of each sensor's readings, by its name.
 
+    Returns:
+        One for each key, but one alone for a property of the rope that all strands of a loop are.
+
     Raises:
         CalibrationError: a key does not exist or cannot be free; one line.
     """
-    scenario, found = simulation.scenario, {}
+    scenario = simulation.scenario
+    found: dict[str, Parameter] = {}
+    freed: set[str] = set()  # with keys of joined strands
     for given in keys:
         key = full_key(given)
+        if key in freed and key not in found:
+            continue  # of a strand whose loop is free already
         if key.startswith(f"{OF_SENSORS}.") and key.rpartition(".")[2] in ERRORS:
             own = _errors_of(scenario, key, priors, scale)
         else:
-            own = [_of_scenario(simulation, key, priors.get(key))]
+            own = [_of_scenario(simulation, key, priors)]
         for one in own:
             if one.key in found:
                 raise CalibrationError(f"--free: given {one.key} twice; allowed: once")
             found[one.key] = one
+            freed.update(one.keys)
     for key in priors:
-        if key not in found:
+        if key not in freed:
             raise CalibrationError(f"--prior: given {printable(key)}; allowed: a key given in --free")
     return tuple(found.values())
+
+
+def _joined(scenario: Scenario, key: str) -> tuple[str, ...]:
+    """Keys of the other strands of a loop that have the value of one strand's key, as all are one rope."""
+    section, _, rest = key.partition(".")
+    rope, _, name = rest.partition(".")
+    strands = scenario.strands
+    if section != "ropes" or rope not in strands or name in ("", "lateral"):
+        return ()
+    loop, here = [], rope
+    while (here := scenario.sheaves[strands[here].after].ropes[1]) != rope:
+        loop.append(f"ropes.{here}.{name}")
+    resolved = scenario.resolved()
+    return tuple(one for one in loop if value_at(resolved, one) == value_at(resolved, key))
 
 
 def _errors_of(
@@ -153,8 +182,8 @@ def _errors_of(
     return found
 
 
-def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Parameter:
-    """Free parameter for a key of the scenario."""
+def _of_scenario(simulation: Simulation, key: str, priors: Mapping[str, Prior]) -> Parameter:
+    """Free parameter for a key of the scenario, and of joined strands."""
     scenario = simulation.scenario
     above, _, last = key.rpartition(".")
     try:
@@ -168,7 +197,11 @@ def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Param
         raise CalibrationError(f"--free: {printable(key)}: given {given}; allowed: keys with a number as value")
     if isinstance(value, int) and not isinstance(value, bool) and "whole" in entries[0].allowed:
         raise CalibrationError(f"--free: {key}: given a key of whole numbers; allowed: keys that take any number")
-    if prior is None and value == 0.0 and not _absolute(key):
+    joined = _joined(scenario, key)
+    if len(given_priors := [one for one in (key, *joined) if one in priors]) > 1:
+        raise CalibrationError(f"--prior: given {' and '.join(given_priors)}, of one rope; allowed: one of them")
+    prior = priors[given_priors[0]] if given_priors else None
+    if prior is None and value == 0.0 and not _absolute(key) and not PAYLOAD.fullmatch(key):
         raise CalibrationError(
             f"--free: {key}: given 0 in the scenario, from which no prior follows; allowed: with --prior "
             f"{key}=0:DEVIATION"
@@ -176,20 +209,25 @@ def _of_scenario(simulation: Simulation, key: str, prior: Prior | None) -> Param
     mean, deviation = (float(value), _usual(key, float(value), resolved)) if prior is None else prior
     low, high = _bounds(key, mean, deviation, resolved)
     unit = entries[0].unit if len(entries) == 1 else "-"
+    parameter = Parameter(key, unit or "-", mean, deviation, low, high, given=prior is not None, joined=joined)
     for end in (low, high):
-        _try_value(scenario, key, end)
-    _try_free(simulation, key, mean + 0.1 * deviation if mean + 0.1 * deviation <= high else mean - 0.1 * deviation)
-    return Parameter(key, unit or "-", mean, deviation, low, high, given=prior is not None)
+        _try_value(scenario, parameter, end)
+    _try_free(simulation, parameter, mean + (0.1 if mean + 0.1 * deviation <= high else -0.1) * deviation)
+    return parameter
 
 
 def _usual(key: str, value: float, resolved: Mapping[str, Any]) -> float:
     """Default standard deviation of the prior of a scenario key, from the kind of key and its value."""
     if (absolute := _absolute(key)) is not None:
         return absolute
-    share = next((share for pattern, share in SHARES if re.search(pattern, key)), SHARE)
-    if key.endswith(".payload.mass") and (most := value_at(resolved, f"{key.removesuffix('mass')}capacity")):
-        return 0.3 * float(most)
-    return share * abs(value)
+    if payload := PAYLOAD.fullmatch(key):
+        return OF_CAPACITY * _capacity(payload[1], resolved)
+    return next((share for pattern, share in SHARES if re.search(pattern, key)), SHARE) * abs(value)
+
+
+def _capacity(payload: str, resolved: Mapping[str, Any]) -> float:
+    """Capacity (kg) of a payload by the dotted key of its section."""
+    return float(value_at(resolved, f"{payload}.capacity"))
 
 
 def _absolute(key: str) -> float | None:
@@ -198,31 +236,30 @@ def _absolute(key: str) -> float | None:
 
 def _bounds(key: str, mean: float, deviation: float, resolved: Mapping[str, Any]) -> tuple[float, float]:
     """Bounds of a free scenario key about its prior mean: for most keys of one sign; for a payload 0 to capacity."""
+    if payload := PAYLOAD.fullmatch(key):
+        return 0.0, _capacity(payload[1], resolved)
     low, high = mean - WIDEST * deviation, mean + WIDEST * deviation
     if _absolute(key) is None:
         low, high = (max(low, NARROWEST * mean), high) if mean >= 0.0 else (low, min(high, NARROWEST * mean))
-    if key.endswith(".payload.mass"):
-        most = value_at(resolved, f"{key.removesuffix('mass')}capacity")
-        low, high = 0.0, float(most) if most else high
     return low, high
 
 
-def _try_value(scenario: Scenario, key: str, value: float) -> None:
-    """Raise an error if a scenario is not valid with one of its keys set to a bound of the calibration."""
+def _try_value(scenario: Scenario, parameter: Parameter, value: float) -> None:
+    """Raise an error if a scenario is not valid with a parameter set to a bound of the calibration."""
     try:
-        load_scenario(scenario.resolved(), {key: value})
+        load_scenario(scenario.resolved(), dict.fromkeys(parameter.keys, value))
     except ScenarioError as error:
         raise CalibrationError(
-            f"--free: {key}: given a prior that reaches {value:.6g}: {str(error).splitlines()[0]}; allowed: a "
+            f"--free: {parameter.key}: given a prior that reaches {value:.6g}: {str(error).splitlines()[0]}; allowed: a "
             "narrower --prior"
         ) from None
 
 
-def _try_free(simulation: Simulation, key: str, value: float) -> None:
-    """Raise an error if changing a scenario key in a calibration needs another mesh, other parts or another solver."""
-    resolved = simulation.scenario.resolved()
+def _try_free(simulation: Simulation, parameter: Parameter, value: float) -> None:
+    """Raise an error if changing a parameter in a calibration needs another mesh, other parts or another solver."""
+    key, resolved = parameter.key, simulation.scenario.resolved()
     try:
-        other = load_scenario(resolved, {key: value})
+        other = load_scenario(resolved, dict.fromkeys(parameter.keys, value))
         simulation.with_values(other, rest=False)
         simulation.engine.go_to_start()
     except OtherModelError as error:

@@ -201,7 +201,7 @@ class Predictor:
 
     def _run(self, package: Package, values: FloatArray, share: Callable[[float], object]) -> list[FloatArray]:
         """Run an ensemble over a log; returns predictions (samples, members) for each time series of the log."""
-        keys = {self.parameters[number].key: number for number in self._of_model}
+        keys = {key: number for number in self._of_model for key in self.parameters[number].keys}
         middle = load_scenario(self._scenario.resolved(), {key: float(values[0, row]) for key, row in keys.items()})
         parameters: dict[str, Any] = {key: values[:, row].tolist() for key, row in keys.items()}
         ensemble = Ensemble(middle, len(values), parameters=parameters, threads=self._threads, progress=False)

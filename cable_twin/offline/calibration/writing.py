@@ -37,7 +37,8 @@ def scenario_text(
     for one in solution.estimates:
         with_bias = one.told and one.parameter.error == "bias" and one.parameter.sensor in scenario.sensors
         if not one.parameter.sensor or with_bias:
-            changes[one.parameter.key] = Change(float(f"{one.value:.{DIGITS}g}"), _source(one))
+            value = float(f"{one.value:.{DIGITS}g}")
+            changes |= {key: Change(value, _source(one)) for key in one.parameter.keys}
     heading = f"Calibrated from {', '.join(path.name for path in logs)}, with intervals of 95 % beside the values."
     if source is not None:
         text = scenario_file(source).read_text(encoding="utf-8")
@@ -55,9 +56,10 @@ def _has(scenario: Scenario, solution: Solution) -> bool:
     """Whether a scenario has all calibrated values of a solution."""
     resolved = scenario.resolved()
     return all(
-        value_at(resolved, one.parameter.key) == float(f"{one.value:.{DIGITS}g}")
+        value_at(resolved, key) == float(f"{one.value:.{DIGITS}g}")
         for one in solution.estimates
         if not one.parameter.sensor
+        for key in one.parameter.keys
     )
 
 
@@ -91,6 +93,7 @@ def results(solution: Solution, found: Check, logs: Sequence[Path]) -> dict[str,
         parameters.append(
             {
                 "key": one.parameter.key,
+                "joined": list(one.parameter.joined),
                 "unit": one.parameter.unit,
                 "told": bool(one.told),
                 "value": one.value,
