@@ -137,6 +137,7 @@ def twin_of(log: Log, source: str | None, values: dict[str, Any]) -> Simulation:
     Raises:
         ScenarioError, EquilibriumError: the scenario cannot be simulated.
         FollowError: the scenario is of a kind that cannot be followed yet.
+        LogError: the log is of another scenario.
     """
     scenario: Scenario = load_scenario(log.scenario if source is None else source, values)
     if fault := unfollowable(scenario):

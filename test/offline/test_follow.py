@@ -419,6 +419,11 @@ def test_many_estimates_make_a_small_picture_and_no_lines_between_samples_of_mot
     ("arguments", "said"),
     [
         (["--scenario", "no_such"], "no_such"),
+        (
+            ["--scenario", "chairlift"],
+            ".mcap: given a log of aerial_tramway (ropes: cable); allowed: one of chairlift (ropes: up, down), or "
+            "--scenario aerial_tramway",
+        ),
         (["--set", "sensors={a: {kind: encoder, of: cabin}}"], "drive_force: given 'cabin'; allowed: none"),
     ],
 )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.frame.records import AppliedCommand, FloatArray
 from cable_twin.offline.calibration.parameters import CalibrationError
-from cable_twin.offline.following.plant_log import PlantLog, at_rest_with_sensors
+from cable_twin.offline.following.plant_log import PlantLog, at_rest_with_sensors, check_same_parts
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
@@ -22,7 +22,6 @@ from cable_twin.simulation import Simulation
 SHORTEST = 5.0  # s, of a log
 SILENCE = 10.0  # s without a measurement, which is told
 STRETCH, OUT_OF = 10.0, 5  # s, and one of how many is held out
-PARTS = ("cables", "vehicles", "towers", "drives", "sheaves")
 
 
 class Series(NamedTuple):
@@ -100,28 +99,12 @@ def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulati
 
     Raises:
         ScenarioError, EquilibriumError: the scenario cannot be simulated.
-        CalibrationError: the log is of another scenario.
+        LogError: the log is of another scenario.
     """
     scenario = load_scenario(log.scenario if source is None else source, dict(values))
     if source is not None:
-        check_same(scenario, log)
+        check_same_parts(scenario, log)
     return at_rest_with_sensors(scenario, log)
-
-
-def check_same(scenario: Scenario, log: Log) -> None:
-    """Raise an error if a log's scenario differs from the twin's in ropes, vehicles, towers, drives or bullwheels.
-
-    Raises:
-        CalibrationError: one line with the first difference.
-    """
-    of_log = load_scenario(log.scenario)
-    for part in PARTS:
-        own, other = ([*getattr(one, part)] for one in (scenario, of_log))
-        if own != other:
-            raise CalibrationError(
-                f"{log.path}: {part}: given {', '.join(other) or 'none'}, of '{of_log.name}'; allowed: those of "
-                f"'{scenario.name}': {', '.join(own) or 'none'}"
-            )
 
 
 def package(

@@ -13,12 +13,14 @@ from cable_twin.messages.sensor_messages import measurements_from_message, senso
 from cable_twin.offline.plant import with_usual_sensors
 from cable_twin.recording.log_file import UNREADABLE, LogError, one_line
 from cable_twin.recording.log_reader import Log
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario.checks.fault import listed
 from cable_twin.scenario.schema import Sensor
 from cable_twin.simulation import Simulation
 
 HORIZON = 1.0  # s, for which measurements are waited for, so that late ones are put in order
 OTHER_CLOCK = 60.0  # s between the stamp of a measurement and its arrival
+PARTS = {"cables": "ropes", "vehicles": "vehicles", "towers": "towers", "drives": "drives", "sheaves": "bullwheels"}
 Item = AppliedCommand | Measurement
 
 
@@ -27,11 +29,33 @@ def at_rest_with_sensors(scenario: Scenario, log: Log) -> Simulation:
 
     Raises:
         ScenarioError, EquilibriumError: the scenario cannot be simulated.
+        LogError: the log is of another scenario, which lacks what its sensors measure.
     """
     if not scenario.sensors and (sensors := log.scenario.get("sensors")):
-        scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
+        try:
+            scenario = load_scenario(scenario.resolved(), {"sensors": sensors})
+        except ScenarioError:
+            check_same_parts(scenario, log)
+            raise
     simulation = Simulation(scenario)
     return simulation if scenario.sensors else with_usual_sensors(simulation)
+
+
+def check_same_parts(scenario: Scenario, log: Log) -> None:
+    """Raise an error if a log's scenario differs from the twin's in ropes, vehicles, towers, drives or bullwheels.
+
+    Raises:
+        LogError: one line with both scenarios and the first difference.
+    """
+    of_log = load_scenario(log.scenario)
+    for part, word in PARTS.items():
+        own, other = ([*getattr(one, part)] for one in (scenario, of_log))
+        if own != other:
+            given, allowed = (f"({word}: {listed(names, 'none')})" for names in (other, own))
+            raise LogError(
+                f"{log.path}: given a log of {of_log.name} {given}; allowed: one of {scenario.name} {allowed}, "
+                f"or --scenario {of_log.name}"
+            )
 
 
 class PlantLog:
