@@ -115,6 +115,11 @@ def test_what_cannot_be_is_one_line(overrides, said):
     assert said in fault
 
 
+def test_a_key_of_a_rope_where_there_is_one_cable_names_that_of_the_cable():
+    (fault,) = faults_of("aerial_tramway", {"ropes.up.ice": 2.0})
+    assert fault.endswith("(override): ropes.up.ice: given 2.0 kg/m: with one cable; allowed: cable.ice")
+
+
 def test_sensors_of_a_loop_and_a_force_that_friction_cannot_carry():
     sensors = {
         "cell": {"kind": "load_cell", "of": "up/end", "rate": 50.0},

@@ -110,9 +110,8 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         data = expand_bullwheels(data)
         later = [(own, values[key]) for key in others for own in written.expanded(key)]
         for key, value in later:
-            if key.partition(".")[0] == "cable" and data.get("ropes") and isinstance(data["ropes"], dict):
-                known = listed([f"ropes.{name}" for name in data["ropes"]], "")
-                faults.append(refuse(tuple(key.split(".")), value, known, "with several ropes"))
+            if other := _of_other_ropes(data, key, value):
+                faults.append(other)
                 continue
             with _kept(unknown):
                 if (changed := override(data, key, value)) != tuple(key.split(".")):  # the list that it is in
@@ -126,6 +125,18 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
     if scenario is None or faults:
         raise ScenarioError(*_lines(label, faults, written, unknown))
     return scenario
+
+
+def _of_other_ropes(data: dict[str, Any], key: str, value: Any) -> Fault | None:
+    """Fault of an override of the one cable in a scenario with several ropes, or of a rope in one with a cable."""
+    section, *below = key.split(".")
+    ropes = data.get("ropes")
+    if section == "cable" and ropes and isinstance(ropes, dict):
+        known = listed([f"ropes.{name}" for name in ropes], "")
+        return refuse((section, *below), value, known, "with several ropes")
+    if section == "ropes" and len(below) > 1 and not ropes and "cable" in data:
+        return refuse((section, *below), value, ".".join(("cable", *below[1:])), "with one cable")
+    return None
 
 
 @contextmanager
