@@ -74,7 +74,11 @@ def test_towers_are_in_order_and_do_not_share_names_with_the_ends():
 
 def test_a_cable_too_short_for_its_way_over_the_towers():
     (fault,) = faults_of(TRAMWAY, {**HYDRAULIC, "cable.unstrained_length": 955.0})
-    assert "its ends are 1006.76 m apart over the towers" in fault
+    assert "its ends are 1006.76 m apart over the towers, which" in fault
+    for travel, apart in (([-1, 1], "1005.76"), (None, "506.36")):  # without limits it may come to the tower
+        (fault,) = faults_of(TRAMWAY, {"cable.end.travel": travel, "cable.unstrained_length": 100.0})
+        assert "cable.unstrained_length: given 100.0 m" in fault
+        assert f"its ends are {apart} m apart over the towers with the counterweight as far in as it goes" in fault
 
 
 REST = [

@@ -157,18 +157,24 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
         return
     if dist(scenario.vector(end.position), scenario.vector(start.position)) <= 1e-6 * length:
         yield refuse(("cable", "end", "position"), end.position, "another place, in m", "it is the place of the start")
-    distance = sum(dist(scenario.vector(a), scenario.vector(b)) for a, b in pairwise(scenario.corners))
+    low, high = sorted((start.position[0], end.position[0]))
+    towers = [place for place in scenario.corners[1:-1] if low < place[0] < high]  # others are a fault of their own
+    corners = [scenario.vector(corner) for corner in (start.position, *towers, end.position)]
+    for name, place in (("start", 0), ("end", -1)):
+        if cable.ends[name].support == "counterweight":
+            corners[place] = _innermost(scenario, cable.ends[name], corners[1 if place == 0 else -2])
+    distance = sum(dist(a, b) for a, b in pairwise(corners))
     strain = distance / length - 1.0
     path = ("cable", "initial_shape")
-    if "counterweight" in cable.supports:
-        if cable.initial_shape == "straight":
-            yield refuse(path, cable.initial_shape, "equilibrium", "with a counterweight")
-        return
-    if cable.initial_shape == "straight" and abs(strain) > 1e-9:
+    weighted = "counterweight" in cable.supports
+    if weighted and cable.initial_shape == "straight":
+        yield refuse(path, cable.initial_shape, "equilibrium", "with a counterweight")
+    elif cable.initial_shape == "straight" and abs(strain) > 1e-9:
         why = f"an unstrained cable of {length:.9g} m is not straight between held ends {distance:.9g} m apart"
         yield refuse(path, cable.initial_shape, "equilibrium, or a free end", why)
     if strain > LARGEST_STRAIN:
         over = " over the towers" if scenario.towers else ""
+        over += " with the counterweight as far in as it goes" if weighted else ""
         yield refuse(
             ("cable", "unstrained_length"),
             length,
@@ -177,6 +183,15 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
             f"its ends are {distance:.6g} m apart{over}, which needs a strain of {rounded(100.0 * strain, 3)} % "
             f"and a tension of {with_unit(cable.axial_stiffness * strain, 'N', 3)}",
         )
+
+
+def _innermost(scenario: Scenario, end: EndSupport, inner: tuple[float, ...]) -> tuple[float, ...]:
+    """Place (m) of an end at the inner limit of its counterweight's travel; without limits that of the next corner."""
+    if end.travel is None or not end.direction:
+        return inner
+    direction = scenario.vector(end.direction)
+    size = hypot(*direction) or nan
+    return tuple(a + end.travel[0] * b / size for a, b in zip(scenario.vector(end.position), direction, strict=False))
 
 
 def _towers(scenario: Scenario) -> Iterator[Fault]:
