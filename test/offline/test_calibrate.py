@@ -208,7 +208,11 @@ def test_one_rope_has_one_prior(lift_bag, tmp_path, capsys):
         ("trip", ["--free", "sensors.no_such.bias"], "given sensor 'no_such'; allowed: encoder_cabin"),
         ("trip", ["--free", PAYLOAD, "--prior", "wind.x=0:1"], "given air.wind.x; allowed: a key given in --free"),
         ("trip", ["--free", PAYLOAD, "--prior", f"{PAYLOAD}=4000:0"], "allowed: KEY=VALUE:DEVIATION"),
-        ("trip", ["--free", PAYLOAD, "--scenario", "single_span"], "given a log of aerial_tramway (towers: tower); allowed: one of single_span"),
+        (
+            "trip",
+            ["--free", PAYLOAD, "--scenario", "single_span"],
+            "given a log of aerial_tramway (towers: tower); allowed: one of single_span",
+        ),
         ("short", ["--free", PAYLOAD], "length: given 2 s; allowed: 5 s or more"),
         (
             "trip",

@@ -250,8 +250,8 @@ def _try_value(scenario: Scenario, parameter: Parameter, value: float) -> None:
         load_scenario(scenario.resolved(), dict.fromkeys(parameter.keys, value))
     except ScenarioError as error:
         raise CalibrationError(
-            f"--free: {parameter.key}: given a prior that reaches {value:.6g}: {str(error).splitlines()[0]}; allowed: a "
-            "narrower --prior"
+            f"--free: {parameter.key}: given a prior that reaches {value:.6g}: {str(error).splitlines()[0]}; allowed: "
+            "a narrower --prior"
         ) from None
 
 
