@@ -29,6 +29,7 @@ from cable_twin.offline.envelopes.tensioning import ALLOWED
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.lines.at_rest import MOST
+from cable_twin.offline.reporting.remarks import scenario_text
 from cable_twin.offline.side_by_side import side_by_side
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
@@ -296,6 +297,7 @@ def _write(
     if options.json is not None:
         data = {
             "scenario": cases[0].scenario.name,
+            "file": scenario_text(options.source)._asdict(),
             "resolved": load_scenario(options.source, dict(options.set)).resolved(),
             "version": metadata.version("cable_twin"),
             "command": options.command,

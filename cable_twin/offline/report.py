@@ -86,8 +86,8 @@ def parser() -> OneLineParser:
         "--scenario",
         type=Path,
         metavar="FILE",
-        help="YAML file of the scenario, whose remarks name sources and assumptions; default: the shipped one of its "
-        "name",
+        help="YAML file of the scenario, whose remarks name sources and assumptions; default: the one that `envelope` "
+        "has put into its .json, else the shipped one of its name",
     )
     return result
 
@@ -174,6 +174,10 @@ def _write(options: argparse.Namespace, results: Results, command: str) -> int:
             tell("report", f"--pdf {options.pdf}: {getattr(error, 'strerror', None) or error}")
             return NOT_WRITTEN
         print_line(f"PDF: {options.pdf}")
+    if not results.inputs.file:
+        name = results.scenario.name
+        tell("report", f"--scenario: given none, and no shipped one is called {name!r}; allowed: the file of {name!r}, "
+             "as inputs without its remarks count as assumed")  # fmt: skip
     for fault in results.notes:
         tell("report", f"{options.source}: {fault}")
     return NOT_WRITTEN if results.notes else DONE

@@ -17,6 +17,7 @@ from cable_twin.scenario.files import (
     config_directory,
     load_scenario,
     parse_scenario,
+    scenario_file,
     scenario_lines,
     scenario_names,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "most_by_friction",
     "parse_scenario",
     "places_of",
+    "scenario_file",
     "scenario_lines",
     "scenario_names",
     "tower_axes",

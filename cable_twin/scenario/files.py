@@ -64,7 +64,7 @@ def load_scenario(source: str | Path | Mapping[str, Any], overrides: Mapping[str
     """
     if isinstance(source, Mapping):
         return _build("mapping", "custom", source, [], overrides or {})
-    file = _find(source)
+    file = scenario_file(source)
     return _build(str(file), file.stem, *_read(file), overrides or {})
 
 
@@ -159,7 +159,7 @@ def scenario_lines() -> list[str]:
     names = scenario_names()
     width = max(map(len, names), default=0)
     return [
-        f"{printable(name):<{width}}  {printable(_description(_find(name)), LONGEST_DESCRIPTION)}".rstrip()
+        f"{printable(name):<{width}}  {printable(_description(scenario_file(name)), LONGEST_DESCRIPTION)}".rstrip()
         for name in names
     ]
 
@@ -190,8 +190,12 @@ def config_directory() -> Path:
     raise ScenarioError(f"{__file__}: no share/cable_twin/config in any directory above; install cable_twin again")
 
 
-def _find(source: Any) -> Path:
-    """Find a scenario file by name or path; the name of a shipped scenario takes precedence over a file."""
+def scenario_file(source: Any) -> Path:
+    """Path of a scenario file by name or path; the name of a shipped scenario takes precedence over a file.
+
+    Raises:
+        ScenarioError: the source is neither.
+    """
     if not isinstance(source, str | Path) or not str(source):
         fault = refuse(("scenario",), source, "a name, the path of a YAML file, or a mapping")
         raise ScenarioError(f"scenario: {fault.text}")

@@ -157,7 +157,7 @@ def test_states_that_govern_are_found_again(cases):
         highest = tension[FigureId("rope_tension", f"ropes.{rope.name}", "highest")]
         assert rope.tension.max() == pytest.approx(highest, rel=1e-9)
     text = (cases / "all.html").read_text(encoding="utf-8")
-    assert "sheaves.return.counterweight.mass: 36000.0" in text
+    assert "sheaves.return.counterweight.mass: 36000 kg" in text
     assert "envelope chairlift --cases cases.yaml" in text
 
 
@@ -319,6 +319,36 @@ def test_inputs_have_the_remarks_of_their_file():
     assert rows["ropes.up.ice"].value == "2"
     assert not rows["carriers.count"].assumed
     assert {"limits.acceleration", "limits.roller_load"} <= {one.key for one in inputs.defaults}
+
+
+def test_a_comment_above_a_block_counts_for_its_keys_without_own_remark():
+    rows = {one.key: one for one in inputs_of(load_scenario("aerial_tramway"), None).rows}
+    assert rows["cable.start.mass"].remark.startswith("The counterweight of the lower station pulls")
+    for key in ("axial_stiffness", "mass_per_length", "drive_inertia"):
+        assert rows[f"carriages.cabin.drive.haul_rope.{key}"].remark.startswith("A haul rope of 40 mm with 630")
+    assert rows["carriages.cabin.drive.haul_rope.damping_ratio"].remark == "-, assumed"
+    assert rows["gravity"].remark.startswith("m/s^2, standard gravity")
+
+
+def test_an_envelope_has_the_remarks_of_its_own_file_and_a_run_says_where_they_are(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (config_directory() / "seed_example.yaml").read_text(encoding="utf-8")
+    Path("own.yaml").write_text(text.replace("# m/s^2, assumed", "# m/s^2, measured on site"), encoding="utf-8")
+    Path("cases.yaml").write_text(
+        "cases: [{id: a, set: {cable.end.position.z: 0.1, carriages.carriage.payload: null}}]"
+    )
+    assert envelope.main(["own.yaml", "--cases", "cases.yaml", "--places", "1", "--json", "own.json"]) == 0
+    assert simulate.main(["own.yaml", "--duration", "0.1", "--output", "runs", "--record", "bag"]) == 0
+    Path("own.yaml").unlink()
+    capsys.readouterr()
+    assert report.main(["own.json"]) == 0
+    assert not capsys.readouterr().err
+    page = Path("own_report.html").read_text(encoding="utf-8")
+    assert "measured on site" in page
+    assert "cable.end.position.z: 0.1 m; carriages.carriage.payload: none" in page
+    assert report.main([str(next(Path("runs").iterdir()))]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("report: --scenario: given none, and no shipped one is called 'own'; allowed: the file of")
 
 
 def test_remarks_of_lists_stand_above_their_items(tmp_path):

@@ -19,7 +19,7 @@ from cable_twin.offline.export import figure_of_columns
 from cable_twin.offline.lines.at_rest import Line, at_place
 from cable_twin.offline.reporting.from_log import PLACES, take_heights, tower_loads
 from cable_twin.offline.reporting.judging import judge_extremes, with_rules
-from cable_twin.offline.reporting.remarks import inputs_of
+from cable_twin.offline.reporting.remarks import ScenarioText, inputs_of
 from cable_twin.offline.reporting.results import Case, Results, ResultsError, RopeCourse, TowerLoad
 from cable_twin.offline.verdict_table import verdict_of_columns
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
@@ -50,7 +50,7 @@ def read_envelope(
     Args:
         path: file written by `envelope --json`.
         on_state: called with the number of states to be calculated; returns a function to call after each.
-        file: scenario file with its remarks; None for the shipped file of the scenario's name.
+        file: scenario file with its remarks; None for that of the envelope.
         rules: rule profiles by which the extremes are judged, in place of the verdicts of the envelope.
         facts: keys of `limits.installation` for these verdicts, in place of those of the scenario.
 
@@ -68,13 +68,14 @@ def read_envelope(
         verdicts = [verdict_of_columns(one, names) for one in data["rules"]]
         cases = [_case(one) for one in data["cases"]]
         moving = {one.id for one in cases if one.moves}
+        kept = ScenarioText(**data["file"]) if "file" in data else None  # not of earlier versions
         places, version, command = int(data["places"]), str(data["version"]), str(data["command"])
     except ScenarioError as error:
         raise ScenarioError(*(f"{path}: {fault}" for fault in error.faults)) from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         said = f"{error} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
         raise ResultsError(f"{path}: no envelope: {said}; {EXPECTED}") from None
-    inputs = inputs_of(scenario, file)
+    inputs = inputs_of(scenario, file, kept)
     scenario, profiles = with_rules(scenario, rules, facts or {})
     if rules is not None or facts:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,8 +12,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from cable_twin.basics.limited_yaml import limited_text, read_yaml
 from cable_twin.basics.units import rounded
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario
-from cable_twin.scenario.files import config_directory
+from cable_twin.scenario import Scenario, load_scenario, parse_scenario, scenario_file, scenario_names
 from cable_twin.scenario.reference import explained
 
 DIGITS = 6  # of an input
@@ -34,37 +34,58 @@ class Inputs(NamedTuple):
     """All inputs of a run with their remarks, for a report.
 
     Attributes:
-        file: scenario file; None where it is not at hand.
+        file: name of the scenario file; empty where it is not at hand.
         head: remark at the top of the file.
         rows: inputs in the file or set for the run.
         defaults: assumed defaults of keys that are not given.
     """
 
-    file: Path | None
+    file: str
     head: str
     rows: list[Input]
     defaults: list[Input]
 
 
-def inputs_of(scenario: Scenario, file: Path | None) -> Inputs:
+class ScenarioText(NamedTuple):
+    """Name and text of a scenario file, which results carry along for its remarks."""
+
+    name: str
+    text: str
+
+
+def scenario_text(source: str | Path) -> ScenarioText:
+    """Name and text of a scenario file, by name or path of the scenario.
+
+    Raises:
+        ScenarioError: there is no such scenario.
+    """
+    file = scenario_file(source)
+    return ScenarioText(file.name, limited_text(file.expanduser()))
+
+
+def inputs_of(scenario: Scenario, file: Path | None, kept: ScenarioText | None = None) -> Inputs:
     """Gather the inputs of a run: values of its scenario, with the remarks of the scenario file.
 
     Args:
         scenario: of the run.
-        file: scenario file; None for the shipped file of the scenario's name, if any.
+        file: scenario file; None for that in the results, else the shipped file of its name, if any.
+        kept: scenario file in the results; None without.
 
     Raises:
         ScenarioError: a given file cannot be read; a line each.
     """
-    file = _shipped(scenario.name) if file is None else file
+    if file is not None:
+        load_scenario(file)  # its faults, with its path
+        kept = scenario_text(file)
+    elif kept is None and scenario.name in scenario_names():
+        kept = scenario_text(scenario.name)
     used = _flat(scenario.resolved())
     defaults = list(_assumed_defaults(used))
-    if file is None:
+    if kept is None:
         rows = [_input(key, value, NONE) for key, value in used.items() if not _is_default(key, value)]
-        return Inputs(None, "", [one for one in rows if _is_number(one.value)], defaults)
-    before = _flat(load_scenario(file).resolved())
-    text = limited_text(file)
-    remarks = dict(_remarks(text))
+        return Inputs("", "", [one for one in rows if _is_number(one.value)], defaults)
+    before = _flat(parse_scenario(kept.text).resolved())
+    remarks = dict(_remarks(kept.text))
     rows = []
     for key, (value, remark, assumed) in remarks.items():
         own = used.get(key, value)
@@ -75,32 +96,37 @@ def inputs_of(scenario: Scenario, file: Path | None) -> Inputs:
         for key, value in used.items()
         if before.get(key) != value and key not in remarks and key != "name"
     ]
-    head = " ".join(line.lstrip("# ") for line in _head(text.splitlines()))
-    return Inputs(file, head, [one for one in rows if _is_number(one.value)], defaults)
-
-
-def _shipped(name: str) -> Path | None:
-    """Path of the shipped scenario file of a name; None where there is no such file."""
-    try:
-        file = config_directory() / f"{name}.yaml"
-    except ScenarioError:
-        return None
-    return file if "/" not in name and file.is_file() else None
+    head = " ".join(line.lstrip("# ") for line in _head(kept.text.splitlines()))
+    return Inputs(kept.name, head, [one for one in rows if _is_number(one.value)], defaults)
 
 
 def _input(key: str, value: Any, remark: str, *, assumed: bool = False) -> Input:
-    """Make an input of a scenario with its unit and remark; a remark that is only the unit counts as none."""
-    unit = _unit(key)
-    remark = NONE if remark.strip(",:; ") in (unit, "") else remark
-    return Input(key, _shown(value), unit, remark, assumed or "assumed" in remark or remark == NONE)
+    """Make an input of a scenario with its unit and remark."""
+    remark = remark or NONE
+    return Input(key, _shown(value), _unit(key), remark, assumed or "assumed" in remark or remark == NONE)
+
+
+def change_text(key: str, value: Any) -> str:
+    """Text of a change of a scenario: dotted key, and value with unit; `none` for null."""
+    unit = f" {_unit(key)}" if _unit(key) not in ("", "-") and _has_number(value) else ""
+    return f"{key}: {'none' if value is None else _shown(value)}{unit}"
+
+
+def _has_number(value: Any) -> bool:
+    """Whether a value of a scenario is a number, or has one in it."""
+    if isinstance(value, Mapping | list | tuple):
+        return any(map(_has_number, value.values() if isinstance(value, Mapping) else value))
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _shown(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_shown(one)}" for key, one in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_shown, value)) + "]"
     if isinstance(value, float):
         return rounded(value, DIGITS)
-    return str(value)
+    return json.dumps(value) if value is None or isinstance(value, bool) else str(value)
 
 
 def _is_number(text: str) -> bool:
@@ -108,8 +134,9 @@ def _is_number(text: str) -> bool:
 
 
 def _unit(key: str) -> str:
+    """Unit of a scenario key; of an item of a list that of the list."""
     try:
-        return explained(key)[0].unit
+        return explained(re.sub(r"\.([xyz]|\d+)$", "", key))[0].unit
     except KeyError:
         return ""
 
@@ -158,8 +185,10 @@ def _remarks(text: str) -> Iterator[tuple[str, tuple[Any, str, bool]]]:
                 value = value[part]
         except KeyError:  # of a merged mapping, in place of which there is another one
             continue
-        all_assumed = any("all assumed" in head for head in _heads(lines, node.start_mark.line))
-        yield ".".join(map(str, path)), (value, _remark(lines, node), all_assumed)
+        key, heads = ".".join(map(str, path)), list(_heads(lines, node.start_mark.line))
+        said = (*_own_remarks(lines, node), *heads[:1])
+        remark = next((one for one in said if one.strip(",:; ") not in ("", _unit(key))), "")
+        yield key, (value, remark, any("all assumed" in head for head in heads))
 
 
 def _leaves(node: Node | None, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Node]]:
@@ -175,15 +204,13 @@ def _leaves(node: Node | None, path: tuple[Any, ...]) -> Iterator[tuple[tuple[An
         yield path, node
 
 
-def _remark(lines: Sequence[str], node: Node) -> str:
-    """Remark on a value in a YAML text: behind it, above its line, or at the head of its block; empty if none."""
-    end = node.end_mark
-    if found := REMARK.match(lines[end.line][end.column :] if end.line < len(lines) else ""):
-        return found[1]
-    row = node.start_mark.line
-    if found := re.search(r"[}\]]\s*#\s*(.*)$", lines[row]):
-        return found[1]
-    return _group(lines, row, -1) or next(_heads(lines, row), "")
+def _own_remarks(lines: Sequence[str], node: Node) -> Iterator[str]:
+    """Remarks on a value in a YAML text, behind it or above its line; some are empty, or a unit alone."""
+    end, row = node.end_mark, node.start_mark.line
+    behind = lines[end.line][end.column :] if end.line < len(lines) else ""
+    if found := REMARK.match(behind) or re.search(r"[}\]]\s*#\s*(.*)$", lines[row]):
+        yield found[1]
+    yield _group(lines, row, -1)
 
 
 def _heads(lines: Sequence[str], row: int) -> Iterator[str]:

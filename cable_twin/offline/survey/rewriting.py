@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from cable_twin.offline.survey.marked import COLUMN, dumped
-from cable_twin.scenario import config_directory
 
 
 class Change(NamedTuple):
@@ -18,12 +16,6 @@ class Change(NamedTuple):
 
     value: Any
     why: str
-
-
-def scenario_file(source: str) -> Path:
-    """Path of a scenario file, from the name of a shipped scenario or a path."""
-    path = Path(source)
-    return path if path.suffix in (".yaml", ".yml") else config_directory() / f"{source}.yaml"
 
 
 def rewritten(text: str, changes: Mapping[str, Change], heading: str) -> str:

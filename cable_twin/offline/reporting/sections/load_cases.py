@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from cable_twin.offline.reporting.remarks import change_text
 from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.sections.section import row_of
 from cable_twin.offline.reporting.texts import Texts
@@ -23,7 +24,10 @@ class LoadCases:
         """Template data of the section: tables of cases, governing figures and commands."""
         governed = Counter(results.governing.values())
         return {
-            "cases": [(one, governed[one.id]) for one in results.cases[:MOST]],
+            "cases": [
+                (one, "; ".join(change_text(*change) for change in one.changes.items()), governed[one.id])
+                for one in results.cases[:MOST]
+            ],
             "more_cases": max(len(results.cases) - MOST, 0),
             "governing": [row_of(one, results, texts) for one in results.figures] if results.governing else [],
             "commands": results.commands[:MOST],

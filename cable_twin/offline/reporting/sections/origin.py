@@ -21,6 +21,6 @@ class Origin:
         inputs = results.inputs
         return {
             "groups": grouped([one for one in inputs.rows if not one.assumed]),
-            "file": inputs.file.name if inputs.file is not None else "",
+            "file": inputs.file,
             "sources": [(texts(name), text) for name, text in results.sources],
         }
