@@ -19,7 +19,7 @@ pytest.importorskip("rclpy")
 from ros_participant import Participant
 from std_srvs.srv import SetBool, Trigger
 
-from cable_twin.ros.client.drive import main
+from cable_twin.ros.client.drive import main, parser
 from cable_twin.runtime.point_to_point import STATIONS, target_of
 from cable_twin.scenario import command_fault, load_scenario
 from cable_twin.simulation.command_handlers import check_drive
@@ -206,8 +206,8 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
         (["cabin", "--wind", "1"], "NAME: given 'cabin'; allowed: with --speed, --force, --payload, --to"),
         (["--reset", "--duration", "1"], "--duration: given 1 s; allowed: with --speed, --force"),
         (["cabin", "--payload", "1", "--ramp", "1"], "--ramp: given 1 s; allowed: with --speed, --force"),
-        (["--wind", "1", "2", "3", "4"], "argument --wind: given 4 numbers; allowed: x, z, y, in m/s"),
-        (["--temperature", "1", "2"], "argument --temperature: given 2 numbers; allowed: ropes, in degC"),
+        (["--wind", "1", "2", "3", "4"], "argument --wind: given 4 numbers; allowed: at most 3, of x, z, y, in m/s"),
+        (["--temperature", "1", "2"], "argument --temperature: given 2 numbers; allowed: one, of all ropes, in degC"),
         (["--wind", "gale"], "argument --wind: given 'gale'; allowed: a finite number"),
         (
             ["--reset", "--node", "a b"],
@@ -226,6 +226,14 @@ def test_bad_options_are_named_in_a_line(capsys, arguments, said):
     with pytest.raises(SystemExit, match="1"):
         main(arguments)
     assert capsys.readouterr().err == f"drive: {said}; all options: drive --help\n"
+
+
+def test_the_help_says_how_many_numbers_and_which_places_of_a_drive(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    said = parser().format_help()
+    assert re.search(r"--temperature DEGC +degC: ", said)
+    assert re.search(r"--wind M/S \[M/S \.\.\.\]", said)
+    assert "of a drive m of its travel, start or end" in said
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ examples:
   drive cabin --speed -3 --ramp 20       to -3 m/s within 20 s
   drive cabin --force 40000 --duration 10
   drive cabin --to upper_station         there, and stop; also lower_station, start, end, and towers by name
+  drive haul_rope --to end               of a drive: start and end of its travel (m), or a place between
   drive cabin --to 420 --at-most 5       to 420 m along the cable, with 5 m/s on the way
   drive cabin --payload 3200             kg, in a station
   drive --wind 12                        m/s along the track, with a second number upwards, a third to the left
@@ -69,7 +70,8 @@ def parser() -> OneLineParser:
     for kind in COMMANDS.values():
         option, unit = _option(kind), kind.unit.upper()
         if kind.axes:
-            what.add_argument(option, type=_number, nargs="+", help=f"{kind.unit}: {kind.help}", metavar=unit)
+            several = "+" if len(kind.axes) > 1 else 1
+            what.add_argument(option, type=_number, nargs=several, help=f"{kind.unit}: {kind.help}", metavar=unit)
         elif kind.quantity:
             what.add_argument(option, type=_number, help=f"{kind.unit}: {kind.help}", metavar=unit)
         else:
@@ -80,7 +82,8 @@ def parser() -> OneLineParser:
     what.add_argument(
         "--to",
         metavar="PLACE",
-        help="let the twin drive to a place and stop there: m along the cable, a station or a tower",
+        help="let the twin drive to a place and stop there: of a carriage m along the cable, a station, start, end or a "
+        "tower; of a drive m of its travel, start or end",
     )
     what.add_argument("--load", metavar="SCENARIO", help="start another scenario in the running twin, with new logs")
     what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
@@ -157,6 +160,12 @@ def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
         return "NAME: given nothing; allowed: a carriage or drive, before --to"
     if options.at_most is not None and (options.to is None or options.at_most <= 0.0):
         return f"--at-most: given {options.at_most:g} m/s; allowed: more than 0 m/s, with --to"
+    if kind is not None and kind.axes:
+        count = len(getattr(options, kind.name)) + _is_number(options.name)
+        if count > len(kind.axes):
+            most = f"at most {len(kind.axes)}, of" if len(kind.axes) > 1 else "one, of all"
+            allowed = f"{most} {', '.join(kind.axes)}, in {kind.unit}"
+            return f"argument {_option(kind)}: given {count} numbers; allowed: {allowed}"
     named = kind is not None and bool(kind.quantity) and not kind.axes
     if named and options.name is None:
         assert kind is not None
@@ -167,10 +176,15 @@ def _fault(options: argparse.Namespace, kind: Kind | None) -> str:
     for name in ("ramp", "duration"):
         if getattr(options, name) is not None and not (kind is not None and kind.drives):
             return f"--{name}: given {getattr(options, name):g} s; allowed: with {_options(lambda kind: kind.drives)}"
-    if kind is not None and kind.axes and len(getattr(options, kind.name)) > len(kind.axes):
-        count = len(getattr(options, kind.name))
-        return f"argument {_option(kind)}: given {count} numbers; allowed: {', '.join(kind.axes)}, in {kind.unit}"
     return ""
+
+
+def _is_number(text: str | None) -> bool:
+    """Whether a given NAME is a number, one more of the option before it."""
+    try:
+        return math.isfinite(float(text or "nan"))
+    except ValueError:
+        return False
 
 
 def _options(wanted: Callable[[Kind], object]) -> str:
