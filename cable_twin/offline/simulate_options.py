@@ -10,12 +10,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from cable_twin.frame.rates import EVERY_FRAME, LOGGED
 from cable_twin.frame.rates import fault as rate_fault
 from cable_twin.key_figures.rules import RuleError, load_profile
 from cable_twin.offline.export import add_export
 from cable_twin.recording.splitting import HOURLY
 from cable_twin.scenario import assignment, full_key, scenario_lines
+from cable_twin.scenario.checks.fault import allowed, refuse
 from cable_twin.scenario.sections.limits import Installation
 from cable_twin.terminal.command_line import OneLineParser, typed
 
@@ -230,6 +233,11 @@ def fact(text: str) -> tuple[str, Any]:
     key, value = _changed_value(text)
     if key not in Installation.model_fields:
         raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {', '.join(Installation.model_fields)}")
+    try:
+        Installation.model_validate({key: value})
+    except ValidationError:
+        refused = refuse(("limits", "installation", key), value, allowed(Installation.model_fields[key]))
+        raise argparse.ArgumentTypeError(f"{key}: {refused.text}") from None
     return key, value
 
 
@@ -278,8 +286,8 @@ def number(low: float, high: float, unit: str, *, zero: bool = False) -> Callabl
         except ValueError:
             value = math.nan
         if not (low <= value <= high and (zero or value > 0.0) and value < math.inf):
-            allowed = f"more than 0 {unit}" if high == math.inf else f"{low:g} to {high:g} {unit}"
-            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {allowed}")
+            span = f"more than 0 {unit}" if high == math.inf else f"{low:g} to {high:g} {unit}"
+            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {span}")
         return value
 
     return convert

@@ -364,7 +364,12 @@ def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):
 
 
 def test_too_many_bags_and_unknown_options_are_refused_in_a_line(capsys):
-    for arguments, said in ((["a"] * 27, "bags: given 27; allowed: at most 26"), (["--fast"], "--help")):
+    fact = "review: argument --fact: persons: given 'abc'; allowed: a whole number at least 1 and at most 500, or null"
+    for arguments, said in (
+        (["a"] * 27, "bags: given 27; allowed: at most 26"),
+        (["--fast"], "--help"),
+        (["--fact", "persons=abc"], fact),
+    ):
         with pytest.raises(SystemExit) as ended:
             main(arguments)
         assert ended.value.code == 2
