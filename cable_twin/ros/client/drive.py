@@ -82,8 +82,8 @@ def parser() -> OneLineParser:
     what.add_argument(
         "--to",
         metavar="PLACE",
-        help="let the twin drive to a place and stop there: of a carriage m along the cable, a station, start, end or a "
-        "tower; of a drive m of its travel, start or end",
+        help="let the twin drive to a place and stop there: of a carriage m along the cable, a station, start, end or "
+        "a tower; of a drive m of its travel, start or end",
     )
     what.add_argument("--load", metavar="SCENARIO", help="start another scenario in the running twin, with new logs")
     what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
