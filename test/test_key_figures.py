@@ -25,6 +25,8 @@ from strands import one_strand
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import FigureId, KeyFigures, figure_from_values, not_judged, values_of
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
+from cable_twin.mechanics.drives.joint_drive import SPEED
+from cable_twin.mechanics.readout.columns import STOPPING
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.sections.limits import KeyFigureLimits
@@ -341,6 +343,26 @@ def test_a_stop_that_is_not_over_at_the_end_decides_nothing_but_a_limit_that_it_
     assert "cabin: mean deceleration of the stop" not in found
     assert figure_from_values(stop.name, values_of(stop)) == stop
     assert passenger.unfinished
+
+
+@pytest.mark.parametrize(("means", "braked"), [("emergency_brake", True), ("drive", False)])
+def test_the_force_of_brakes_is_not_judged_by_the_limits_of_the_drive(means, braked):
+    own = scenario(
+        carriages__cabin__drive__emergency_brake={"force": 2e5},
+        carriages__cabin__drive__emergency_stop=[means],
+    )
+    figures = KeyFigures(own)
+    for moment, kind, force in ((0.0, SPEED, 3e4), (1.0, STOPPING, -2e5)):
+        one = snapshot(moment, speed=6.0)
+        writable(one).command_kind[0], writable(one).drive_force[0] = kind, force
+        figures.update(one)
+    found = gathered(figures)
+    assert found["cabin: drive force"].value == (3e4 if braked else 2e5)
+    assert found["cabin: drive force"].kept is braked
+    assert ("cabin: brake force" in found) is braked
+    if braked:
+        assert found["cabin: brake force"].value == 2e5
+        assert found["cabin: drive power, lowest"].value == 1.8e5
 
 
 def test_a_carriage_that_runs_into_an_end_stop_is_told():

@@ -55,6 +55,7 @@ class Extremes(NamedTuple):
     force: Annotated[FloatArray, Of("driven", EXTREME, unit="N", first=nan)]
     power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
     lowest_power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
+    brake_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
     swing: Annotated[FloatArray, Of("vehicle", EXTREME, unit="rad", first=nan)]
     roll: Annotated[FloatArray, Of("vehicle", EXTREME, unit="rad", first=nan)]
     acceleration: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s^2", first=nan)]
@@ -107,6 +108,7 @@ class Constants(NamedTuple):
     first_body: IntArray  # (vehicles + 1,)
     vehicle_rope: IntArray  # (vehicles,) or NO_ROPE
     clamped: IntArray  # (vehicles,) 1 for vehicles clamped to their rope
+    braked: IntArray  # (vehicles,) 1 for carriages whose drive takes no part in an emergency stop
     empty: FloatArray  # (vehicles,) kg
     radius: FloatArray  # (sheaves,) m
     available: FloatArray  # (sheaves,) friction times wrap: highest logarithm of the tension ratio
@@ -168,6 +170,7 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
         for count in (*(0 for _ in ENDS), *(tower.contacts if tower.kind == "sheaves" else 0 for tower in own))
     ]
     bodies = [list(vehicle.bodies.values()) for vehicle in vehicles.values()]
+    braked = [name in scenario.carriages and "drive" not in one.drive.emergency_stop for name, one in vehicles.items()]
     return Constants(
         in_space=scenario.dim == 3,
         arc_length=layout.arc_lengths.copy(),
@@ -180,6 +183,7 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
         first_body=first_rows([len(own) for own in bodies]),
         vehicle_rope=rope_of.astype(np.int64),
         clamped=clamped,
+        braked=np.array(braked, np.int64),
         empty=np.array([sum(body.mass for body in own) for own in bodies], np.float64),
         radius=np.array([wheel.radius for wheel in wheels], np.float64),
         available=np.array([wheel.friction * wheel.wrap for wheel in wheels], np.float64),

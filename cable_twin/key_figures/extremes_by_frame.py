@@ -8,6 +8,7 @@ from cable_twin.key_figures.extremes import NO_ROPE, PLACE, PLACES, ROPE, TIME, 
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.memory import copy_array
 from cable_twin.mechanics.readout.clearances import box_distance, find_least, look_around_vehicle
+from cable_twin.mechanics.readout.columns import STOPPING
 
 CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at clearances
 MEAN = 0.2  # s over which velocities are averaged for accelerations: shorter changes are shocks, and of the mesh
@@ -174,8 +175,12 @@ def take_vehicles(extremes, constants, time, columns):
         body, place = constants.first_body[vehicle + 1] - 1, columns.arc_length[vehicle]  # the last body
         rope, counts = rope_of(constants, columns, vehicle), False
         if columns.attached[vehicle] != 0.0 and rope != NO_ROPE:
-            force = columns.drive_force[vehicle]
-            take_drive(extremes, vehicle, time, place, rope, columns.speed[vehicle], force)
+            force, speed = columns.drive_force[vehicle], columns.speed[vehicle]
+            if constants.braked[vehicle] and columns.command_kind[vehicle] == STOPPING:
+                highest(extremes.speed, vehicle, abs(speed), time, place, rope)
+                highest(extremes.brake_force, vehicle, abs(force), time, place, rope)
+            else:
+                take_drive(extremes, vehicle, time, place, rope, speed, force)
             angles = columns.body_angles[body]
             highest_in_wind(extremes.swing, vehicle, abs(angles[1]), time, place, rope, wind)
             if constants.in_space:

@@ -133,7 +133,7 @@ def figure(
 
 
 class NotJudged(NamedTuple):
-    """Limit by which no key figure of a run is judged: its key in `limits`, and the missing key if it is one."""
+    """Limit that judges no key figure of a run: its key in `limits`, and the scenario key that is missing for it."""
 
     limit: str
     missing: str = ""

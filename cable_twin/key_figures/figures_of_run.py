@@ -304,6 +304,7 @@ class KeyFigures:
         else:
             source = f"scenario: carriages.{subject.name}.drive.limits"
             yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source)
+            yield extreme("brake_force", subject, "highest", extremes.brake_force[group.rows[0]])
         acceleration = self._worst("acceleration", group, "highest", extremes.acceleration)
         yield replace(acceleration.limited_by(scenario), band=MEANS)
         yield self._worst("swing", group, "highest", extremes.swing).limited_by(scenario)
@@ -422,7 +423,7 @@ class KeyFigures:
             yield figure("connector_slack", subject, "highest", slack, last, names[longest])
 
     def _of_passing(self) -> Iterator[KeyFigure]:
-        """Clearance of each pair of groups of vehicles that came near each other."""
+        """Least clearance in the run of each two carriages, or carriages and carriers, that came near each other."""
         count = len(self._groups) if self._boxes is not None else 0
         for one, other in combinations_with_replacement(range(count), 2):
             row = one * count + other

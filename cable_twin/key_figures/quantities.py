@@ -74,6 +74,7 @@ _ROWS = (
     Quantity("speed", "speed", "speed of a vehicle or a drive, in either direction", "m/s", HIGHEST),
     Quantity("drive_force", "drive force", "force of a drive, in either direction", "N", HIGHEST),
     Quantity("drive_power", "drive power", "power of a drive, negative as it brakes", "W", BOTH),
+    Quantity("brake_force", "brake force", "force of the brakes of a carriage in an emergency stop", "N", HIGHEST),
     _limited("stopping distance", "stopping_distance", HIGHEST),
     _limited("stopping time", "stopping_time", HIGHEST),
     Quantity(

@@ -120,7 +120,8 @@ class FullState:
             )
         if self.between.keys() != own.between.keys():
             raise SnapshotError(
-                f"{', '.join(self.between.keys() ^ own.between.keys())}: given in one of snapshot and simulation; "
+                f"couplings of ropes: {', '.join(sorted(self.between.keys() ^ own.between.keys()))}: given in one of "
+                "snapshot and simulation; "
                 "allowed: in both"
             )
         _check_shapes(self.between, own.between)

@@ -255,7 +255,7 @@ class LineFollower:
         """Update terms by sensor without contradicting sensors; adds alarms for sensors that keep contradicting."""
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
-            """Normalised squared innovation of each sensor given all others, over its limit."""
+            """Ratio of each sensor's normalised squared innovation, given all other sensors, to its limit."""
             terms = [self._terms(to.get(one, one), found[one], found[to.get(one, one)]) for one in sensors]
             if not terms:
                 return {}

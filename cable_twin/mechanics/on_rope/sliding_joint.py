@@ -218,7 +218,7 @@ def add_joint(system, state, carriage, rate_factor, stiffness_factor, work):
 
 @inlined_kernel
 def hang_on_nodes(point, contact, impedance, pivot, right, rows, columns, work):
-    """Add force (dim,) in N and impedance of a joint to its element, less the condensed sliding coordinate."""
+    """Add force (dim,) in N and tangent of a joint to its element's nodes; the sliding coordinate is condensed."""
     like, shape = contact, point.shape
     for i in range(4):
         column = load(columns[i], like)

@@ -253,7 +253,7 @@ def stretching_error(cable, before, after):
 
 @inlined_kernel
 def tension_error(length, start, end):
-    """Trapezoidal error ½ ∫(1 - t·t')(ε' - ε)dx (m) of a rotating and stretching element, from nodal vectors.
+    """Error (m) of the trapezoidal rule in time for the elongation of an element in a step: ½ ∫(1 - t·t')(ε' - ε)dx.
 
     With the strain ε = |r_x| - 1 of `continuum`, unit tangent t, it is the excess of the trapezoidal rule over the
     strain energy, to the last bit; here with ε neglected beside 1: with ρ = l r_x and δ = |ρ'| - |ρ|, 1 - t·t' is

@@ -117,7 +117,7 @@ def read_figures(path: str, given: Sequence[Any]) -> tuple[str, ...]:
     except ValueError as error:
         raise DynamicError(f"{path}: {error}") from None
     if other := [one for one, statistic in statistics.items() if statistic not in ("highest", "lowest")]:
-        raise DynamicError(f"{path}: given {other[0]!r}; allowed: ids that end in highest or lowest")
+        raise DynamicError(f"{path}: given {other[0]!r}; allowed: ids of key figures that end in /highest or /lowest")
     return tuple(statistics)
 
 

@@ -280,6 +280,7 @@ QUANTITIES: Mapping[str, str] = {
     "speed": "Geschwindigkeit",
     "drive_force": "Antriebskraft",
     "drive_power": "Antriebsleistung",
+    "brake_force": "Bremskraft",
     "stopping_distance": "Anhalteweg",
     "stopping_time": "Anhaltezeit",
     "mean_deceleration": "mittlere Verzögerung beim Anhalten",

@@ -29,7 +29,9 @@ def certificate_in(file: Path) -> tuple[CertProperties, str]:
     except x509.ExtensionNotFound:
         uris = []
     except ValueError:
-        raise ValueError(f"certificate: given {file.name}; allowed: a certificate in PEM or DER") from None
+        raise ValueError(
+            f"certificate: given {file.name}, in which there is none; allowed: a certificate in PEM or DER"
+        ) from None
     return CertProperties(content, "pem" if is_pem else "der"), next(iter(uris), "")
 
 
