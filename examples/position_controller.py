@@ -20,7 +20,7 @@ class PositionController(Node):
 
     def __init__(self, name: str, place: float) -> None:
         super().__init__("position_controller")
-        self.name, self.place, self.sent, self.dead_times = name, place, {}, []
+        self.name, self.place, self.last, self.sent, self.dead_times = name, place, None, {}, []
         self.commands = self.create_publisher(JointState, "/cable_twin/joint_commands", 10)
         self.create_subscription(JointState, "/cable_twin/applied_commands", self.on_applied, 10)
         self.create_subscription(JointState, "/cable_twin/joint_states", self.on_state, 10)
@@ -31,7 +31,8 @@ class PositionController(Node):
         left = self.place - state.position[row]
         arrived = abs(left) < NEAR and abs(state.velocity[row]) < NEAR
         speed = 0.0 if arrived else min(max(GAIN * left, -FASTEST), FASTEST)
-        self.sent[speed] = state.header.stamp
+        if speed != self.last:  # of a repeated speed no answer tells which of its commands it is of
+            self.last, self.sent[speed] = speed, state.header.stamp
         self.commands.publish(JointState(header=state.header, name=[self.name], velocity=[speed]))
         if arrived:
             print(f"{self.name} is at {state.position[row]:.2f} m")
@@ -50,4 +51,5 @@ if __name__ == "__main__":
     try:
         rclpy.spin(controller)
     finally:
-        print(f"commands took effect {1e3 * median(controller.dead_times or [0.0]):.0f} ms after their states (median)")
+        if controller.dead_times:
+            print(f"commands took effect {1e3 * median(controller.dead_times):.0f} ms after their states (median)")

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from twin_process import write_quick_scenario
 
 pytest.importorskip("rclpy")
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.scenario import load_scenario
@@ -46,6 +51,26 @@ def test_forty_lines_drive_to_a_place_and_know_their_dead_time(running, drive):
     participant.until(lambda: participant.speed == pytest.approx(0.0, abs=0.05), what="a cabin that stands")
     code = (EXAMPLES / "position_controller.py").read_text().splitlines()
     assert len([line for line in code if line.strip() and not line.lstrip().startswith(("#", '"""'))]) <= 40
+
+
+def test_a_speed_that_is_repeated_and_a_place_that_is_reached_tell_no_dead_time(drive, monkeypatch):
+    """Of commands of one speed none can be told from another; without an answer there is no number."""
+    controller = runpy.run_path(str(EXAMPLES / "position_controller.py"))["PositionController"]
+    monkeypatch.setattr(controller, "__init__", lambda self: None)
+    one = controller()
+    one.name, one.place, one.last, one.sent, one.dead_times = "cabin", 1000.0, None, {}, []
+    one.commands = SimpleNamespace(publish=lambda message: None)
+
+    def message(frame, **fields):
+        return JointState(header=Header(stamp=Time(nanosec=frame * 10_000_000)), name=["cabin"], **fields)
+
+    for frame in (1, 2):  # the answer to the first comes after the second
+        one.on_state(message(frame, position=[60.0], velocity=[4.0]))
+    for frame in (2, 3):
+        one.on_applied(message(frame, velocity=[4.0]))
+    assert one.dead_times == [pytest.approx(PERIOD)]
+    (place,) = drive("position_controller.py", "cabin", str(START), paused=False)
+    assert place.startswith("cabin is at ")
 
 
 def test_lockstep_gives_the_numbers_of_the_python_api(drive, tmp_path):
