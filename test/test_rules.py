@@ -178,6 +178,15 @@ def test_a_case_and_a_unit_of_a_rule(tmp_path):
     assert found.value == pytest.approx(15.11, abs=0.01)
 
 
+def test_a_haul_rope_in_the_drive_of_a_carriage_is_said_to_be_one():
+    scenario = load_scenario("aerial_tramway", {"limits.profile": ["france_1985"]})
+    reasons = {one.check: one.reason for one in judge(scenario, [])}
+    assert reasons["FR85-17"] == "the haul rope of cabin is a part of the drive, without a breaking force"
+    assert reasons["FR85-29"] == "the haul rope of cabin is a part of the drive, without bullwheels"
+    own = load_scenario("single_span", {"limits.profile": ["france_1985"], "carriages.cabin.drive.haul_rope": None})
+    assert {one.check: one.reason for one in judge(own, [])}["FR85-29"] == "the scenario has no bullwheels"
+
+
 def test_a_tramway_by_real_figures():
     """Jig-back after a stop from full speed: figures of the run, and those that follow from its dimensions."""
     facts = {"automatic_deceleration_control": True, "lining": "rubber", "persons": 80, "snow": 1.0}

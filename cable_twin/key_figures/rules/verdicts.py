@@ -51,6 +51,14 @@ NEEDS = {
     "mass_per_person": "payload, and limits.installation.persons",
     "boarding_speed": "payload of a carriage",
 }
+# what the haul rope in the drive of a carriage lacks of subjects with a role
+LACKS = {
+    "haul_ropes": "a breaking force",
+    "moving_ropes": "a breaking force",
+    "bullwheels": "bullwheels",
+    "drive_bullwheels": "bullwheels",
+    "sheave_towers": "sheaves",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +193,9 @@ class Judge:
         """Reason why a run has no figure of a rule's quantity/role/statistic."""
         name, role, _ = quantity.split("/")
         if not any(self._subjects.has(role, one.id.subject) for one in self._figures):
+            hauled = [one for one, carriage in self._scenario.carriages.items() if carriage.drive.haul_rope is not None]
+            if hauled and role in LACKS:
+                return f"the haul rope of {' and '.join(hauled)} is a part of the drive, without {LACKS[role]}"
             return f"the scenario has no {role.replace('_', ' ')}"
         needs = NEEDS.get(name, "")
         return f"the run has no figure {name}" + (f", which needs {needs}" if needs else "")
