@@ -1,6 +1,7 @@
 """Control metrics of drives: response to each step of the commanded speed, and effort over a whole run.
 
-A command that holds for `HELD` s or more after a change is a step. For the speed v from v_0 then to the command v_c:
+A command that holds for `HELD` s or more after a change is a step; one that is in force at the begin of the record, or
+that begins where its speed is reached already, is none. For the speed v from v_0 then to the command v_c:
 
     rise time        from 10 to 90 % of v_c - v_0
     settling time    until v stays within 2 % of v_c - v_0 around v_c
@@ -30,7 +31,7 @@ from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline.figure_table import shown
 
 HELD = 2.0  # s
-SMALLEST = 1e-3  # m/s, smallest step
+SMALLEST, AT_REST = 1e-3, 0.05  # m/s, smallest step, and speed that counts as 0
 BAND, LOW, HIGH, LAST = 0.02, 0.1, 0.9, 0.1  # shares: settling, rise (two), and time for the steady error
 MOST = 50_000  # stored frames of a step; of a longer one each second, fourth, ... is stored
 SHOWN = 12  # steps in a table
@@ -155,7 +156,11 @@ class Responses:
         if step is None or step.command != command:  # also for NaN: no speed is commanded
             self._end(name)
             begun = time if math.isnan(self._last_time) else self._last_time  # a command comes after a frame
-            self._under_way[name] = step = _Step(begun, self._last_speeds.get(name, speed), command)
+            before = self._last_speeds.get(name, command)  # one in force at the first frame is no step
+            reached = abs(command - before) <= (BAND * abs(command) or AT_REST)
+            if reached and (step is None or math.isnan(step.command)):
+                before = command  # as it goes already
+            self._under_way[name] = step = _Step(begun, before, command)
         step.take(time, speed)
 
     def _end(self, name: str) -> None:

@@ -76,6 +76,21 @@ def test_commands_that_do_not_hold_are_no_steps():
     assert gathered(lambda time: 1.0, duration=BEGIN + 1.5).finish() == []
 
 
+@pytest.mark.parametrize("commands", [[SPEED], [math.nan, SPEED], [math.nan, 0.0]], ids=str)
+def test_a_command_that_is_in_force_or_reached_already_is_no_step(commands):
+    """At the begin of a branch or a later file of a log, and after a force or a stop; a small change is one."""
+    responses = Responses()
+    for number in range(3000):
+        one = frame(number * PERIOD, ("cabin",))
+        command = commands[min(number // 1000, len(commands) - 1)]
+        command = 1.01 * command if number >= 2000 else command
+        put(one, speed=commands[-1] + 0.01, drive_force=1e3)
+        c = writable(one)
+        c.command_kind[0], c.commanded_speed[0], c.reference_speed[0] = 2.0, command, commands[-1]
+        responses.take(one)
+    assert [one.command for one in responses.finish()] == ([1.01 * SPEED] if commands[-1] else [])
+
+
 def test_review_shows_them_and_names_runs_as_output_did(tmp_path, capsys, monkeypatch):
     """Two runs of a script with a step: a table each, JSON, and run names in the legends."""
     scenario = write_quick_scenario(tmp_path)
