@@ -84,7 +84,7 @@ def test_wrong_files_and_profiles_are_a_line(tmp_path, capsys):
             "tensioning: given 'loose'; allowed: stops, stuck, least_travel, most_travel, or a travel",
         ),
         ("tensioning: true", "tensioning: given True; allowed: stops"),
-        ("tensioning: 4.5", "tensioning: given 4.5 m; allowed: -4 to 4 m, as sheaves.return.counterweight.travel has"),
+        ("tensioning: 4.5", "tensioning: given 4.5 m; allowed: -4 to 4 m, by sheaves.return.counterweight.travel"),
         ("worst_place: 3", "worst_place: given 3; allowed: a mapping with figures, a list of their ids"),
         ("worst_place: {figures: [sag]}", "worst_place.figures: id: given 'sag'; allowed: quantity/subject/statistic"),
         (

@@ -239,7 +239,13 @@ def test_the_help_says_how_many_numbers_and_which_places_of_a_drive(monkeypatch)
 @pytest.mark.parametrize(
     ("scenario", "name", "kind", "value", "said"),
     [
-        ("jig_back", "cabin_1", "speed", 3.0, "'cabin_1' is clamped to haul_1, which pulls it; allowed drives: haul"),
+        (
+            "jig_back",
+            "cabin_1",
+            "speed",
+            3.0,
+            "'cabin_1' is clamped to haul_1, which pulls it; allowed drives: haul_rope",
+        ),
         ("jig_back", "cabin", "speed", 3.0, "carriage or drive: given 'cabin'; allowed: haul_rope"),
         ("jig_back", "haul_rope", "speed", 30.0, "speed of 'haul_rope': given 30 m/s; allowed: -10 to 10 m/s"),
         ("chairlift", "haul_rope", "force", 0.0, None),  # a drive that is lost
