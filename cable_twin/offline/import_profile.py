@@ -19,7 +19,7 @@ from cable_twin.offline.simulate_options import add_changes
 from cable_twin.offline.survey.geodata import SUFFIXES, is_geodata, read_geodata
 from cable_twin.offline.survey.jig_back import jig_back_scenario
 from cable_twin.offline.survey.lift import CHAIRLIFT, GONDOLA, lift_scenario
-from cable_twin.offline.survey.marked import as_file, assumptions, plain, with_changes
+from cable_twin.offline.survey.marked import as_file, assumptions, missed, plain, with_changes
 from cable_twin.offline.survey.profile import FEET, Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, ends_of
 from cable_twin.offline.survey.tables import read_survey
@@ -124,20 +124,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail("import_profile", error, UNUSABLE)
     for note in survey.notes:
         tell("import_profile", note)
-    found = assumptions(tree)
+    found, written = assumptions(tree), with_changes(tree, changes)
     files = [one for one in (options.terrain, options.towers) if one is not None]
     heading = [
         f"{options.type} from {' and '.join(one.name for one in files)}, made by import_profile.",
         "Values are of the survey, or have their origin beside them; what is assumed has to be looked at.",
     ]
     try:
-        options.output.write_text(as_file(with_changes(tree, changes), heading), encoding="utf-8")
+        options.output.write_text(as_file(written, heading), encoding="utf-8")
     except OSError as error:
         return fail("import_profile", f"{error.filename or options.output}: {error.strerror or error}", FAILED)
     print(f"{options.output}: {scenario.description}")
     print(f"{len(found)} assumptions:")
     for line in found:
         print(f"  {line}")
+    for line in missed(written):
+        tell("import_profile", line)
     return DONE if options.no_rest else _rest(scenario)
 
 

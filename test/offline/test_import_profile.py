@@ -156,6 +156,26 @@ def test_a_jig_back_downwards_rests_with_its_counterweights_inside_their_travel(
     assert rest.columns[0].joint_position[0, 0] == pytest.approx(986.0, abs=2.0)
 
 
+def test_a_haul_rope_of_a_jig_back_is_pulled_over_the_ground_as_far_as_its_strength_goes(tmp_path, capsys):
+    """A hump under the lower span: with room it is kept, over the shipped one a line says what helps."""
+    shipped, towers = (SURVEY / f"tramway_{name}.csv" for name in ("terrain", "towers"))
+    text = shipped.read_text(encoding="utf-8").replace("250,90", "250,83").replace("450,170", "450,163")
+    file, _ = imported(tmp_path, "--type=jig_back", terrain=written(tmp_path, "low.csv", text), towers=towers)
+    told = capsys.readouterr()
+    assert "haul_2: rope clearance over the terrain: exceeded" not in told.out
+    assert "import_profile: sheaves.return.counterweight.mass" not in told.err
+    least = "least with which the haul rope keeps 0 m over the ground at x = 254 m"
+    assert f"# kg, 86 kN a strand: {least}" in file.read_text(encoding="utf-8")
+    imported(tmp_path, "--type=jig_back", "--no-rest", terrain=shipped, towers=towers)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "given 91 kN a strand, the most with a safety factor of 4.5: the haul rope comes to -5.63 m" in line
+    assert line.endswith("allowed: at least 0 m, by a tower there, or a haul rope of 45 mm")
+    free = ["--set=limits.rope_clearance=null", "--no-rest"]
+    file, _ = imported(tmp_path, "--type=jig_back", *free, terrain=shipped, towers=towers)
+    assert "83 kN a strand: at most 95 kN" in file.read_text(encoding="utf-8")
+    assert capsys.readouterr().err == ""
+
+
 SCRIPT = "- {time: 0, name: haul_rope, speed: 2.3}\n- {time: 10, event: emergency_stop}\n"
 CASES = Path(__file__).resolve().parents[2] / "examples" / "load_cases.yaml"
 NUMBER = re.compile(r'<data class="figure" data-id="([^"]*)" value="([^"]*)">')

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from math import ceil
+from typing import Any, NamedTuple
 
 import numpy as np
+import scipy  # loads `optimize` where it is used
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.marked import Marked, assumed, derived
 from cable_twin.offline.survey.profile import Survey, SurveyError
-from cable_twin.offline.survey.stations import Ends, Place, lower_first
+from cable_twin.offline.survey.stations import Ends, Place, lower_first, terrain_along
 from cable_twin.offline.survey.tramway import (
     BODIES,
     CAPACITY,
@@ -42,7 +44,10 @@ HAUL_ROPE = {
     "diameter": 0.032,
 }
 HAUL_WHY = "six strands of 32 mm, 400 mm^2, E = 100 GPa, wires of 2160 N/mm^2 less 12 %"
-HAUL_FACTOR, HAUL_TENSION, LEAST_TENSION = 4.5, 95.0e3, 40.0e3  # -, N at the lower bullwheel, and the least there
+HAUL_FACTOR, HAUL_MARGIN = 4.5, 1.05  # rope safety factor, and how far above it the usual tension is
+HAUL_TENSION, LEAST_TENSION = 95.0e3, 40.0e3  # N at the lower bullwheel, highest unless the ground asks more, and least
+THICKEST = 3.0  # times the diameter of the haul rope, up to which a thicker one is named
+POINTS, SURE = 101, 0.05  # of a span, at which its height is taken, and m, by which clearance is kept
 ASIDE = 4.5  # m, of each track rope from the middle
 BEHIND = 15.0  # m, bullwheels behind the ends of the track ropes
 BELOW = 2.0  # m, rollers of the haul rope below the saddles
@@ -57,13 +62,19 @@ class HaulRope:
 
     Attributes:
         tension: N, at the lower bullwheel, in each strand.
+        mass: kg, of the counterweight that pulls both strands level, with the deciding reason.
         lengths: (2,) m, unstrained, of the strands with the lower and with the upper cabin.
         clamps: (2,) m, of the lower cabin from the lower bullwheel, of the upper one from the drive.
         ends: (2, 2) m, lower bullwheel and drive, as distance from the lower end of the track and height.
     """
 
-    def __init__(self, track: TrackRope, rope: Mapping[str, float]) -> None:
+    def __init__(self, track: TrackRope, rope: Mapping[str, float], ground: Ground) -> None:
         """Choose tension and unstrained lengths of the haul rope.
+
+        Args:
+            track: track rope of one of the cabins.
+            rope: figures of the haul rope, as in a scenario.
+            ground: terrain under the line, and the clearance to it.
 
         Raises:
             SurveyError: the rope is too weak; one line.
@@ -76,20 +87,16 @@ class HaulRope:
         rollers = track.corner[1:-1] - [0.0, BELOW]
         weight, stiffness = GRAVITY * rope["mass_per_length"], rope["axial_stiffness"]
         pulled = GRAVITY * np.array([EMPTY + CAPACITY, EMPTY]) * [np.sin(track.steepest), upper[1]]
-        most = rope["breaking_force"] / HAUL_FACTOR / 1.05 - pulled[0] - weight * (self.ends[1, 1] - self.ends[0, 1])
-        self.tension = min(HAUL_TENSION, float(most))
-        if self.tension < LEAST_TENSION:
-            raise SurveyError(
-                f"haul rope: given a breaking force of {rope['breaking_force'] / 1e3:.0f} kN: with a safety factor of "
-                f"{HAUL_FACTOR:g} it pulls {self.tension / 1e3:.0f} kN at the lower bullwheel; allowed: at least "
-                f"{LEAST_TENSION / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
-            )
-        pulled[0] = GRAVITY * (EMPTY + CAPACITY) * track.slope[1]
+        lifted = weight * float(self.ends[1, 1] - self.ends[0, 1])
+        hanging = np.array([self.ends[0], *rollers, places[1]])  # the strand with the least tension
         try:
+            self.tension, why, misses = _choose_tension(rope, hanging, float(pulled[0]), lifted, ground)
             below = [
                 spans_under_tension(np.array([self.ends[0], places[0]]), self.tension, weight, stiffness),
-                _over_rollers(np.array([self.ends[0], *rollers, places[1]]), self.tension, weight, stiffness),
+                _over_rollers(hanging, self.tension, weight, stiffness),
             ]
+            self.mass = Marked(round(2.0 * float(below[1].pull[0, 0]) / GRAVITY, -1), f"kg, {why}", False, misses)
+            pulled[0] = GRAVITY * (EMPTY + CAPACITY) * track.slope[1]
             over = [one.tension[-1] + pull for one, pull in zip(below, pulled, strict=True)]
             above = [
                 _over_rollers(np.array([places[0], *rollers, self.ends[1]]), over[0], weight, stiffness),
@@ -100,6 +107,78 @@ class HaulRope:
         parts = np.array([[one.length.sum() for one in strand] for strand in zip(below, above, strict=True)])
         self.lengths = parts.sum(axis=1)
         self.clamps = np.array([parts[0, 0], parts[1, 1]])
+
+
+class Ground(NamedTuple):
+    """Terrain (points, 2) in m under a line from its lower end on, the asked clearance (m), and where x is along it."""
+
+    terrain: FloatArray
+    clearance: float
+    lower: float  # m, x of the lower end
+    forward: float  # 1 where the line rises with x, else -1
+
+    def least(self, rope: Spans) -> tuple[float, float]:
+        """Least height (m) of a rope over the ground between the stations, and its x (m)."""
+        places = rope.shape(POINTS)
+        along = np.union1d(places[:, 0], self.terrain[:, 0])
+        along = along[(along >= 0.0) & (along <= rope.corner[-1, 0])]
+        over = np.interp(along, *places.T) - np.interp(along, *self.terrain.T)
+        lowest = int(over.argmin())
+        return float(over[lowest]), self.lower + self.forward * float(along[lowest])
+
+
+def _choose_tension(
+    rope: Mapping[str, float], hanging: FloatArray, pulled: float, lifted: float, ground: Ground
+) -> tuple[float, str, bool]:
+    """Choose the tension (N) at the lower bullwheel: the usual one, or as much more as the clearance asks for.
+
+    Args:
+        rope: figures of the rope, as in a scenario.
+        hanging: (spans + 1, 2) m, lower bullwheel, rollers, and cabin in the upper station.
+        pulled: N, most pull of the full cabin along its track.
+        lifted: N, weight of the rope over the rise of the line.
+        ground: terrain and clearance.
+
+    Returns:
+        Tension, the deciding condition, and whether it misses the clearance.
+
+    Raises:
+        SurveyError: the rope is too weak; one line.
+        SpanError: the rope does not reach.
+    """
+    weight, stiffness = GRAVITY * rope["mass_per_length"], rope["axial_stiffness"]
+    allowed = rope["breaking_force"] / HAUL_FACTOR
+    most = allowed - pulled - lifted
+    usual = min(HAUL_TENSION, allowed / HAUL_MARGIN - pulled - lifted)
+    if usual < LEAST_TENSION:
+        raise SurveyError(
+            f"haul rope: given a breaking force of {rope['breaking_force'] / 1e3:.0f} kN: with a safety factor of "
+            f"{HAUL_FACTOR:g} it pulls {usual / 1e3:.0f} kN at the lower bullwheel; allowed: at least "
+            f"{LEAST_TENSION / 1e3:.0f} kN: a stronger rope, or a lighter cabin"
+        )
+
+    def spare(tension: float) -> float:
+        return ground.least(_over_rollers(hanging, tension, weight, stiffness))[0] - ground.clearance - SURE
+
+    if spare(usual) >= 0.0:
+        why = f"at most {HAUL_TENSION / 1e3:g} kN, safety factor {HAUL_FACTOR:g} below the drive"
+        return usual, f"{usual / 1e3:.0f} kN a strand: {why}", False
+    asked = float(scipy.optimize.brentq(spare, usual, allowed)) if spare(allowed) > 0.0 else np.inf
+    tension = min(asked, most)
+    height, x = ground.least(_over_rollers(hanging, tension, weight, stiffness))
+    if asked <= most:
+        why = f"least with which the haul rope keeps {ground.clearance:g} m over the ground at x = {x:.0f} m"
+        return tension, f"{tension / 1e3:.0f} kN a strand: {why}", False
+    left = allowed - lifted - asked  # for the cabin; grows with the section of the rope, as its weight and tension do
+    thicker = rope["diameter"] * np.sqrt(pulled / left) if left > 0.0 else np.inf
+    helps = f", or a haul rope of {ceil(1e3 * thicker)} mm" if thicker <= THICKEST * rope["diameter"] else ""
+    return (
+        tension,
+        f"given {tension / 1e3:.0f} kN a strand, the most with a safety factor of {HAUL_FACTOR:g}: the haul rope comes "
+        f"to {height:.2f} m over the ground at x = {x:.0f} m; allowed: at least {ground.clearance:g} m, by a tower "
+        f"there{helps}",
+        True,
+    )
 
 
 def _over_rollers(corner: FloatArray, tension: float, weight: float, stiffness: float) -> Spans:
@@ -129,8 +208,10 @@ def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) ->
     load = GRAVITY * (EMPTY + CAPACITY)
     mass = changes.get("ropes.track_1.start.mass")
     track = TrackRope(lower_first(survey, ends), rope, load, None if mass is None else float(mass))
-    haul = HaulRope(track, haul_rope)
     lower = ends.start if upwards else ends.end
+    clearance = changes.get("limits.rope_clearance", 0.0)
+    terrain = terrain_along(survey.terrain, lower[0], forward)
+    haul = HaulRope(track, haul_rope, Ground(terrain, -np.inf if clearance is None else clearance, lower[0], forward))
     wheels = haul.ends * [forward, 1.0] + [lower[0], 0.0]
     level, rise = (track.corner[-1] - track.corner[0]).tolist()
     return {
@@ -225,21 +306,11 @@ def _sheaves(haul: HaulRope, track: TrackRope, forward: float) -> dict[str, Any]
             "inertia": assumed(60.0e3, "kg m^2, 3 t at the rim"),
             "counterweight": {
                 "direction": assumed([-forward, 0.0, 0.0], "level, away from the line"),
-                "mass": derived(
-                    round(2.0 * haul.tension * haul_level(haul, track) / GRAVITY, -2),
-                    f"kg, {haul.tension / 1e3:.0f} kN a strand: at most {HAUL_TENSION / 1e3:g} kN, safety factor "
-                    f"{HAUL_FACTOR:g} below the drive",
-                ),
+                "mass": haul.mass,
                 "travel": assumed([-6.0, 6.0], "m"),
             },
         },
     }
-
-
-def haul_level(haul: HaulRope, track: TrackRope) -> float:
-    """Horizontal fraction of the haul rope's tension at the lower bullwheel of a jig-back: the cosine of its slope."""
-    way = track.corner[0] - haul.ends[0]
-    return float(way[0] / np.hypot(*way))
 
 
 def _towers(survey: Survey, track: TrackRope, load: float, upwards: bool) -> dict[str, Any]:

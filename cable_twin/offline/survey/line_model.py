@@ -12,6 +12,7 @@ import scipy  # loads `optimize` where it is used
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.lift import FACTOR as HAUL_FACTOR
 from cable_twin.offline.survey.lift import Assemblies
+from cable_twin.offline.survey.stations import terrain_along
 from cable_twin.offline.survey.tramway import FACTOR as TRACK_FACTOR
 from cable_twin.offline.survey.tramway import with_cabin
 from cable_twin.scenario import Scenario
@@ -321,8 +322,7 @@ def _supports(scenario: Scenario, first: Scenario, names: Sequence[str]) -> tupl
 def _from_tensioned_end(corner: FloatArray, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     """Convert supports and terrain to distances (m) from the first support, terrain in rising distance."""
     sense = 1.0 if corner[-1, 0] > corner[0, 0] else -1.0
-    terrain = np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2)[:: int(sense)].copy()
-    terrain[:, 0] = sense * (terrain[:, 0] - corner[0, 0])
+    terrain = terrain_along(np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2), corner[0, 0], sense)
     return np.column_stack([sense * (corner[:, 0] - corner[0, 0]), corner[:, 1]]), terrain
 
 

@@ -19,11 +19,19 @@ OF_MANY = ("towers", "ropes", "carriages")  # sections of things by name, which 
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """Value of a scenario with its origin as text; `assumed` where it is only a customary value."""
+    """Value of a scenario with its origin as text.
+
+    Attributes:
+        value: plain, or a mapping or list.
+        why: origin, or what decided it.
+        assumed: whether it is only a customary value.
+        misses: whether it is the best there is, and yet misses what `why` says.
+    """
 
     value: Any
     why: str
     assumed: bool = True
+    misses: bool = False
 
     @property
     def comment(self) -> str:
@@ -65,6 +73,11 @@ def assumptions(tree: Mapping[str, Any]) -> list[str]:
         place = f"{section}.{owners[0] if len(owners) == 1 else '{' + ','.join(owners) + '}'}" if owners else section
         lines.append(f"{place or 'scenario'}: {', '.join(values)}: {why}")
     return lines
+
+
+def missed(tree: Mapping[str, Any]) -> list[str]:
+    """Lines about the values of a scenario tree that miss what they are chosen for: key, value, reason."""
+    return [f"{'.'.join(path)} {shown(mark.value)} {mark.why}" for path, mark in _marks(tree, ()) if mark.misses]
 
 
 def _marks(tree: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Marked]]:

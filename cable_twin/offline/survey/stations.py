@@ -77,6 +77,13 @@ def lower_first(survey: Survey, ends: Ends) -> FloatArray:
     return corner
 
 
+def terrain_along(terrain: FloatArray, x: float, sense: float) -> FloatArray:
+    """Terrain (points, 2) in m, in rising distance from its end at `x` (m); `sense`: 1 or -1, along x or back."""
+    found = terrain[:: int(sense)].copy()
+    found[:, 0] = sense * (found[:, 0] - x)
+    return found
+
+
 def bends(spans: Spans) -> FloatArray:
     """Angles (spans - 1,) in rad by which a rope bends on its inner supports."""
     before, after = (np.arctan2(pull[:, 1], pull[:, 0]) for pull in (spans.pull_after[:-1], spans.pull[1:]))
