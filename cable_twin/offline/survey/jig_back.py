@@ -209,9 +209,10 @@ def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) ->
     mass = changes.get("ropes.track_1.start.mass")
     track = TrackRope(lower_first(survey, ends), rope, load, None if mass is None else float(mass))
     lower = ends.start if upwards else ends.end
-    clearance = changes.get("limits.rope_clearance", 0.0)
+    asked = changes.get("limits.rope_clearance", 0.0)
+    clearance = float(asked) if isinstance(asked, int | float) else -np.inf  # null: none; text the scenario refuses
     terrain = terrain_along(survey.terrain, lower[0], forward)
-    haul = HaulRope(track, haul_rope, Ground(terrain, -np.inf if clearance is None else clearance, lower[0], forward))
+    haul = HaulRope(track, haul_rope, Ground(terrain, clearance, lower[0], forward))
     wheels = haul.ends * [forward, 1.0] + [lower[0], 0.0]
     level, rise = (track.corner[-1] - track.corner[0]).tolist()
     return {
