@@ -83,7 +83,7 @@ def test_a_fault_says_where_what_and_what_is_allowed(key, value, text):
 
 def test_clamped_needs_a_cable_that_moves():
     carriage = {"car": {**CLAMPED, "arc_length": 1.0}}
-    with pytest.raises(ScenarioError, match="given 'clamped': on a cable that stands still; allowed: sliding, fixed"):
+    with pytest.raises(ScenarioError, match="given 'clamped': on a cable that stands still; allowed: sliding or fixed"):
         load_scenario("seed_example", {"carriages": carriage})
 
 

@@ -146,5 +146,5 @@ def test_ranges_are_those_of_the_declaration():
     class Open(NamedTuple):
         index: IntArray
 
-    with pytest.raises(TypeError, match=r"Open\.index: given no range"):
+    with pytest.raises(TypeError, match=r"Open\.index: given integers without a range"):
         ranges_of(Open)

@@ -90,7 +90,10 @@ def test_turbulence_comes_from_its_seed():
     ("changes", "said"),
     [
         ({"air.wind": [80.0, 70.0, 0.0]}, "air.wind: given [80.0, 70.0, 0.0] m/s: a speed of 106.3 m/s; allowed: at m"),
-        ({"space": 2}, "air.wind: given [2.0, 9.0, 0.0] m/s: three numbers in a plane; allowed: x, z in m/s, or space"),
+        (
+            {"space": 2},
+            "air.wind: given [2.0, 9.0, 0.0] m/s: three numbers in a plane; allowed: x, z in m/s; x, y, z only",
+        ),
         ({"air.gusts": [{"time": 1.0, "amplitude": [0.0, 120.0, 0.0]}]}, "air.gusts.0.amplitude: given [0.0, 120.0,"),
         ({"air.gusts": [{"time": 1.0}]}, "air.gusts.0.amplitude: given nothing: it is needed; allowed: a list"),
         ({"air.gusts": [{"time": -1.0, "amplitude": [1.0, 0.0]}]}, "air.gusts.0.time: given -1.0 s; allowed: a finite"),

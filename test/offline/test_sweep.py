@@ -175,7 +175,7 @@ def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, caps
         ("air.wind.q=0:10:1", "air.wind.q: this key does not exist; allowed: x, y, z or a number from 0 to 1"),
         (
             "wind.y=1:10:1",
-            "air.wind: given [0.0, 1.0, 0.0] m/s: three numbers in a plane; allowed: x, z in m/s, or space: 3",
+            "air.wind: given [0.0, 1.0, 0.0] m/s: three numbers in a plane; allowed: x, z in m/s; x, y, z only",
         ),
         ("cable=0:10:1", "cable: given 0; allowed: a mapping"),
         ("cable.elements=6:7:0.5", "cable.elements: given 6.0; allowed: a whole number"),

@@ -49,7 +49,10 @@ def faults(tmp_path):
         ({"address": "v"}, "address: given 'v'; allowed: a node such as ns=2;s=Cabin.Position or ns=2;i=7"),
         ({"of": "cabn"}, "of: given 'cabn'; did you mean 'cabin'? allowed: cabin of aerial_tramway"),
         ({"axis": "x"}, "axis: given x; allowed: nothing for speed"),
-        ({"range": [3.0, 3.0]}, "range: given [3.0, 3.0] m/s; allowed: two numbers, the lowest value, then a higher"),
+        (
+            {"range": [3.0, 3.0]},
+            "range: given [3.0, 3.0] m/s; allowed: two numbers, the lowest value, then a higher one",
+        ),
         ({"scale": float("nan")}, "scale: given nan; allowed: a finite number"),
         ({"rate": 0.0}, "rate: given 0.0; allowed: a finite number above 0 and at most 1000, in Hz"),
         (

@@ -92,8 +92,8 @@ def test_killed_run_is_readable_and_replays(processes, participants, tmp_path, c
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
     participant = participants(sim.domain)
     participant.subscribe_standard()
-    with participant.stream(name=["cabin"], velocity=[3.0]):
-        participant.until(lambda: participant.arc_length > 64.0)
+    with participant.stream(name=["cabin"], velocity=[3.0]):  # 20 a second, of which the last 1.5 s may be lost
+        participant.until(lambda: participant.arc_length > 64.0 and len(participant.applied) > 45)
     sim.send(signal.SIGKILL)
     sim.wait()
     participant.spin(0.2)

@@ -210,9 +210,9 @@ def _of_scenario(simulation: Simulation, key: str, priors: Mapping[str, Prior]) 
     low, high = _bounds(key, mean, deviation, resolved)
     unit = entries[0].unit if len(entries) == 1 else "-"
     parameter = Parameter(key, unit or "-", mean, deviation, low, high, given=prior is not None, joined=joined)
+    _try_free(simulation, parameter, mean + (0.1 if mean + 0.1 * deviation <= high else -0.1) * deviation)
     for end in (low, high):
         _try_value(scenario, parameter, end)
-    _try_free(simulation, parameter, mean + (0.1 if mean + 0.1 * deviation <= high else -0.1) * deviation)
     return parameter
 
 

@@ -186,12 +186,14 @@ def _span(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _innermost(scenario: Scenario, end: EndSupport, inner: tuple[float, ...]) -> tuple[float, ...]:
-    """Place (m) of an end at the inner limit of its counterweight's travel; without limits that of the next corner."""
+    """Place (m) of an end with its counterweight as near to the next corner as travel lets it; without limits there."""
     if end.travel is None or not end.direction:
         return inner
-    direction = scenario.vector(end.direction)
+    place, direction = scenario.vector(end.position), scenario.vector(end.direction)
     size = hypot(*direction) or nan
-    return tuple(a + end.travel[0] * b / size for a, b in zip(scenario.vector(end.position), direction, strict=False))
+    nearest = sum((a - b) * c / size for a, b, c in zip(inner, place, direction, strict=False))
+    travel = min(max(nearest, end.travel[0]), end.travel[1])
+    return tuple(a + travel * b / size for a, b in zip(place, direction, strict=False))
 
 
 def _towers(scenario: Scenario) -> Iterator[Fault]:
