@@ -176,7 +176,8 @@ class Follower:
         covariance[fast, fast] = (ANY_SWING if under_way else PRIOR) ** 2 * np.eye(len(self._fast))
         of_friction = self._of_friction if self._has_moved(motion) else 0.0
         self._errors = np.hypot(self._usual_errors, of_friction)
-        covariance[range(fast.stop, mean.size), range(fast.stop, mean.size)] += self._errors**2 - self._usual_errors**2
+        of_sensors = range(fast.stop, mean.size)
+        covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[fast.stop :], self._errors**2)
         self._belief = Belief(mean, covariance)
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
