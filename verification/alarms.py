@@ -31,7 +31,7 @@ from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import Measurement, standard_sensors
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import Scenario, load_scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
 from verification.followed import LIFTS, SCENES, Changed, Plant, Scene, Step, alarms_of, news
@@ -150,9 +150,8 @@ def faults(scenario: Scenario, case: Case, at: float) -> Iterator[Fault]:
         steps = [values(case.ice[0], ice, time, *case.ice[1:]) for time, ice in grown]
         less = [values(case.ice[0], min(ice, most_ice), time, *case.ice[1:]) for time, ice in grown]
         yield Fault(f"ice {ICE:g} kg/m, in {ICING} s", at, "ice is", steps, about="ice", tolerated=less)
-    rolling = value_of(scenario, case.rolling[0])
-    if rolling is None:  # of towers
-        rolling = TOWER_FRICTION[scenario.of_rope("up").towers["tower_1_up"].kind]
+    of_towers = scenario.carriers is not None
+    rolling = tower_friction(next(iter(scenario.towers.values()))) if of_towers else value_of(scenario, case.rolling[0])
     rough, borne = (
         values(case.rolling[0], rolling + more, at, *case.rolling[1:]) for more in (rolling, tolerance[case.rolling[0]])
     )

@@ -23,7 +23,7 @@ from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import Scenario, load_scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
 from verification.followed import LIFTS, SCENES, Plant, alarms_of, news
@@ -149,9 +149,7 @@ def of_carriers(name: str, seed: int) -> tuple[Scenario, Plant, Circulation]:
     scene, draws = LIFTS[name], np.random.default_rng(seed)
     twin, rough = _with_sensors(load_scenario(name), seed), float(draws.uniform(1.0 - ROUGH, 1.0 + ROUGH))
     towers = {tower: one for rope in twin.cables for tower, one in twin.of_rope(rope).towers.items()}
-    friction = {
-        f"towers.{tower}.friction": rough * (one.friction or TOWER_FRICTION[one.kind]) for tower, one in towers.items()
-    }
+    friction = {f"towers.{tower}.friction": rough * tower_friction(one) for tower, one in towers.items()}
     driver = Circulation(scene.drive, scene.speeds[0], 1000 + seed)
     return twin, Plant(load_scenario(twin.resolved(), {**scene.mesh, **friction}), [], driver), driver
 

@@ -21,7 +21,7 @@ from cable_twin.ensemble.estimate.line_follower import LineFollower
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import Scenario, load_scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 from cable_twin.simulation import Simulation
 from cable_twin.terminal.command_line import Filled
 from verification.followed import LIFTS
@@ -74,7 +74,7 @@ def follow(scenario: str, seed: int, duration: float, said: list[str], took: lis
     follower = LineFollower(load_scenario(scenario, {"sensors": usual}))
     factor = float(draws.uniform(0.7, 1.4))
     towers = {name: one for rope in bare.cables for name, one in bare.of_rope(rope).towers.items()}
-    usually = {name: one.friction or TOWER_FRICTION[one.kind] for name, one in towers.items()}
+    usually = {name: tower_friction(one) for name, one in towers.items()}
     friction = {f"towers.{name}.friction": factor * one for name, one in usually.items()}
     people = draws.integers(0, seats_of(bare) + 1, len(follower.carriers)).tolist()
     plant = Simulation(

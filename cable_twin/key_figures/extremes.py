@@ -16,6 +16,7 @@ from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.declared import Of
 from cable_twin.mechanics.parameters import FloatArray, IntArray
 from cable_twin.scenario import Grading, Scenario, masts
+from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.sections.vehicles import Body
 
 EXTREME = 7  # numbers of an extreme, by these indices; NaN where there is none
@@ -56,6 +57,8 @@ class Extremes(NamedTuple):
     power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
     lowest_power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
     brake_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
+    end_stop_speed: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s", first=nan)]
+    approach: Annotated[FloatArray, Of("vehicle", unit="m/s")]  # in the last frame, 0 at an end stop
     swing: Annotated[FloatArray, Of("vehicle", EXTREME, unit="rad", first=nan)]
     roll: Annotated[FloatArray, Of("vehicle", EXTREME, unit="rad", first=nan)]
     acceleration: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s^2", first=nan)]
@@ -109,6 +112,7 @@ class Constants(NamedTuple):
     vehicle_rope: IntArray  # (vehicles,) or NO_ROPE
     clamped: IntArray  # (vehicles,) 1 for vehicles clamped to their rope
     braked: IntArray  # (vehicles,) 1 for carriages whose drive takes no part in an emergency stop
+    stroke: FloatArray  # (vehicles,) m, of the end stops of carriages; 0 without
     empty: FloatArray  # (vehicles,) kg
     radius: FloatArray  # (sheaves,) m
     available: FloatArray  # (sheaves,) friction times wrap: highest logarithm of the tension ratio
@@ -158,7 +162,10 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
     ropes, vehicles = ropes_of(scenario), scenario.vehicles
     rows = {name: row for row, name in enumerate(vehicles)}
     rope_of, clamped = np.full(len(vehicles), NO_ROPE), np.zeros(len(vehicles), np.int64)
+    stroke = np.zeros(len(vehicles))
     for number, one in enumerate(ropes):
+        for name, carriage in one.carriages.items():
+            stroke[rows[name]] = stop_stroke(one, carriage) if carriage.joint == "sliding" else 0.0
         for name, vehicle in one.vehicles.items():
             clamped[rows[name]] = vehicle.joint == "clamped"
             if name in scenario.carriages or not scenario.ropes:
@@ -184,6 +191,7 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
         vehicle_rope=rope_of.astype(np.int64),
         clamped=clamped,
         braked=np.array(braked, np.int64),
+        stroke=stroke,
         empty=np.array([sum(body.mass for body in own) for own in bodies], np.float64),
         radius=np.array([wheel.radius for wheel in wheels], np.float64),
         available=np.array([wheel.friction * wheel.wrap for wheel in wheels], np.float64),

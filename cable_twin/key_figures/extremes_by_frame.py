@@ -14,6 +14,7 @@ CLEARANCE_PERIOD = 0.1  # s of simulated time between two looks at clearances
 MEAN = 0.2  # s over which velocities are averaged for accelerations: shorter changes are shocks, and of the mesh
 LOOK = 0.05  # s at least between two positions for accelerations
 NEAR = 30.0  # m between the joints of two vehicles, below which their distance is taken
+LEANS = 0.01  # m/s, up to which a carriage leans on an end stop
 SLACK = 1.0  # N, least tension of a strand in the ratio of both, so that it is finite
 
 
@@ -167,6 +168,16 @@ def take_drive(extremes, index, time, place, rope, speed, force):
     lowest(extremes.lowest_power, index, force * speed, time, place, rope)
 
 
+@inlined_kernel
+def take_end_stop(extremes, vehicle, time, place, rope, speed, constants):
+    """Update the speed (m/s) at which a carriage at a place (m) of its rope has run into an end stop."""
+    stroke, before = constants.stroke[vehicle], extremes.approach[vehicle]
+    there = place < stroke or constants.length[rope] - place < stroke
+    if there and before > LEANS:
+        highest(extremes.end_stop_speed, vehicle, before, time, place, rope)
+    extremes.approach[vehicle] = 0.0 if there else abs(speed)
+
+
 @kernel
 def take_vehicles(extremes, constants, time, columns):
     """Update speed, swing, forces, acceleration and contacts of all vehicles by a frame."""
@@ -181,6 +192,8 @@ def take_vehicles(extremes, constants, time, columns):
                 highest(extremes.brake_force, vehicle, abs(force), time, place, rope)
             else:
                 take_drive(extremes, vehicle, time, place, rope, speed, force)
+            if constants.stroke[vehicle] > 0.0:
+                take_end_stop(extremes, vehicle, time, place, rope, speed, constants)
             angles = columns.body_angles[body]
             highest_in_wind(extremes.swing, vehicle, abs(angles[1]), time, place, rope, wind)
             if constants.in_space:

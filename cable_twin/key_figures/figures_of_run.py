@@ -14,7 +14,6 @@ from cable_twin.frame.snapshot import DERAILED as WAYS_OUT
 from cable_twin.frame.snapshot import ENDS, Layout, Snapshot
 from cable_twin.geometry.ground import surroundings_of
 from cable_twin.key_figures.dissipation import Dissipation
-from cable_twin.key_figures.end_stops import EndStops
 from cable_twin.key_figures.extremes import (
     PLACE,
     ROPE,
@@ -89,7 +88,7 @@ class KeyFigures:
         on_bullwheels = {name for name, one in scenario.drives.items() if one.sheave}
         self._stops = DriveStops(subjects, self._motion, on_bullwheels)
         self._carried, self._seats = CarriedStops(scenario), SeatStops(scenario)
-        self._end_stops, self._dissipation = EndStops(scenario), Dissipation(scenario)
+        self._dissipation = Dissipation(scenario)
 
     def update(self, snapshot: Snapshot) -> None:
         """Update the key figures with one snapshot, in order of time.
@@ -101,7 +100,6 @@ class KeyFigures:
             self._take_layout(snapshot.layout)
         self._carried.update(snapshot)
         self._seats.update(snapshot)
-        self._end_stops.update(snapshot)
         time = snapshot.time
         passed = time - self._last
         if passed > 0.0 and not passed >= self._period:
@@ -185,7 +183,7 @@ class KeyFigures:
             found += [one for row, name in enumerate(self._sheaves) for one in self._of_sheave(row, name)]
             found += self._of_loads()
         found += [one.limited_by(self._scenario) for one in self._carried.figures()]
-        found += [*self._seats.figures(), *self._end_stops.figures(), *self._of_couplings(), *self._of_passing()]
+        found += [*self._seats.figures(), *self._of_couplings(), *self._of_passing()]
         if self._wind[0] > 0.0:
             found.append(figure("wind", Subject("air"), "highest", *self._wind))
         found.append(self._dissipation.figure(self._last))
@@ -305,6 +303,7 @@ class KeyFigures:
             source = f"scenario: carriages.{subject.name}.drive.limits"
             yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source)
             yield extreme("brake_force", subject, "highest", extremes.brake_force[group.rows[0]])
+            yield extreme("end_stop_speed", subject, "highest", extremes.end_stop_speed[group.rows[0]])
         acceleration = self._worst("acceleration", group, "highest", extremes.acceleration)
         yield replace(acceleration.limited_by(scenario), band=MEANS)
         yield self._worst("swing", group, "highest", extremes.swing).limited_by(scenario)

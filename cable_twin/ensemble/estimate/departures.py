@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -40,10 +40,9 @@ class Departures:
         """Note that a quantity seems to change suddenly from a value at a time (s)."""
         self._before.setdefault(name, (time, value))
 
-    def forget(self, names: Iterable[str]) -> None:
-        """Forget the alarms of some quantities, of which something else is expected now."""
-        for name in names:
-            self._told.pop(name, None)
+    def forget(self, name: str) -> None:
+        """Forget the alarm about a quantity of which another value is expected now."""
+        self._told.pop(name, None)
 
     def told(self, time: float, name: str) -> bool:
         """Whether a recent alarm, seen from a time (s), says that a quantity is not as expected."""

@@ -334,7 +334,7 @@ class LineFollower:
         for row in rows:
             mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
             covariance[row, row] = self._doubt(row) ** 2
-            self._departures.forget([f"{self.carriers[row]}/payload"])
+            self._departures.forget(f"{self.carriers[row]}/payload")
         self._belief = Belief(mean, covariance)
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:

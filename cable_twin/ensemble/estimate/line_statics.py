@@ -15,7 +15,7 @@ import numpy as np
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 
 Place = tuple[float, float]  # m, along the track and up
 
@@ -81,7 +81,7 @@ class LineStatics:
         places = [(float(one.position[0]), float(one.position[-1])) for _, one in named]
         for number, (name, one) in enumerate(named[1:-1], start=1):
             before, after = sorted((places[number - 1], places[number + 1]))
-            friction = TOWER_FRICTION[one.kind] if one.friction is None else one.friction
+            friction = tower_friction(one)
             if name in self._supports:
                 self._towers[name] = _Tower(row, before, places[number], after, friction)
         self._profiles.append(places)

@@ -13,7 +13,7 @@ from cable_twin.frame.sensors import ANGLES, Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 
 # slow error of the model in what a sensor reads, a standard deviation beside its noise, assumed
 PLACE_ERROR, FORCE_ERROR, LOAD_ERROR, ANGLE_ERROR = 0.2, 0.15, 6e-5, 4e-4  # m, of the noise, of the load, rad
@@ -228,13 +228,9 @@ def friction_errors(scenario: Scenario, readings: Mapping[str, Reading], scale: 
     found = np.zeros(len(readings))
     for rope in scenario.cables:
         own, ends = scenario.of_rope(rope), scenario.end_names(rope)
-        towers = own.towers
-        usual = {
-            name: TOWER_FRICTION[one.kind] if one.friction is None else one.friction for name, one in towers.items()
-        }
-        held = HELD * sum(usual[name] * scale[name] for name in towers)
+        held = HELD * sum(tower_friction(one) * scale[name] for name, one in own.towers.items())
         strongest = max(scale[end] for end in ends)
-        share = {name: 0.5 * scale[name] / strongest for name in towers}
+        share = {name: 0.5 * scale[name] / strongest for name in own.towers}
         share |= {
             name: float(end.support != "counterweight") for name, end in zip(ends, own.cable.ends.values(), strict=True)
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -153,6 +153,10 @@ class Doubts:
         text = reason or f"sensor {contradicting} contradicts all others and is left out"
         return [self._leave_out(contradicting, time, text)]
 
+    def _read(self, measurements: Sequence[Measurement]) -> Iterator[tuple[Measurement, Reading]]:
+        """Measurements by sensors that are not left out, each with the quantity that its sensor reads."""
+        return ((one, self._readings[one.sensor]) for one in measurements if one.sensor not in self.left_out)
+
     def _leave_out(self, sensor: str, time: float, reason: str) -> Alarm:
         self.left_out[sensor] = alarm = Alarm(time, reason)
         return alarm
@@ -160,10 +164,7 @@ class Doubts:
     def _stuck(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for sensors with noise that repeat one value, and for encoders that stop within a sample."""
         alarms = []
-        for one in measurements:
-            reading = self._readings[one.sensor]
-            if one.sensor in self.left_out:
-                continue
+        for one, reading in self._read(measurements):
             size, most = float(np.linalg.norm(one.values)), STUCK_SAMPLES
             if reading.unit == "m":
                 size, most = one.values[0], STANDING_SAMPLES
@@ -198,10 +199,7 @@ class Doubts:
     def _of_another_unit(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for sensors that read about a thousand times more or less than the twin predicts."""
         alarms = []
-        for one in measurements:
-            reading = self._readings[one.sensor]
-            if one.sensor in self.left_out:
-                continue
+        for one, reading in self._read(measurements):
             wanted = abs(reading.in_frame(numbers))
             size = abs(reading.measured(one))
             share = size / wanted if wanted > WELL_ABOVE * reading.noise else 1.0

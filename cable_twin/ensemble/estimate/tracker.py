@@ -130,8 +130,8 @@ class Tracker:
         """Report that the twin is behind its plant in time; restart the twin where it is too far behind."""
         if self.behind > TOO_FAR:
             self.arrivals.drop(self.arrivals.now(present) - HORIZON - LISTENING)
-            self._pursuit.forget()
-            self.state, self._first, self._told_behind = WAITING, 0.0, False
+            self._wait()
+            self._told_behind = False
             text = f"{self.behind:.0f} s behind the plant, as this machine is too slow: begins anew at the present"
             yield News(self.follower.time, None, (text,))
         elif self.behind > BEHIND and not self._told_behind:
@@ -140,12 +140,14 @@ class Tracker:
         elif self.behind < 0.5 * BEHIND:
             self._told_behind = False
 
+    def _wait(self) -> None:
+        """Forget the places of the plant, and wait until the twin can begin anew where it is."""
+        self._pursuit.forget()
+        self.state, self._first, self._waits = WAITING, 0.0, False
+
     def _begin(self, time: float) -> Iterator[News]:
         """Start the twin at the places of the plant's vehicles, after measurements of `LISTENING` (s)."""
-        new = not self._first
-        self._first = time if new else self._first
-        if new:
-            self._waits = False
+        self._first = self._first or time
         if time - self._first < LISTENING:
             return
         changing = [name for name in self._encoders.values() if not self._is_steady(name)]
@@ -195,8 +197,7 @@ class Tracker:
             self._far[name] = self._far.get(name, 0) + 1 if abs(apart) > ELSEWHERE else 0
             if self._far[name] >= TIMES:
                 self._far.clear()
-                self.state, self._first = WAITING, 0.0
-                self._pursuit.forget()
+                self._wait()
                 return [f"{name} is {apart:+.1f} m from the twin, which begins anew there"]
             if fault := self._drive(time, name, place):
                 return [fault]

@@ -9,7 +9,7 @@ from math import atan, hypot, inf, pi, sin, tan
 from cable_twin.key_figures.figure import KeyFigure, Subject, figure
 from cable_twin.key_figures.rules.subjects import Subjects
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 
 SETTING = "as the scenario has it"
 
@@ -93,7 +93,7 @@ def _of_tower(scenario: Scenario, name: str, subjects: Subjects, found: Found) -
         pressure = high.value / tower.contacts / cable.metal_area
         yield _of(high, "roller_pressure", "highest", pressure)
     if tower.kind == "saddle":
-        friction = TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction
+        friction = tower_friction(tower)
         yield _setting("saddle_friction", subject, "lowest", friction)
         if tower.radius and cable.diameter:
             yield _setting("radius_ratio", subject, "lowest", tower.radius / cable.diameter)

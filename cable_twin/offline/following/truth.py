@@ -19,7 +19,7 @@ from cable_twin.offline.thinned_series import SAME, Series
 from cable_twin.recording.log_reader import Log
 from cable_twin.recording.snapshot_reader import read_snapshots
 from cable_twin.scenario import Scenario, load_scenario
-from cable_twin.scenario.builders.system import TOWER_FRICTION
+from cable_twin.scenario.builders.system import tower_friction
 
 
 class Truth(NamedTuple):
@@ -89,16 +89,8 @@ def _constant(log: Log, follower: AnyFollower, plant: Scenario, twin: Scenario) 
             value = value.get(part) if isinstance(value, dict) else None
         if isinstance(value, int | float):
             yield one.name, float(value)
-    own, of_twin = _tower_frictions(plant), _tower_frictions(twin)
+    own, of_twin = ({name: tower_friction(tower) for name, tower in one.towers.items()} for one in (plant, twin))
     shares = {round(own[name] / of_twin[name], 9) for name in own if of_twin.get(name)}
     for name, values in (("towers/friction", shares), ("ropes/ice", {one.ice for one in plant.cables.values()})):
         if len(values) == 1:
             yield name, float(*values)
-
-
-def _tower_frictions(scenario: Scenario) -> dict[str, float]:
-    """Friction of each tower of a scenario."""
-    return {
-        name: TOWER_FRICTION[one.kind] if one.friction is None else one.friction
-        for name, one in scenario.towers.items()
-    }

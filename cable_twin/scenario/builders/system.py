@@ -22,6 +22,11 @@ TOE = 1e-3  # m, depth over which a contact of a tower becomes stiff
 BUFFER = 0.05  # m, compression of the buffers of a counterweight under its pull
 
 
+def tower_friction(tower: Tower) -> float:
+    """Friction of the rope on a tower: of the scenario, else the usual one of its kind."""
+    return TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction
+
+
 def build_system(
     scenario: Scenario, marks: FloatArray | None = None, nodes: FloatArray | None = None
 ) -> parameters.System:
@@ -123,7 +128,7 @@ def _build_towers(scenario: Scenario) -> parameters.Towers:
     shapes = [
         _contacts(scenario, tower, up, along) for tower, up, along in zip(towers, *_groove_axes(scenario), strict=True)
     ]
-    frictions = [TOWER_FRICTION[tower.kind] if tower.friction is None else tower.friction for tower in of_contacts]
+    frictions = [tower_friction(tower) for tower in of_contacts]
     whole = columns(record, Tower, towers)
     own = {
         "contact_offset": np.cumsum([0, *(tower.contacts for tower in towers)], dtype=np.int64),
