@@ -36,7 +36,7 @@ from cable_twin.recording.log_file import LogError
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, share_shown
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell, whole_number
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 STATE, SCENARIO_FILE, RESULTS, PICTURE = "state.npz", "calibrated.yaml", "calibration.json", "calibration.png"
@@ -104,7 +104,9 @@ def parser() -> OneLineParser:
         "--validate", action="append", default=[], type=Path, metavar="LOG", help="another log, held out whole"
     )
     result.add_argument("--check", action="store_true", help="only tell what the logs can tell, without a solve")
-    result.add_argument("--threads", type=_threads, metavar="N", help="threads of the ensemble; default: one a core")
+    result.add_argument(
+        "--threads", type=whole_number(1, 1000), metavar="N", help="threads of the ensemble; default: one a core"
+    )
     result.add_argument(
         "--output", type=Path, default=Path("calibration"), metavar="DIR", help="directory; default: calibration"
     )
@@ -123,12 +125,6 @@ def _prior(text: str) -> tuple[str, Prior]:
         return prior_of(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _threads(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1000:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 1 to 1000")
-    return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -28,7 +28,7 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario
 from cable_twin.scenario.spans import SpanError
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 4  # of the vehicle, at which the result is calculated
@@ -66,7 +66,10 @@ def parser() -> OneLineParser:
         "--output", type=Path, default=Path("designed.yaml"), metavar="FILE", help="scenario; default: designed.yaml"
     )
     result.add_argument(
-        "--tension", type=_positive, metavar="N", help="N, wanted in the rope at its tensioned end, for length"
+        "--tension",
+        type=number(0.0, math.inf, "N"),
+        metavar="N",
+        help="N, wanted in the rope at its tensioned end, for length",
     )
     result.add_argument(
         "--sag",
@@ -76,7 +79,7 @@ def parser() -> OneLineParser:
     )
     result.add_argument(
         "--factor",
-        type=_positive,
+        type=number(0.0, math.inf),
         metavar="F",
         help="safety factor of the rope; default: that of the scenario's limits",
     )
@@ -84,7 +87,7 @@ def parser() -> OneLineParser:
         result.add_argument(
             f"--{name}",
             dest=f"to_{name}",
-            type=_positive,
+            type=number(0.0, math.inf, "m"),
             default=default,
             metavar="M",
             help=f"m, most by which a tower is {name}ed; default: {default:g}".replace("raiseed", "raised"),
@@ -92,21 +95,11 @@ def parser() -> OneLineParser:
     return result
 
 
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a finite number above 0")
-    return value
-
-
 def _sag(text: str) -> tuple[int, float]:
     span, _, sag = text.partition(":")
     if not span.isdecimal() or not sag:
         raise argparse.ArgumentTypeError(f"given {text!r}; allowed: SPAN:M as in 2:4.5")
-    return int(span), _positive(sag)
+    return int(span), number(0.0, math.inf, "m")(sag)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

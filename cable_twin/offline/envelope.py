@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import hashlib
 import json
@@ -36,7 +35,7 @@ from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, count_shown
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell, whole_number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 5
@@ -79,7 +78,7 @@ def parser() -> OneLineParser:
     result.add_argument("--cases", type=Path, required=True, metavar="FILE", help="YAML file of load cases")
     result.add_argument(
         "--places",
-        type=_places,
+        type=whole_number(1, MOST),
         default=PLACES,
         metavar="N",
         help=f"places of the vehicle in each case, 1 to {MOST}; 1: where the scenario has it; default: {PLACES}",
@@ -103,12 +102,6 @@ def parser() -> OneLineParser:
         "--parquet", type=Path, metavar="PATH", help="write the figures of all cases as Parquet; needs pyarrow"
     )
     return result
-
-
-def _places(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= MOST:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 1 to {MOST}")
-    return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -24,14 +24,14 @@ from cable_twin.messages.topics import DiagnosticArray, String
 from cable_twin.offline.following.plant_log import Item, PlantLog, at_rest_with_sensors
 from cable_twin.offline.following.truth import Truth, true_values
 from cable_twin.offline.simulate import run_progress
-from cable_twin.offline.simulate_options import UNUSABLE, add_changes, number, plots_fault
+from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fault
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell
 
 BAND, MOST_DECIMALS = 1.96, 6  # standard deviations of a band of 95 %, and decimals of an estimate
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE

@@ -27,7 +27,7 @@ from cable_twin.offline.survey.tramway import tramway_scenario
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, number, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 Build = Callable[[Survey, Ends, Mapping[str, Any]], dict[str, Any]]
@@ -82,7 +82,7 @@ def parser() -> OneLineParser:
     result.add_argument("--units", choices=FEET, help="unit of lengths where the file names none; default: m")
     result.add_argument(
         "--rope-above-ground",
-        type=_height,
+        type=number(0.0, 200.0, "m"),
         metavar="M",
         help="m, assumed for towers whose rope has no height in the survey",
     )
@@ -99,16 +99,6 @@ def _place(text: str) -> tuple[float, float]:
     if not math.isfinite(x + z):
         raise argparse.ArgumentTypeError(f"given {text!r}; allowed: two finite numbers in m")
     return x, z
-
-
-def _height(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < 200.0:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a number above 0 and below 200, in m")
-    return value
 
 
 def main(argv: Sequence[str] | None = None) -> int:

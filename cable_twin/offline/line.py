@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import math
@@ -26,7 +25,7 @@ from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import count_shown
-from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, whole_number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 40
@@ -108,7 +107,11 @@ def parser() -> OneLineParser:
         help="vehicle that is placed along the line; default: the first carriage, or all carriers together",
     )
     result.add_argument(
-        "--places", type=_places, default=PLACES, metavar="N", help=f"number of places, 2 to {MOST}; default: {PLACES}"
+        "--places",
+        type=whole_number(2, MOST),
+        default=PLACES,
+        metavar="N",
+        help=f"number of places, 2 to {MOST}; default: {PLACES}",
     )
     add_changes(result)
     result.add_argument(
@@ -135,12 +138,6 @@ def parser() -> OneLineParser:
         help="write terrain, towers, range of the ropes and clearance, as .csv, or .dxf for CAD (needs ezdxf)",
     )
     return result
-
-
-def _places(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 2 <= int(text) <= MOST:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 2 to {MOST}")
-    return int(text)
 
 
 def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None:

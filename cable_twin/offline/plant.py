@@ -22,12 +22,12 @@ from cable_twin.messages.sensor_messages import PLANT, plant_names, sensor_topic
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.offline.simulate import run_progress
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, add_changes, number
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, add_changes
 from cable_twin.recording.run import start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell, whole_number
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 FRAME_RATE = 50.0  # Hz
@@ -64,7 +64,11 @@ def parser() -> OneLineParser:
     add_changes(result)
     result.add_argument("--sensors", type=Path, metavar="FILE", help="sensors by name, as in a scenario")
     result.add_argument(
-        "--seed", type=_seed, default=0, metavar="N", help="seed of the noise of the usual sensors; default: 0"
+        "--seed",
+        type=whole_number(0, 10**18 - 1),
+        default=0,
+        metavar="N",
+        help="seed of the noise of the usual sensors; default: 0",
     )
     result.add_argument("--script", type=Path, metavar="FILE", help="commands over time, as for `simulate`")
     result.add_argument(
@@ -206,12 +210,6 @@ def _record(
     print(f"{scenario.name}: {outcome.time:.2f} s in {outcome.wall_time:.2f} s, {len(scenario.sensors)} sensors")
     print(f"bag: {run.directory}")
     return FAILED if lines else DONE
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal() or len(text) > 18:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 0, of at most 18 digits")
-    return int(text)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError
 from cable_twin.terminal.bars import count_shown, share_shown
-from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, print_line, tell, typed
+from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, number, print_line, tell, typed
 
 DONE, NOT_WRITTEN, CANNOT = 0, 1, 2
 MOST_TRIPS = 1e7  # in a year
@@ -78,7 +78,7 @@ def parser() -> OneLineParser:
     add_rule_options(result, more=", and the page then shows where profiles differ")
     result.add_argument(
         "--trips",
-        type=_trips,
+        type=number(0.0, MOST_TRIPS),
         metavar="N",
         help="trips in a year, for the bending cycles and cycles of tension of the ropes in a year",
     )
@@ -96,16 +96,6 @@ def _page(text: str) -> Path:
     if Path(text).suffix.lower() not in (".html", ".htm"):
         raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a name that ends in .html")
     return Path(text)
-
-
-def _trips(text: str) -> float:
-    try:
-        trips = float(text)
-    except ValueError:
-        trips = 0.0
-    if not 0.0 < trips <= MOST_TRIPS:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a number above 0 and at most {MOST_TRIPS:g}")
-    return trips
 
 
 def main(argv: Sequence[str] | None = None) -> int:

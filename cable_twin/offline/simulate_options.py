@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,7 +20,7 @@ from cable_twin.recording.splitting import HOURLY
 from cable_twin.scenario import assignment, full_key, scenario_lines
 from cable_twin.scenario.checks.fault import allowed, refuse
 from cable_twin.scenario.sections.limits import Installation
-from cable_twin.terminal.command_line import OneLineParser, typed
+from cable_twin.terminal.command_line import OneLineParser, number, typed
 
 UNUSABLE = 2  # exit code for wrong input
 DEFAULT_SCENARIO = "aerial_tramway"
@@ -275,22 +275,6 @@ def _changed_value(text: str) -> tuple[str, Any]:
         return assignment(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def number(low: float, high: float, unit: str, *, zero: bool = False) -> Callable[[str], float]:
-    """Make a parser of option values: a number within bounds, above 0 unless `zero` is allowed."""
-
-    def convert(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not (low <= value <= high and (zero or value > 0.0) and value < math.inf):
-            span = f"more than 0 {unit}" if high == math.inf else f"{low:g} to {high:g} {unit}"
-            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {span}")
-        return value
-
-    return convert
 
 
 def rates_of(options: argparse.Namespace, frame_rate: float) -> tuple[dict[str, float], list[str]]:

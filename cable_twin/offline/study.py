@@ -21,7 +21,7 @@ from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import compile_figures
 from cable_twin.offline.figure_table import table_console
 from cable_twin.offline.script import ScriptError, read_script
-from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, add_changes, number
+from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, add_changes
 from cable_twin.offline.studies.case import Case, Inputs, hash_of_case, program, scenario_of
 from cable_twin.offline.studies.cluster import ClusterError, connected, run_on
 from cable_twin.offline.studies.design import (
@@ -47,7 +47,7 @@ from cable_twin.offline.sweep import is_whole
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown, count_shown
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, number, tell, whole_number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 CASES, MOST = 64, 2_000_000
@@ -101,9 +101,15 @@ def parser() -> OneLineParser:
     )
     result.add_argument("--method", choices=METHODS, default="latin", help="design of the cases; default: latin")
     result.add_argument(
-        "--cases", type=_count, default=CASES, metavar="N", help=f"most cases, 1 to {MOST}; default: {CASES}"
+        "--cases",
+        type=whole_number(1, MOST),
+        default=CASES,
+        metavar="N",
+        help=f"most cases, 1 to {MOST}; default: {CASES}",
     )
-    result.add_argument("--seed", type=_seed, default=0, metavar="N", help="of latin and sobol; default: 0")
+    result.add_argument(
+        "--seed", type=whole_number(0, 2**63 - 1), default=0, metavar="N", help="of latin and sobol; default: 0"
+    )
     add_changes(result)
     result.add_argument("--script", type=Path, metavar="FILE", help="commands of all cases, as of `simulate`")
     result.add_argument(
@@ -119,25 +125,13 @@ def parser() -> OneLineParser:
         "--scheduler", metavar="ADDRESS", help="run on the workers of a scheduler of Dask, as tcp://host:8786"
     )
     result.add_argument(
-        "--workers", type=_count, metavar="N", help="processes of the local cluster; default: one a core"
+        "--workers", type=whole_number(1, MOST), metavar="N", help="processes of the local cluster; default: one a core"
     )
     result.add_argument("--out", type=Path, required=True, metavar="DIR", help="directory of the study")
     result.add_argument(
         "--figure", action="append", default=[], metavar="ID", help="key figure of table and plots; can be repeated"
     )
     return result
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= MOST:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 1 to {MOST}")
-    return int(text)
-
-
-def _seed(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) >= 2**63:
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from 0 on")
-    return int(text)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

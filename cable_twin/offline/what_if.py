@@ -28,7 +28,7 @@ from cable_twin.offline.review import print_review, write_review_plots
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
 from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.simulate import run_progress
-from cable_twin.offline.simulate_options import UNUSABLE, add_changes, number, plots_fault
+from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
 from cable_twin.recording.log_file import LONGEST_GAP, LogError
 from cable_twin.recording.log_reader import Log, read_log
@@ -37,7 +37,7 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
 from cable_twin.simulation.snapshot_file import read_full_state
 from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, tell
+from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 SINGLE, IN_SINGLE = 2.0**-24, "tension/"  # rounding of single precision, and the signals that logs hold in it

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import math
 import os
 import platform
 import re
@@ -31,6 +32,7 @@ LONGEST_LINE = 4000  # characters of what is said of a file or a path
 
 COMPILER = ("numba", "llvmlite")
 NARROWEST = 24  # characters in which a text is still filled
+DIGITS = 100  # of a whole number, fewer than Python converts
 RETRY = 0.05  # s until Ctrl-C is tried again where it could be no exception
 
 
@@ -191,6 +193,38 @@ def typed(command: str) -> str:
         return command
     short = os.path.relpath(file)
     return shlex.quote(str(file) if short.startswith("..") else short)
+
+
+def number(low: float, high: float, unit: str = "", *, zero: bool = False) -> Callable[[str], float]:
+    """Make a parser of option values: a finite number within bounds, in a unit, above 0 unless `zero` is allowed."""
+    unit = f" {unit}" if unit else ""
+    span = f"{low:g}{unit} or more" if zero else f"more than 0{unit}"
+    if math.isinf(low):
+        span = "a finite number"
+    elif math.isfinite(high):
+        span = f"{low:g} to {high:g}{unit}" if zero or low > 0.0 else f"more than 0, at most {high:g}{unit}"
+
+    def convert(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (low <= value <= high and (zero or value > 0.0) and math.isfinite(value)):
+            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {span}")
+        return value
+
+    return convert
+
+
+def whole_number(low: int, high: int) -> Callable[[str], int]:
+    """Make a parser of option values: a whole number within bounds."""
+
+    def convert(text: str) -> int:
+        if not (text.isascii() and text.isdigit() and len(text) < DIGITS and low <= int(text) <= high):
+            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from {low} to {high}")
+        return int(text)
+
+    return convert
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -438,7 +438,7 @@ def test_a_number_is_not_struck_through_by_a_limit(value, below):
         (["{run}", "--output", "page.txt"], "given 'page.txt'; allowed: a name that ends in .html"),
         (["{run}", "--profile", "nothing"], "--profile: given 'nothing': no such profile"),
         (["{run}", "--scenario", "no.yaml"], "no.yaml: no such file"),
-        (["{run}", "--trips", "0"], "given '0'; allowed: a number above 0 and at most"),
+        (["{run}", "--trips", "0"], "given '0'; allowed: more than 0, at most 1e+07"),
         (["{empty}"], "not a log: given 0 .mcap files"),
     ],
 )

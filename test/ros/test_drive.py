@@ -213,7 +213,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants,
             ["--reset", "--node", "a b"],
             "argument --node: given 'a b'; allowed: the full name of a node, such as /b/cable_twin",
         ),
-        (["--step", "0"], "argument --step: given '0'; allowed: a whole number of frames above 0"),
+        (["--step", "0"], "argument --step: given '0'; allowed: a whole number from 1 to"),
         (["--pause", "--resume"], "argument --resume: not allowed with argument --pause"),
         (
             ["cabin"],

@@ -17,7 +17,7 @@ from cable_twin.basics.printable import printable_lines
 from cable_twin.frame.commands import KINDS, Kind
 from cable_twin.ros.client.twin_client import TwinClient, TwinError, list_twins
 from cable_twin.ros.startup import Ending, prepare_middleware, print_hint, rcl_fault, split_ros_arguments
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, faults_reported
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, faults_reported, number, whole_number
 
 DISCOVERY = 10.0  # s to find the twin, unless --wait is given
 # requests that are no commands: service, its argument, and help
@@ -66,19 +66,20 @@ def parser() -> OneLineParser:
     result = OneLineParser("drive", "Send commands to a running twin from a terminal.", EPILOG)
     result.add_argument("name", nargs="?", help="carriage or drive, such as cabin or haul_rope")
     result.usage = USAGE  # argparse breaks so long a choice within a word
+    any_number, duration = number(-math.inf, math.inf, zero=True), number(0.0, math.inf, "s", zero=True)
     what = result.add_mutually_exclusive_group(required=True)
     for kind in COMMANDS.values():
         option, unit = _option(kind), kind.unit.upper()
         if kind.axes:
             several = "+" if len(kind.axes) > 1 else 1
-            what.add_argument(option, type=_number, nargs=several, help=f"{kind.unit}: {kind.help}", metavar=unit)
+            what.add_argument(option, type=any_number, nargs=several, help=f"{kind.unit}: {kind.help}", metavar=unit)
         elif kind.quantity:
-            what.add_argument(option, type=_number, help=f"{kind.unit}: {kind.help}", metavar=unit)
+            what.add_argument(option, type=any_number, help=f"{kind.unit}: {kind.help}", metavar=unit)
         else:
             what.add_argument(option, action="store_true", help=kind.help)
     for action, (_, _, text) in ACTIONS.items():
         what.add_argument(f"--{action}", action="store_true", help=text)
-    what.add_argument("--step", type=_count, metavar="N", help="advance a paused twin by N frames")
+    what.add_argument("--step", type=whole_number(1, 2**63 - 1), metavar="N", help="advance a paused twin by N frames")
     what.add_argument(
         "--to",
         metavar="PLACE",
@@ -89,20 +90,20 @@ def parser() -> OneLineParser:
     what.add_argument("--list", action="store_true", help="list the twins of this ROS domain with their state")
     result.add_argument(
         "--at-most",
-        type=_number,
+        type=any_number,
         metavar="M/S",
         help="m/s: highest speed on the way --to a place; default: the limit of the drive",
     )
     result.add_argument(
-        "--ramp", type=_not_negative, metavar="S", help="s: time in which the value is reached from zero; default: 0"
+        "--ramp", type=duration, metavar="S", help="s: time in which the value is reached from zero; default: 0"
     )
-    result.add_argument("--duration", type=_not_negative, metavar="S", help="s: time to drive; default: until Ctrl-C")
+    result.add_argument("--duration", type=duration, metavar="S", help="s: time to drive; default: until Ctrl-C")
     result.add_argument(
         "--node", type=_node, help="full name of the twin; default: /cable_twin, in the namespace of this command"
     )
     result.add_argument(
         "--wait",
-        type=_not_negative,
+        type=duration,
         default=DISCOVERY,
         metavar="S",
         help=f"s: time to wait for the twin, which compiles its solver on its first start; default: {DISCOVERY:g}",
@@ -247,38 +248,12 @@ def _ask(client: TwinClient, kind: Kind | None, options: argparse.Namespace) -> 
     return client.give(kind, {options.name: given})
 
 
-def _number(text: str) -> float:
-    """Parse a finite number from an option."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a finite number")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    """Parse a finite duration in s, zero or more, from an option."""
-    value = _number(text)
-    if value < 0.0:
-        raise argparse.ArgumentTypeError(f"given {text} s; allowed: 0 s or more")
-    return value
-
-
 def _node(text: str) -> str:
     """Parse the full name of a node from an option."""
     name = f"/{text.strip('/')}"
     if not re.fullmatch(r"(/[A-Za-z_]\w*)+", name, re.ASCII):
         raise argparse.ArgumentTypeError(f"given {text!r}; allowed: the full name of a node, such as /b/cable_twin")
     return name
-
-
-def _count(text: str) -> int:
-    """Parse a positive integer from an option."""
-    if not text.isdecimal() or not int(text):
-        raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number of frames above 0")
-    return int(text)
 
 
 if __name__ == "__main__":
