@@ -8,8 +8,7 @@ from cable_twin.frame.records import CommandError
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.simulate import main
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.bicable import FULL, LENGTH, lift

@@ -16,8 +16,7 @@ from cable_twin.messages import DERAILMENTS, decode
 from cable_twin.offline.replay import main as replay
 from cable_twin.offline.review import main as review
 from cable_twin.offline.simulate import main as simulate
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 

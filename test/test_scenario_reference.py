@@ -82,7 +82,7 @@ def test_explain_prints_an_entry(capsys):
 
 def test_explain_is_readable_on_a_narrow_terminal(capsys, monkeypatch):
     """No cut word, no line longer than the terminal: key with unit, meaning below."""
-    monkeypatch.setattr("cable_twin.offline.explain.table_console", lambda: Console(width=80))
+    monkeypatch.setattr("cable_twin.offline.simulate.table_console", lambda: Console(width=80))
     assert main(["--explain", "limits"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) < 80

@@ -23,7 +23,7 @@ from cable_twin.offline.survey.designing import (
     for_tension,
 )
 from cable_twin.offline.survey.line_model import DesignError, LineModel, line_model
-from cable_twin.offline.survey.rewriting import rewritten
+from cable_twin.offline.survey.marked import rewritten
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_file, scenario_lines
 from cable_twin.scenario.spans import SpanError
 from cable_twin.simulation import EquilibriumError

@@ -23,13 +23,12 @@ from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_
 from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
 from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, case_columns, read_cases
-from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, uncollected
+from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, run_side_by_side, uncollected
 from cable_twin.offline.envelopes.tensioning import ALLOWED
 from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.lines.at_rest import MOST
 from cable_twin.offline.reporting.remarks import scenario_text
-from cable_twin.offline.side_by_side import side_by_side
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
@@ -183,8 +182,7 @@ def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> lis
             for part in parts:
                 on_part(run_part(part))
         else:
-            with side_by_side(len(parts), run_part) as run_all:
-                run_all(parts, on_part)
+            run_side_by_side(parts, on_part)
     return [found[job.case.id] for job in jobs]
 
 

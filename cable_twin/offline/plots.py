@@ -1,10 +1,12 @@
-"""Plots of one run, or of several runs overlaid, as PNG: rope, tension, speed, swing, drive, contact forces."""
+"""Plots of one run, or of several runs overlaid, and of verdicts on them: rope, tension, speed, swing, forces."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,10 +21,14 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
 from cable_twin.frame.plotted_signals import PLOTS, SIGNALS, Signal
 from cable_twin.frame.snapshot import ENDS
+from cable_twin.key_figures.rules import RuleVerdict
+from cable_twin.key_figures.rules.comparison import topic_of
+from cable_twin.key_figures.rules.verdicts import BROKEN, KEPT, OUTSIDE, limit_text, value_text
 from cable_twin.offline.thinned_series import Signals
 
 INK = "#22303C"
@@ -57,7 +63,26 @@ STYLE = {
     "savefig.dpi": 130,
 }
 ASIDE = 0.01  # m across the track, from which on a rope is drawn from above
+MOST_USED = 1.6  # share of a limit at which the bars of verdicts end
+HEIGHT, WIDTH = 0.34, 11.0  # inches, of such a bar and of its picture
 SCALED = ("N", "W", "N m")  # units that may get a prefix
+
+
+def styled() -> AbstractContextManager[None]:
+    """Context in which all pictures of the commands have the same fonts, colours and axes."""
+    return mpl.rc_context(STYLE)  # type: ignore[arg-type]  # matplotlib lists every key
+
+
+def save(figure: Figure, title: str, path: Path) -> None:
+    """Write a figure with a title above its axes into a file, and close it.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
+    figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.99))
+    figure.savefig(path)
+    plt.close(figure)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +121,7 @@ def write_plots(
     """
     directory.mkdir(parents=True, exist_ok=True)
     written = []
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+    with styled():
         for name, title in PLOTS.items():
             shown = [panel for signal in SIGNALS.values() if signal.plot == name for panel in _panels(runs, signal)]
             if shown:
@@ -287,3 +312,57 @@ def _height(points: np.ndarray, rope: np.ndarray) -> np.ndarray:
     slope = chord[2] / chord[0] if chord[0] else 0.0
     height: np.ndarray = points[:, 2] - rope[0, 2] - slope * (points[:, 0] - rope[0, 0])
     return height
+
+
+def used_share(one: RuleVerdict) -> float:
+    """Utilisation of the limit of a rule verdict by its figure, at most `MOST_USED`; above 1 the limit is not kept."""
+    assert one.value is not None
+    low, high, value = one.limits[0], one.limits[-1], one.value
+    above = abs(value / high) if high else float(value > 0.0)
+    below = abs(low / value) if value else float(low > 0.0) * MOST_USED
+    shares = {"at most": above, "below": above, "at least": below, "above": below, "within": max(above, below)}
+    return min(shares[one.comparison], MOST_USED)
+
+
+def write_verdict_plot(title: str, verdicts: Sequence[RuleVerdict], path: Path) -> bool:
+    """Draw rule verdicts that have a figure and a limit as bars into a file; returns whether there are any.
+
+    Args:
+        title: of the picture.
+        verdicts: of all profiles.
+        path: file of the picture.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    shown = [one for one in verdicts if one.limits and one.value is not None and one.state != OUTSIDE]
+    if not shown:
+        return False
+    profiles = list(dict.fromkeys(one.profile for one in shown))
+    topics = list(dict.fromkeys(topic_of(one.quantity) for one in shown))
+    shown.sort(key=lambda one: (topics.index(topic_of(one.quantity)), profiles.index(one.profile)))
+    with styled():
+        figure, axes = plt.subplots(figsize=(WIDTH, HEIGHT * len(shown) + 1.5))
+        for row, one in enumerate(shown):
+            share, color = used_share(one), COLORS[profiles.index(one.profile) % len(COLORS)]
+            solid = one.state == KEPT or one.state in BROKEN
+            face = color if solid else "white"
+            axes.barh(row, share, 0.62, color=face, edgecolor=color, hatch="" if solid else "////", linewidth=0.8)
+            text = f"{value_text(one)}, {limit_text(one)}: {one.state}"
+            weight = "bold" if one.state in BROKEN else "normal"
+            axes.text(max(share, 1.0) + 0.03, row, text, va="center", fontsize=8.5, color=INK, fontweight=weight)
+        axes.axvline(1.0, color=INK, linewidth=1.2)
+        labels = [f"{one.text[:66]}  {one.check}, {one.clause}" for one in shown]
+        axes.set_yticks(range(len(shown)), labels, fontsize=8.5)
+        axes.set(xlim=(0.0, 3.0), ylim=(len(shown) - 0.4, -0.6), xlabel="used share of the limit")
+        axes.xaxis.label.set(x=0.165)
+        axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0])
+        axes.grid(visible=False, axis="y")
+        for row, (one, after) in enumerate(pairwise(shown)):
+            if topic_of(one.quantity) != topic_of(after.quantity):
+                axes.axhline(row + 0.5, color=QUIET, linewidth=0.4)
+        patches = [Patch(color=color, label=name) for color, name in zip(COLORS, profiles, strict=False)]
+        patches.append(Patch(facecolor="white", edgecolor=QUIET, hatch="////", label="not decided"))
+        axes.legend(handles=patches, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(patches), borderaxespad=0.2)
+        save(figure, title, path)
+    return True

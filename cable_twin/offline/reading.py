@@ -16,8 +16,7 @@ from cable_twin.offline.export import RunTable
 from cable_twin.offline.responses import Responses
 from cable_twin.offline.thinned_series import SAME, Signals, signal_values
 from cable_twin.recording.log_file import LogError
-from cable_twin.recording.log_reader import Log
-from cable_twin.recording.snapshot_reader import Item, RecordedFigures, read_snapshots
+from cable_twin.recording.log_reader import Item, Log, RecordedFigures, read_snapshots
 from cable_twin.scenario import ScenarioError, load_scenario
 
 USUAL = "cable_twin_logs"  # where runs are that nobody has named

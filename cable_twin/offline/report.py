@@ -16,7 +16,7 @@ from rich.console import Console
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.from_log import read_results
 from cable_twin.offline.reporting.from_study import is_study, read_study
-from cable_twin.offline.reporting.printing import PrintError, find_printer
+from cable_twin.offline.reporting.page import PrintError, find_printer
 from cable_twin.offline.reporting.results import Results, ResultsError
 from cable_twin.offline.reporting.texts import LANGUAGES, Texts
 from cable_twin.offline.review import RUNS, newest_run

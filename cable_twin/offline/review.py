@@ -302,8 +302,7 @@ def _worst_of_each(differences: Mapping[str, Difference], carriers: Carriers | N
 
 def write_review_plots(readings: Sequence[Reading], directory: Path, console: Console) -> bool:
     """Write the plots of reviewed runs; prints their paths, or an error and returns False."""
-    from cable_twin.offline.plots import PlottedRun, write_plots  # noqa: PLC0415 - a second, and not always installed
-    from cable_twin.offline.verdict_plot import write_verdict_plot  # noqa: PLC0415 - the same
+    from cable_twin.offline import plots  # noqa: PLC0415 - a second, and not always installed
 
     labels: Sequence[str] = LABELS[: len(readings)] if len(readings) > 1 else ("",)
     titles = [reading.title for reading in readings]
@@ -314,16 +313,16 @@ def write_review_plots(readings: Sequence[Reading], directory: Path, console: Co
     ):
         labels = titles
     runs = [
-        PlottedRun(label, reading.scenario.name, reading.name, reading.signals)
+        plots.PlottedRun(label, reading.scenario.name, reading.name, reading.signals)
         for label, reading in zip(labels, readings, strict=True)
     ]
     try:
         with console.status("drawing") as status:
-            files = [*write_plots(runs, directory, lambda file: status.update(f"drawing {file}"))]
+            files = [*plots.write_plots(runs, directory, lambda file: status.update(f"drawing {file}"))]
             for label, reading in zip(LABELS, readings, strict=False):
                 file = directory / (f"rules_{label}.png" if len(readings) > 1 else "rules.png")
                 title = f"{reading.scenario.name}, {reading.name}: rules"
-                files += [file] if write_verdict_plot(title, reading.verdicts, file) else []
+                files += [file] if plots.write_verdict_plot(title, reading.verdicts, file) else []
     except OSError as error:
         tell("review", f"--plots {directory}: {error.strerror or error}")
         return False

@@ -12,8 +12,8 @@ from cable_twin.ensemble import Ensemble, usable_cores
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures import KeyFigures
-from cable_twin.offline.course import Outcome, course
 from cable_twin.offline.script import ScriptedCommand
+from cable_twin.offline.scripted_run import Outcome, course
 from cable_twin.offline.sweep_limits import SweptRun
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.builders.bundle import build_ropes

@@ -12,9 +12,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from textwrap import wrap
 
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
 
 from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures, not_judged
 from cable_twin.key_figures.rules import judge, profiles_of
@@ -22,7 +26,6 @@ from cable_twin.messages import nanoseconds, topics
 from cable_twin.messages.figure_messages import describe
 from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.check import checked
-from cable_twin.offline.explain import print_entries
 from cable_twin.offline.export import Export, RunTable, export_fault
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.script import (
@@ -42,6 +45,7 @@ from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario.reference import Entry, explained
 from cable_twin.scenario.schema import Solver
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
 from cable_twin.terminal.bars import compilation_shown
@@ -388,6 +392,51 @@ def _shorter_than_needed(scenario: Scenario) -> str:
         f"slower than real time with solver.step at its default of {DEFAULT_STEP:g} s; ropeways usually do with 0.005 "
         "to 0.01 s: --set solver.step=0.005, and --check says what that changes"
     )
+
+
+WIDE = 120  # characters below which a table has too narrow columns to be read
+
+
+def print_entries(key: str) -> None:
+    """Print the entry of a key of a scenario file, or a table of a section.
+
+    Args:
+        key: dotted, as for `simulate --set`; carriages and towers may have any name.
+
+    Raises:
+        KeyError: there is no such key; one line with the nearest keys.
+    """
+    found = explained(key)
+    console = table_console()
+    if len(found) == 1:
+        _print_entry(console, found[0])
+        return
+    if console.width < WIDE:
+        for entry in found:
+            _print_block(console, entry)
+        return
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in Entry._fields:
+        table.add_column(title, no_wrap=title in ("key", "unit"))
+    for entry in found:
+        table.add_row(*map(Text, entry))
+    console.print(table)
+
+
+def _print_block(console: Console, entry: Entry) -> None:
+    """Print the entry of a scenario key as a filled block: key with unit, meaning, default and allowed values."""
+    unit = f" [{entry.unit}]" if entry.unit else ""
+    rest = "; ".join(f"{title}: {text}" for title, text in zip(("default", "allowed"), entry[2:4], strict=True) if text)
+    lines = [f"{entry.key}{unit}"]
+    for text in (entry.meaning, rest):
+        lines += wrap(text, console.width - 1, initial_indent="    ", subsequent_indent="    ")
+    console.print("\n".join(lines), markup=False, highlight=False, soft_wrap=True)
+
+
+def _print_entry(console: Console, entry: Entry) -> None:
+    unit = f" ({entry.unit})" if entry.unit else ""
+    lines = f"{entry.key}{unit}: {entry.meaning}", f"default: {entry.default}", f"allowed: {entry.allowed}"
+    console.print("\n  ".join(lines), markup=False, highlight=False)
 
 
 if __name__ == "__main__":

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")  # no screen needed
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.offline.lines.plot import LIMIT
-from cable_twin.offline.plots import COLORS, QUIET, STYLE
+from cable_twin.offline.plots import COLORS, QUIET, save, styled
 from cable_twin.offline.sweep_limits import SweptFigure, Window
 
 PANELS = 6
@@ -31,7 +27,7 @@ def write_sweep_plot(
         OSError: the file cannot be written.
     """
     shown = figures[:PANELS]
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+    with styled():
         columns = 1 if len(shown) == 1 else 2
         rows = -(-len(shown) // columns)
         figure, grid = plt.subplots(rows, columns, figsize=(5.2 * columns, 2.7 * rows + 0.7), squeeze=False)
@@ -42,10 +38,7 @@ def write_sweep_plot(
             _panel(axes, shown[number], COLORS[number % len(COLORS)], windows)
             if number + columns >= len(shown):
                 axes.set_xlabel(swept)
-        figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.99))
-        figure.savefig(path)
-        plt.close(figure)
+        save(figure, title, path)
 
 
 def _panel(axes: Axes, figure: SweptFigure, color: str, windows: Sequence[Window]) -> None:

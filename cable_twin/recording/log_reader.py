@@ -1,4 +1,9 @@
-"""Reader of a log of `log_writer`: one file or all of a run, complete, cut short by a kill, or damaged."""
+"""Reader of a log of `log_writer`: one file or all of a run, complete, cut short by a kill, or damaged.
+
+A log holds each group of columns at its own rate; numbers that it does not hold at a time are NaN in the snapshot of
+that time. All others are those of the run, bit for bit, but for the shape and tension of the rope: between complete
+frames, usually one a second, these come from the topic `cable`, in single precision.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +11,27 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from cable_twin.frame.records import AppliedCommand
-from cable_twin.frame.snapshot import Layout
-from cable_twin.messages import APPLIED_COMMANDS, SCENARIO, SECOND, scenario_from_message
-from cable_twin.messages.columns import RowDecoder
+from cable_twin.frame.records import AppliedCommand, RefusedCommand
+from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.messages import (
+    APPLIED_COMMANDS,
+    CABLE,
+    KEY_FIGURES,
+    REFUSED_COMMANDS,
+    SCENARIO,
+    SECOND,
+    Status,
+    read_rope,
+    refused_command_from_message,
+    scenario_from_message,
+    statuses_of_message,
+)
+from cable_twin.messages.columns import COLUMNS, Row, RowDecoder
 from cable_twin.messages.command_messages import applied_command_from_message
 from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, file_number, one_line, open_file
+from cable_twin.scenario import ScenarioError, load_scenario
 
 STAMPS_APART = 1e-3  # s that a command may lie from the stamp of its message: they are one, but for rounding
 
@@ -211,3 +229,63 @@ def _read_scenario(file: LogFile) -> dict[str, Any]:
     raise LogError(
         f"{file.path}: " + ("empty: no message was written" if empty else "no scenario in it, cannot be used")
     )
+
+
+TOPICS = (COLUMNS, CABLE, APPLIED_COMMANDS, REFUSED_COMMANDS, KEY_FIGURES)
+
+
+class RecordedFigures(NamedTuple):
+    """Key figures that a run has recorded in its log, with their time."""
+
+    time: float  # s
+    statuses: list[Status]
+
+
+Item = Snapshot | AppliedCommand | RefusedCommand | RecordedFigures
+
+
+def read_snapshots(log: Log, *, on_position: Callable[[int], None] | None = None) -> Iterator[Item]:
+    """Stream snapshots, commands and key figures of a log in its order, with one frame in memory.
+
+    Args:
+        log: Finished, or cut short: the last frame then may be missing.
+        on_position: Called with the bytes of the file read so far.
+
+    Yields:
+        Snapshots, each command where it took effect or was refused, and key figures where they were recorded, in the
+        order of the log.
+
+    Raises:
+        LogError: The scenario or a message is unreadable; the line names topic and time.
+    """
+    try:
+        layout = Layout.of(load_scenario(log.scenario), int(log.metadata["sample_count"]))
+    except ScenarioError as error:
+        raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
+    decoder = log.row_decoder(layout)
+    frame: Row | None = None  # the last one, which may still get its rope
+    frame_ns = -1
+    for topic, stamp_ns, data in log.messages(TOPICS, on_position):
+        time = (stamp_ns - log.epoch_ns) / SECOND
+        try:
+            if topic == CABLE:
+                if frame is not None and stamp_ns == frame_ns:
+                    read_rope(data, layout, frame.numbers)
+                continue
+            if frame is not None:
+                yield Snapshot(layout, frame.numbers, frame.report)
+                frame = None
+            if topic == COLUMNS:
+                frame, frame_ns = decoder.decode(data), stamp_ns
+            elif topic == APPLIED_COMMANDS:
+                yield log.command(stamp_ns, data)
+            elif topic == REFUSED_COMMANDS:
+                yield refused_command_from_message(data, time)
+            else:
+                yield RecordedFigures(time, statuses_of_message(data))
+        except UNREADABLE as error:
+            if isinstance(error, LogError):
+                raise
+            raise LogError(f"{log.path}: {topic} at {time:.6f} s is unreadable: {one_line(error)}") from error
+    if frame is not None:
+        yield Snapshot(layout, frame.numbers, frame.report)

@@ -18,8 +18,7 @@ from twin_process import PATIENCE, TwinProcess
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline import replay, review
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 from verification import JIT
 from verification.supports import tramway

@@ -22,8 +22,7 @@ from cable_twin.messages import ESTIMATE, statuses_of_message
 from cable_twin.offline import plant
 from cable_twin.offline.follow import main
 from cable_twin.offline.following.truth import Truth, true_values
-from cable_twin.recording.log_reader import Log, read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import Log, read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 

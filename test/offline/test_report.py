@@ -21,10 +21,11 @@ from cable_twin.key_figures.rules import STATES, Profile
 from cable_twin.key_figures.rules.document import Document
 from cable_twin.offline import envelope, report, reporting, review, simulate, study
 from cable_twin.offline.figure_table import shown
-from cable_twin.offline.reporting import german, printing
+from cable_twin.offline.reporting import german
 from cable_twin.offline.reporting.chart import LOOKS, Chart, Mark, span, ticks
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.judging import judge_cases, judge_extremes
+from cable_twin.offline.reporting.page import PrintError, find_printer
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
 from cable_twin.offline.reporting.results import Results, RopeCourse
 from cable_twin.offline.reporting.sections import SECTIONS
@@ -290,8 +291,8 @@ def test_german_says_all_with_the_same_numbers(run, page, tmp_path):
 def test_a_pdf_has_pages(page, tmp_path):
     """By WeasyPrint or by Chromium, whichever is there."""
     try:
-        printer = printing.find_printer()
-    except printing.PrintError as error:
+        printer = find_printer()
+    except PrintError as error:
         pytest.skip(str(error))
     begin = page.read_text(encoding="utf-8").partition('<section id="key_figures"')[0]
     printer(f"{begin}</body></html>", tmp_path / "page.pdf")
@@ -302,7 +303,7 @@ def test_a_pdf_has_pages(page, tmp_path):
 
 def test_without_a_printer_the_extra_is_named(run, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "weasyprint", None)
-    monkeypatch.setattr(printing.shutil, "which", lambda name: None)
+    monkeypatch.setattr("shutil.which", lambda name: None)
     with pytest.raises(SystemExit):
         report.main([str(run), "--pdf", "page.pdf"])
     assert "--pdf: WeasyPrint is not installed, and there is no Chromium" in capsys.readouterr().err

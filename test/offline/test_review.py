@@ -24,8 +24,7 @@ from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.review import main, print_differences
 from cable_twin.offline.thinned_series import POINTS, Series, compare
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 
 RERUN = Path(sys.executable).with_name("rerun")
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from cable_twin.frame.snapshot import Layout
-from cable_twin.offline.rainflow import Cycle, rainflow_cycles, turning_points
-from cable_twin.offline.reporting.rope_life import LifeCounter, haul_reach, loops_of
+from cable_twin.offline.reporting.rope_life import (
+    Cycle,
+    LifeCounter,
+    haul_reach,
+    loops_of,
+    rainflow_cycles,
+    turning_points,
+)
 from cable_twin.offline.reporting.sections.rope_life import classes_of
 from cable_twin.scenario import load_scenario
 

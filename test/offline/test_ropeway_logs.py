@@ -12,8 +12,7 @@ from cable_twin.frame.records import Command
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline import replay, review
 from cable_twin.offline.script import ScriptedCommand, check_script
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 
 TRIP = [

@@ -17,8 +17,7 @@ from cable_twin.frame.records import Command, RefusedCommand
 from cable_twin.offline import replay, review
 from cable_twin.offline.scripted_run import Outcome
 from cable_twin.offline.simulate import main, report
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 
 SCRIPT = """\

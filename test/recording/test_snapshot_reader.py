@@ -18,8 +18,7 @@ from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages.columns import COLUMNS_OF, GROUPS
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.recording.log_file import LogError
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario, scenario_names
 
 SCRIPT = [

@@ -15,8 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline.replay import main as replay
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 
 LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -11,8 +11,7 @@ from twin_process import COMPILING
 
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.offline import replay
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.simulation import Simulation
 
 pytest.importorskip("rclpy")

@@ -9,8 +9,7 @@ from twin_process import LOG_EVERY_FRAME
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import SECOND, decode
-from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.snapshot_reader import RecordedFigures, read_snapshots
+from cable_twin.recording.log_reader import RecordedFigures, read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 
 pytest.importorskip("rclpy")

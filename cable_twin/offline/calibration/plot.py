@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")  # no screen needed
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +13,7 @@ from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.calibration.prediction import Rows
 from cable_twin.offline.calibration.solve import NORMAL_95, Solution
-from cable_twin.offline.plots import COLORS, INK, QUIET, STYLE
+from cable_twin.offline.plots import COLORS, INK, QUIET, styled
 
 WIDTH, ROW, HIGHEST = 12.0, 1.35, 60.0  # inches, of a row of residuals, of the picture
 MOST_SHOWN = 6.0  # deviations, of the axis of residuals
@@ -32,7 +28,7 @@ def write_picture(title: str, solution: Solution, rows: Rows, path: Path) -> Non
     series = sorted({(int(log), int(sensor)) for log, sensor in zip(rows.log, rows.sensor, strict=True)})
     count = len(solution.estimates)
     top = 1.0 + 0.34 * count
-    with plt.rc_context(STYLE):  # type: ignore[arg-type]  # its stub lists every key
+    with styled():
         height = min(top + ROW * len(series) + 1.0, HIGHEST)
         figure = plt.figure(figsize=(WIDTH, height), layout="constrained")
         above, below = figure.subfigures(2, 1, height_ratios=[top, height - top])

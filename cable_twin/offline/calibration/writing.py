@@ -14,8 +14,7 @@ from cable_twin.basics.units import shown_unit, with_unit
 from cable_twin.offline.calibration.check import Check
 from cable_twin.offline.calibration.parameters import OF_SENSORS, value_at
 from cable_twin.offline.calibration.solve import Estimate, Solution
-from cable_twin.offline.survey.marked import dumped
-from cable_twin.offline.survey.rewriting import Change, rewritten
+from cable_twin.offline.survey.marked import Change, dumped, rewritten
 from cable_twin.scenario import Scenario, full_key, load_scenario, scenario_file
 
 DIGITS = 7  # of values in files

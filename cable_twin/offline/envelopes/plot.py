@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")  # no screen needed
-
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from cable_twin.basics.units import rounded
 from cable_twin.key_figures import KeyFigure
-from cable_twin.offline.plots import COLORS, INK, STYLE
+from cable_twin.offline.plots import COLORS, INK, save, styled
 
 Extremes = Sequence[tuple[str, KeyFigure]]
 HEIGHT, WIDTH = 0.3, 11.0  # inches, of a row and of the picture
@@ -37,16 +33,13 @@ def write_envelope_plot(title: str, extremes: Extremes, path: Path) -> bool:
     sags = [(case, one) for case, one in extremes if one.id.quantity == "sag"]
     if not towers and not sags:
         return False
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+    with styled():
         counts = [max(len(towers), 1), max(len(sags), 1)]
         size = WIDTH, HEIGHT * sum(counts) + 2.2
         figure, (above, below) = plt.subplots(2, 1, figsize=size, height_ratios=counts)
         _loads(above, [(low[name], high[name]) for name in towers])
         _sags(below, sags)
-        figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.99))
-        figure.savefig(path)
-        plt.close(figure)
+        save(figure, title, path)
     return True
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import gc
+import multiprocessing
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import KeyFigure
 from cable_twin.offline.envelopes.cases import LoadCase
 from cable_twin.offline.envelopes.motion import run_dynamic
@@ -180,3 +184,23 @@ def _find(case: LoadCase, first: LoadCase | None, places: int, bases: Bases) -> 
 
 def _line(scenario: Scenario, places: int) -> Line:
     return Line(scenario, "", np.zeros(1)) if places == 1 else plan_line(scenario, places, None)
+
+
+def run_side_by_side(parts: Sequence[Neighbours], on_part: Callable[[list[CaseResult]], object]) -> None:
+    """Calculate parts of the load cases in worker processes.
+
+    Args:
+        parts: of the load cases.
+        on_part: called with the results of each part, in their order.
+    """
+    context = multiprocessing.get_context("spawn")  # a process that has threads must not be forked
+    workers = min(usable_cores(), len(parts))
+    pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    try:
+        for results in pool.map(run_part, parts):
+            on_part(results)
+    finally:
+        processes = list((pool._processes or {}).values())
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:  # jobs are not awaited after Ctrl-C
+            process.terminate()

@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")  # no screen needed
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.artist import Artist
@@ -21,7 +17,7 @@ from cable_twin.basics.units import shown_unit
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.following.truth import Truth
-from cable_twin.offline.plots import COLORS, INK, STYLE
+from cable_twin.offline.plots import COLORS, INK, styled
 
 BAND = 1.959964  # standard deviations of a band of 95 %
 HEIGHT, WIDTH, HEAD = 1.7, 11.0, 0.5  # inches, of a row, of the picture and of its title
@@ -48,7 +44,7 @@ def write_estimates(title: str, corrections: Sequence[Correction], truth: Mappin
     together = {kind: own for kind, own in kinds.items() if len(own) > MANY}
     alone = [name for name in names if name.rpartition("/")[2] not in together]
     rows = len(together) + -(-len(alone) // COLUMNS)
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+    with styled():
         height = HEIGHT * rows + HEAD
         layout = ConstrainedLayoutEngine(rect=(0.0, 0.0, 1.0, 1.0 - HEAD / height), h_pad=0.06, w_pad=0.06)
         figure = plt.figure(figsize=(WIDTH, height), layout=layout)

@@ -16,8 +16,7 @@ from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.messages import ESTIMATE
 from cable_twin.offline.thinned_series import SAME, Series
-from cable_twin.recording.log_reader import Log
-from cable_twin.recording.snapshot_reader import read_snapshots
+from cable_twin.recording.log_reader import Log, read_snapshots
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.scenario.builders.system import tower_friction
 

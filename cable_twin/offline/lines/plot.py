@@ -8,10 +8,6 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")  # no screen needed
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,7 +18,7 @@ from cable_twin.frame.snapshot import Layout
 from cable_twin.geometry.ground import heights_over_ground, tower_foot
 from cable_twin.key_figures import FigureId
 from cable_twin.offline.lines.at_rest import Line
-from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, STYLE
+from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, save, styled
 from cable_twin.view.labels import above_line, highest_line, shared_names
 
 LIMIT = "#C0392B"
@@ -45,7 +41,7 @@ def write_line_plot(line: Line, path: Path) -> None:
         panels.append(_clearance)
     if line.scenario.towers:
         panels.append(_towers)
-    with mpl.rc_context(STYLE):  # type: ignore[arg-type]  # matplotlib lists every key
+    with styled():
         ratios = [1.6, *(1.0 for _ in panels[1:])]
         size = 10.0, 2.4 * sum(ratios) + 0.6
         figure, rows = plt.subplots(len(panels), 1, figsize=size, height_ratios=ratios, squeeze=False)
@@ -53,10 +49,7 @@ def write_line_plot(line: Line, path: Path) -> None:
             draw(axes, line)
             axes.margins(x=0.01)
         where = f"{line.moved} at {line.places.size} places" if line.moved else "no vehicle"
-        figure.suptitle(f"{line.scenario.name} at rest, {where}", x=0.012, ha="left", fontweight="bold", fontsize=13.0)
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 0.99))
-        figure.savefig(path)
-        plt.close(figure)
+        save(figure, f"{line.scenario.name} at rest, {where}", path)
 
 
 def _profile(axes: Axes, line: Line) -> None:

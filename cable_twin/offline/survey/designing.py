@@ -14,7 +14,7 @@ from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.lift import LEAST_BARE, MARGIN, choose_tension, tower_margins
 from cable_twin.offline.survey.line_model import DesignError, LineModel
-from cable_twin.offline.survey.rewriting import Change
+from cable_twin.offline.survey.marked import Change
 from cable_twin.offline.survey.tramway import TRANSVERSE
 from cable_twin.scenario.spans import SpanError
 

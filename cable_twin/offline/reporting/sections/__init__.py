@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cable_twin.offline.reporting.sections.assumptions import Assumptions
+from cable_twin.offline.reporting.sections.assumptions import Assumptions, Origin
 from cable_twin.offline.reporting.sections.figures import KeyFigureTable
 from cable_twin.offline.reporting.sections.load_cases import LoadCases
-from cable_twin.offline.reporting.sections.origin import Origin
 from cable_twin.offline.reporting.sections.profile import LineProfile
 from cable_twin.offline.reporting.sections.rope_life import RopeLifeCounts
 from cable_twin.offline.reporting.sections.rules import Rules

@@ -1,4 +1,4 @@
-"""Section of a report on assumptions: inputs, limits and ways of sampling marked assumed or without a source."""
+"""Sections of a report on its inputs: assumptions, and origin with sources, versions and intended use."""
 
 from __future__ import annotations
 
@@ -43,3 +43,19 @@ class Assumptions:
 def grouped(rows: list[Input]) -> list[list[Input]]:
     """Group successive inputs of one scenario section with an equal remark."""
     return [list(group) for _, group in groupby(rows, key=lambda one: (one.key.rpartition(".")[0], one.remark))]
+
+
+class Origin:
+    """Section of a report with the origin of its results: inputs with sources, versions."""
+
+    title = "Inputs, versions and use"
+    template = "origin.html"
+
+    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
+        """Template data of the section: inputs that are not assumed, scenario file, sources and versions."""
+        inputs = results.inputs
+        return {
+            "groups": grouped([one for one in inputs.rows if not one.assumed]),
+            "file": inputs.file,
+            "sources": [(texts(name), text) for name, text in results.sources],
+        }

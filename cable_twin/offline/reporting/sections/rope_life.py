@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import rounded
-from cable_twin.offline.rainflow import Cycle
 from cable_twin.offline.reporting.chart import ticks
 from cable_twin.offline.reporting.results import Results
-from cable_twin.offline.reporting.rope_life import BULLWHEEL, RopeLife
+from cable_twin.offline.reporting.rope_life import BULLWHEEL, Cycle, RopeLife
 from cable_twin.offline.reporting.texts import Texts
 
 
