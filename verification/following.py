@@ -16,6 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
+from cable_twin.basics.units import NORMAL_95
 from cable_twin.ensemble.estimate.follower import Correction, Follower
 from cable_twin.frame.records import Command
 from cable_twin.frame.sensors import standard_sensors
@@ -26,7 +27,6 @@ from verification.followed import SCENES, Plant, Step, corrections
 
 PLANTS, DURATION = 20, 120.0  # -, s
 START, FIRST = 2.0, 30.0  # s: of the motion, and from which on estimates count
-NORMAL_95 = 1.959964
 HEAVIER, SOFTER, ROUGHER = 1.05, 0.9, 2.0  # times rope mass, stiffness and rolling friction, of plants modelled wrong
 MARGIN = 0.05  # of a bound, within which truth is not drawn
 

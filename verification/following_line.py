@@ -17,6 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
+from cable_twin.basics.units import NORMAL_95
 from cable_twin.ensemble.estimate.line_follower import LineFollower
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
@@ -133,7 +134,7 @@ def table(found: list[Score]) -> list[str]:
         if not own:
             continue
         errors, deviations = (np.array([getattr(one, field) for one in own]) for field in ("error", "deviation"))
-        inside = 100.0 * np.mean(np.abs(errors) <= 1.959964 * deviations)
+        inside = 100.0 * np.mean(np.abs(errors) <= NORMAL_95 * deviations)
         square = np.mean((errors / deviations) ** 2)
         rms, claimed = np.sqrt(np.mean(errors**2)), np.sqrt(np.mean(deviations**2))
         largest = np.abs(errors).max()

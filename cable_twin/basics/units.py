@@ -12,6 +12,7 @@ LARGER: Mapping[str, tuple[tuple[float, str, float], ...]] = {  # from a size on
     "J": ((1e6, "MJ", 1e6), (1e3, "kJ", 1e3)),
     "kg": ((1e4, "t", 1e3),),
 }
+NORMAL_95 = 1.959964  # standard deviations between the mean of a normal distribution and an end of its middle 95 %
 PLAIN = -4, 7  # powers of ten between which a number has no exponent
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
-from cable_twin.basics.units import shown_unit
+from cable_twin.basics.units import NORMAL_95, shown_unit
 from cable_twin.ensemble.estimate.follower import Alarm, Correction
 from cable_twin.ensemble.estimate.followers import AnyFollower, follower_of, unfollowable
 from cable_twin.ensemble.estimate.quantities import Estimate
@@ -33,7 +33,7 @@ from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import compilation_shown
 from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell
 
-BAND, MOST_DECIMALS = 1.96, 6  # standard deviations of a band of 95 %, and decimals of an estimate
+MOST_DECIMALS = 6  # of an estimate
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 LONGEST_SILENCE = 60.0  # s, after which the twin says that it goes on by its model
 EPILOG = """\
@@ -233,7 +233,7 @@ def _report(
 def _row(name: str, one: Estimate, true: Truth | None, wide: int) -> str:
     """Row of a table of estimates, with as many decimals as make two digits of the band of 95 %."""
     unit, scale = shown_unit(one.unit, max(abs(one.value), 0.0 if true is None else abs(true.last)))
-    band = BAND * one.deviation * scale
+    band = NORMAL_95 * one.deviation * scale
     decimals = min(max(1 - math.floor(math.log10(band)), 0), MOST_DECIMALS) if band > 0.0 else MOST_DECIMALS
     known = "" if true is None else f"{true.last * scale:13.{decimals}f}"
     value = f"{one.value * scale + 0.0:12.{decimals}f}"

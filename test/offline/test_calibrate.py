@@ -8,12 +8,13 @@ import re
 import numpy as np
 import pytest
 
+from cable_twin.basics.units import NORMAL_95
 from cable_twin.offline import plant
 from cable_twin.offline.calibrate import main
 from cable_twin.offline.calibration.check import check
 from cable_twin.offline.calibration.parameters import Parameter
 from cable_twin.offline.calibration.prediction import Evaluation, Rows
-from cable_twin.offline.calibration.solve import NORMAL_95, solve
+from cable_twin.offline.calibration.solve import solve
 from cable_twin.scenario import load_scenario
 
 PAYLOAD, ROLLING = "carriages.cabin.payload.mass", "carriages.cabin.friction.rolling"

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any, NamedTuple
 
 from cable_twin.basics.printable import printable
-from cable_twin.basics.units import with_unit
+from cable_twin.basics.units import NORMAL_95, with_unit
 from cable_twin.scenario import Scenario, ScenarioError, full_key, load_scenario
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import Simulation
@@ -64,7 +64,7 @@ class Parameter(NamedTuple):
     @property
     def prior(self) -> str:
         """Prior of the parameter as text: mean +- half of its 95 % interval, with unit."""
-        return f"{with_unit(self.mean, self.unit)} +- {with_unit(1.96 * self.deviation, self.unit, 3)}"
+        return f"{with_unit(self.mean, self.unit)} +- {with_unit(NORMAL_95 * self.deviation, self.unit, 3)}"
 
 
 class Prior(NamedTuple):

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.basics.units import NORMAL_95, rounded, shown_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.calibration.prediction import Rows
-from cable_twin.offline.calibration.solve import NORMAL_95, Solution
+from cable_twin.offline.calibration.solve import Solution
 from cable_twin.offline.plots import COLORS, INK, QUIET, styled
 
 WIDTH, ROW, HIGHEST = 12.0, 1.35, 60.0  # inches, of a row of residuals, of the picture

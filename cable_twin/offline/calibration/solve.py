@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from cable_twin.basics.units import NORMAL_95
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.calibration.check import Check, covariance_of
 from cable_twin.offline.calibration.data import STRETCH
@@ -25,7 +26,6 @@ NO_GAIN = 0.005  # of the cost
 LEAST_DAMPING = 1e-3  # of the diagonal of the normal matrix
 LEAST_AFTER_FAILURE = 0.1  # the same where the twin could not take the step
 MOST_EVALUATIONS, MOST_FAILED = 25, 6
-NORMAL_95 = 1.959964
 AT_BOUND = 1e-3  # prior deviations
 FEWEST_CLUSTERS = 5
 

@@ -13,13 +13,12 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from cable_twin.basics.units import shown_unit
+from cable_twin.basics.units import NORMAL_95, shown_unit
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.following.truth import Truth
 from cable_twin.offline.plots import COLORS, INK, styled
 
-BAND = 1.959964  # standard deviations of a band of 95 %
 HEIGHT, WIDTH, HEAD = 1.7, 11.0, 0.5  # inches, of a row, of the picture and of its title
 COLUMNS = 3  # panels beside each other
 MANY = 16  # estimates of one kind, above which they share a panel with the last ones
@@ -73,7 +72,11 @@ def _draw_over_time(panel: Axes, name: str, corrections: Sequence[Correction], t
     found = [(one.slow | one.hidden)[name] for one in corrections]
     values, deviations = np.array([[one.value, one.deviation] for one in found]).T
     unit, scale = shown_unit(found[0].unit, float(np.abs(values).max()))
-    values, low, high = scale * values, scale * (values - BAND * deviations), scale * (values + BAND * deviations)
+    values, low, high = (
+        scale * values,
+        scale * (values - NORMAL_95 * deviations),
+        scale * (values + NORMAL_95 * deviations),
+    )
     if truth is not None:
         panel.plot(truth.times, scale * truth.values, color=INK, linewidth=0.8)
     if name in corrections[-1].slow:
@@ -95,7 +98,7 @@ def _draw_last(
     values, deviations = np.array([[one.value, one.deviation] for one in found]).T
     unit, scale = shown_unit(found[0].unit, float(np.abs(values).max()))
     rows: FloatArray = np.arange(len(names), dtype=np.float64)
-    low, high = scale * (values - BAND * deviations), scale * (values + BAND * deviations)
+    low, high = scale * (values - NORMAL_95 * deviations), scale * (values + NORMAL_95 * deviations)
     panel.vlines(rows, low, high, color=COLORS[0], alpha=0.3, linewidth=6.0)
     panel.plot(rows, scale * values, ".", color=COLORS[0])
     for row, name in enumerate(names):

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_twin.basics.units import shown_unit
+from cable_twin.basics.units import NORMAL_95, shown_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.figure_table import NOISE
 from cable_twin.offline.studies.design import Design
 from cable_twin.offline.studies.record import Results, whole_file
 
 SPREAD = 1e-9  # of the size of a figure: with less it does not vary
-DEVIATIONS = 1.96  # of a normal distribution on either side, for a confidence of 95 %
 
 
 class Index(NamedTuple):
@@ -62,7 +61,7 @@ def indices_of(design: Design, results: Results) -> tuple[dict[str, Indices], li
         values_of = np.array([np.ravel(one.first_order), np.ravel(one.total_order)])
         errors = np.std(terms - values_of[:, :, None] * spread, axis=2) / (variance * np.sqrt(base))
         keys = [factor.key for factor in design.factors]
-        found[key] = Indices(*(_by_key(keys, *row) for row in zip(values_of, DEVIATIONS * errors, strict=True)))
+        found[key] = Indices(*(_by_key(keys, *row) for row in zip(values_of, NORMAL_95 * errors, strict=True)))
     return found, without
 
 
