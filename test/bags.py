@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -15,11 +16,12 @@ def bag(run: Path) -> Path:
     return file
 
 
-def alter(source: Path, target: Path, change, *, metadata=None, chunk_size=1 << 20) -> Path:
+def alter(source: Path, target: Path, change, *, metadata=None, chunk_size=1 << 20, qos=None, shifts=(0,)) -> Path:
     """Rewrite a bag by mcap's own writer, with messages altered or left out.
 
     `change` gives what stands for topic, stamp and data, None for nothing; `metadata` replaces values of the run's,
-    `chunk_size` is in bytes.
+    `chunk_size` is in bytes, `qos` gives the QoS of one topic after the other, and all messages are written once for
+    each of `shifts` (ns), later by that time.
     """
     with source.open("rb") as stream, target.open("wb") as output:
         reader = make_reader(stream)
@@ -29,13 +31,15 @@ def alter(source: Path, target: Path, change, *, metadata=None, chunk_size=1 << 
             changed = {**record.metadata, **(metadata or {})} if record.name == "cable_twin" else record.metadata
             writer.add_metadata(record.name, changed)
         channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
+        for shift, (schema, channel, message) in product(shifts, list(reader.iter_messages(log_time_order=False))):
             if channel.id not in channels:
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, channel.metadata)
+                given = channel.metadata if qos is None else {"offered_qos_profiles": next(qos)}
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, given)
             data = change(channel.topic.removeprefix("/cable_twin/"), message.log_time, message.data)
             if data is not None:
-                writer.add_message(channels[channel.id], message.log_time, data, message.publish_time, message.sequence)
+                times = message.log_time + shift, message.publish_time + shift
+                writer.add_message(channels[channel.id], times[0], data, times[1], message.sequence)
         writer.finish()
     return target
 

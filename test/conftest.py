@@ -19,6 +19,7 @@ from cable_twin.mechanics.language.linking import BriefCompiler
 from cable_twin.mechanics.solution.equations_of_motion import assemble, assemble_open, solve_accelerations
 from cable_twin.mechanics.solution.newton import solve_increments
 from cable_twin.mechanics.solution.relaxation import relax
+from cable_twin.offline import replay
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -108,6 +109,46 @@ def ended(monkeypatch, capsys):
         return end.value.code or 0, *capsys.readouterr()
 
     return run
+
+
+@pytest.fixture
+def refusal(capsys):
+    """Run the `main` of a command that refuses its arguments; the single line of its error, checked for its name."""
+
+    def run(main, *arguments, code=2):
+        capsys.readouterr()
+        try:
+            ended = main([*map(str, arguments)])
+        except SystemExit as end:
+            ended = end.code
+        assert ended == code
+        output, errors = capsys.readouterr()
+        (line,) = errors.splitlines()
+        assert (line.partition(": ")[0], output) == (main.__module__.rpartition(".")[2], "")
+        return line
+
+    return run
+
+
+@pytest.fixture
+def replayed(capsys):
+    """Replay a log of which every sample agrees to the last bit; the output."""
+
+    def run(log):
+        capsys.readouterr()
+        assert replay.main([str(log)]) == 0
+        output = capsys.readouterr().out
+        assert output.splitlines()[-1] == "every sample agrees to the last bit"
+        return output
+
+    return run
+
+
+@pytest.fixture
+def no_display(monkeypatch):
+    """Environment without a display, as on a server."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture

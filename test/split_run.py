@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from recorded_run import record
 from small_tramway import TRAMWAY
 
 from cable_twin.frame.rates import LOGGED
 from cable_twin.frame.records import Command
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.messages import topics
 from cable_twin.messages.frame import MessageEncoder
-from cable_twin.offline.script import ScriptedCommand
-from cable_twin.offline.scripted_run import simulate
 from cable_twin.recording.recorder import Recorder
-from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
-EPOCH = 1_700_000_000_123_456_789  # ns
 FRAME_STEPS = 4  # of 5 ms
 COMMANDS = {
     0.0: Command("payload", {"cabin": 120.0}),
@@ -42,23 +38,9 @@ def record_split(
     rates: Mapping[str, float] = LOGGED,
 ) -> Path:
     """Simulate and record a run; returns its directory."""
-    simulation = Simulation(load_scenario(TRAMWAY))
-    run = start_run(
-        simulation,
-        topics(simulation.layout),
-        record_directory=directory,
-        frame_period=FRAME_STEPS * simulation.step,
-        rerun=rerun,
-        splitting=splitting,
-    )
-    run.begin(EPOCH)
-    script = [ScriptedCommand(time, command, "script", "") for time, command in COMMANDS.items()]
-    outcome = simulate(
-        simulation, script, duration=duration, frame_steps=FRAME_STEPS, epoch_ns=EPOCH, run=run, rates=rates
-    )
-    run.recorder.close()
-    assert (outcome.refused, outcome.fault, run.recorder.faults, run.recorder.dropped) == ([], "", [], 0)
-    return run.directory
+    period = FRAME_STEPS * 0.005
+    scenario = load_scenario(TRAMWAY)
+    return record(directory, scenario, COMMANDS.items(), duration, period, rerun, splitting, rates=rates)[0]
 
 
 def bags(run: Path) -> list[Path]:

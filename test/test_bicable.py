@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from recorded_run import snapshots_of
 from test_scenario_faults import faults_of
 
 from cable_twin.frame.records import CommandError
-from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.simulate import main
-from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from verification.bicable import FULL, LENGTH, lift
@@ -190,7 +189,7 @@ def test_riders_are_read_from_a_log_on_the_track_on_which_they_are(tmp_path, cap
     printed = capsys.readouterr()
     assert "stopped" not in printed.out + printed.err
     (run,) = (tmp_path / "logs").iterdir()
-    read = [item for item in read_snapshots(read_log(run)) if isinstance(item, Snapshot)][-1].columns
+    read = snapshots_of(run)[-1].columns
     simulation = Simulation(load_scenario(path))
     now = simulation.advance_to(float(read.time[0])).columns
     np.testing.assert_array_equal(read.vehicle_rope, now.vehicle_rope)

@@ -8,15 +8,15 @@ from math import sqrt
 import numpy as np
 import pytest
 from bent_line import BENT
+from recorded_run import snapshots_of
 from test_scenario_faults import faults_of
 
-from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import DERAILMENTS, decode
 from cable_twin.offline.replay import main as replay
 from cable_twin.offline.review import main as review
 from cable_twin.offline.simulate import main as simulate
-from cable_twin.recording.log_reader import read_log, read_snapshots
+from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import Simulation
 
@@ -175,7 +175,7 @@ def test_a_log_holds_the_event_and_is_replayed_to_the_last_bit(recorded, capsys)
 
 def test_review_shows_it(recorded, capsys, tmp_path):
     _, run = recorded
-    frames = [item for item in read_snapshots(read_log(run)) if isinstance(item, Snapshot)]
+    frames = snapshots_of(run)
     out = [bool(frame.derailments) for frame in frames]
     first = out.index(True)
     time = frames[first].derailments[0].time

@@ -10,7 +10,6 @@ from cable_twin.frame.records import Command, CommandError
 from cable_twin.mechanics.language.compilation import as_python
 from cable_twin.mechanics.on_rope.wind import share_of_gust
 from cable_twin.mechanics.parameters import GUSTS
-from cable_twin.offline import replay
 from cable_twin.offline.simulate import main
 from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation
@@ -68,15 +67,14 @@ def test_the_same_bits_whatever_the_pacing_after_a_reset_and_from_a_file(tmp_pat
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
 @pytest.mark.parametrize("space", [2, 3])
-def test_a_log_of_it_replays_to_the_last_bit(tmp_path, capsys, space):
+def test_a_log_of_it_replays_to_the_last_bit(tmp_path, replayed, space):
     scenario = windy() if space == 3 else load_scenario(TRAMWAY, {"air.wind": [9.0, 0.0], "air.turbulence": TURBULENT})
     (tmp_path / "windy.yaml").write_text(scenario.to_yaml())
     (tmp_path / "script.yaml").write_text("- {time: 0.3, wind: 11}\n- {time: 0.5, gust: 4, gust_duration: 0.7}\n")
     arguments = ("--script", str(tmp_path / "script.yaml"), "--duration", "1.5", "--record", "bag")
     assert main([str(tmp_path / "windy.yaml"), *arguments, "--output", str(tmp_path / "logs")]) == 0
     (run,) = (tmp_path / "logs").iterdir()
-    assert replay.main([str(run)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(run)
 
 
 def test_turbulence_comes_from_its_seed():

@@ -17,7 +17,7 @@ from twin_process import PATIENCE, TwinProcess
 
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
-from cable_twin.offline import replay, review
+from cable_twin.offline import review
 from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.scenario import load_scenario
 from verification import JIT
@@ -249,9 +249,8 @@ def test_swing_is_cut_by_more_than_half(trips, tmp_path, capsys):
     assert (tmp_path / "swing.png").stat().st_size > 20_000
 
 
-def test_damped_trip_replays_to_the_last_bit(trips, capsys):
-    assert replay.main([str(trips[1][0])]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+def test_damped_trip_replays_to_the_last_bit(trips, replayed):
+    replayed(trips[1][0])
 
 
 @pytest.fixture(scope="module")

@@ -223,22 +223,12 @@ def test_one_rope_has_one_prior(lift_bag, tmp_path, capsys):
         ("nothing", ["--free", PAYLOAD], "no such file or directory"),
     ],
 )
-def test_what_cannot_be_used_is_a_line(bags, tmp_path, capsys, bag, options, said):
-    def code():
-        try:
-            return main([str(bags.get(bag, tmp_path / "nothing")), *options, "--output", str(tmp_path / "out")])
-        except SystemExit as end:
-            return end.code
-
-    assert code() == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert line.startswith("calibrate: ")
-    assert said in line
+def test_what_cannot_be_used_is_a_line(bags, tmp_path, refusal, bag, options, said):
+    assert said in refusal(main, bags.get(bag, tmp_path / "nothing"), *options, "--output", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_logs_of_different_scenarios_are_a_line(bags, tmp_path, capsys):
-    assert main([str(bags["trip"]), str(bags["short"]), "--free", PAYLOAD, "--output", str(tmp_path / "out")]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
+def test_logs_of_different_scenarios_are_a_line(bags, tmp_path, refusal):
+    line = refusal(main, bags["trip"], bags["short"], "--free", PAYLOAD, "--output", tmp_path / "out")
     assert "allowed: logs of one scenario" in line
     assert re.search(r"given \S+, in .*trip", line)

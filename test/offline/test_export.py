@@ -104,19 +104,13 @@ def test_rows_of_several_runs_say_which(made, capsys):
 
 
 @pytest.mark.parametrize("command", [simulate, review])
-def test_what_cannot_be_written_is_a_line_before_anything_runs(made, tmp_path, capsys, command):
+def test_what_cannot_be_written_is_a_line_before_anything_runs(made, tmp_path, refusal, command):
     directory, log, _ = made
-    if command is simulate:
-        arguments, name = [str(directory / "quick.yaml"), "--record", "off"], "simulate"
-    else:
-        arguments, name = [str(log), "--no-viewer"], "review"
+    arguments = [directory / "quick.yaml", "--record", "off"] if command is simulate else [log, "--no-viewer"]
     nowhere = tmp_path / "nowhere" / "a.csv"
-    assert command.main([*arguments, "--csv", str(nowhere)]) == 1
-    assert capsys.readouterr() == ("", f"{name}: {nowhere}: No such file or directory\n")
-    with pytest.raises(SystemExit) as ended:
-        command.main([*arguments, "--csv", "-", "--json", "-"])
-    assert ended.value.code == 2
-    assert "--csv, --json: given - for both; allowed: standard output for one of them" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        command.main([*arguments, "--csv", str(tmp_path / "a.parquet")])
-    assert "a.parquet; allowed: a name that ends in .csv, or -" in capsys.readouterr().err
+    line = refusal(command.main, *arguments, "--csv", nowhere, code=1)
+    assert line.endswith(f": {nowhere}: No such file or directory")
+    line = refusal(command.main, *arguments, "--csv", "-", "--json", "-")
+    assert "--csv, --json: given - for both; allowed: standard output for one of them" in line
+    line = refusal(command.main, *arguments, "--csv", tmp_path / "a.parquet")
+    assert "a.parquet; allowed: a name that ends in .csv, or -" in line

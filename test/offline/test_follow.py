@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded_run import snapshots_of
 
 from cable_twin import Ensemble
 from cable_twin.ensemble.estimate.follower import BOARDING, Correction, Follower
@@ -17,12 +18,11 @@ from cable_twin.ensemble.estimate.scatter import Scatter
 from cable_twin.ensemble.estimate.sensor_faults import STUCK_SAMPLES, Doubts
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
-from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import ESTIMATE, statuses_of_message
 from cable_twin.offline import plant
 from cable_twin.offline.follow import main
 from cable_twin.offline.following.truth import Truth, true_values
-from cable_twin.recording.log_reader import Log, read_log, read_snapshots
+from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
 
@@ -347,7 +347,7 @@ def test_a_bag_is_followed_into_a_log_of_estimates_and_a_plot(bag, tmp_path, cap
     assert "cabin/payload is 4" in said.err
     rows = {line.split("  ")[0]: line.split() for line in said.out.splitlines()}
     assert float(rows["cabin/payload"][-1]) == TRUTH
-    last = [item for item in read_snapshots(read_log(bag)) if isinstance(item, Snapshot)][-1]  # at 8 s
+    last = snapshots_of(bag)[-1]  # at 8 s
     force = np.linalg.norm(last.columns.support_force[last.layout.support_rows["end"]])
     assert rows["end/force"][-2] == "kN"
     assert float(rows["end/force"][-1]) == pytest.approx(1e-3 * force, rel=1e-3)
@@ -372,7 +372,7 @@ def test_the_plant_of_a_lift_has_its_payloads_forces_and_friction_beside_the_est
     rows = {line.split("  ")[0]: line.split() for line in capsys.readouterr().out.splitlines()}
     assert {float(rows[f"chair_{number}/payload"][-1]) for number in range(1, 29)} == {0.0, 220.0}
     assert float(rows["towers/friction"][-1]) == 1.0
-    snapshots = [item for item in read_snapshots(read_log(bag)) if isinstance(item, Snapshot)]
+    snapshots = snapshots_of(bag)
     force = np.linalg.norm(snapshots[0].columns.support_force[snapshots[0].layout.support_rows["tower_1_up"]])
     assert float(rows["tower_1_up/force"][-1]) == pytest.approx(1e-3 * force, rel=0.01)  # at rest
     follower = LineFollower(load_scenario(read_log(bag).scenario))
@@ -426,8 +426,5 @@ def test_many_estimates_make_a_small_picture_and_no_lines_between_samples_of_mot
         (["--set", "sensors={a: {kind: encoder, of: cabin}}"], "drive_force: given 'cabin'; allowed: none"),
     ],
 )
-def test_what_cannot_be_followed_is_a_line(bag, tmp_path, capsys, arguments, said):
-    assert main([str(bag), *arguments, "--output", str(tmp_path)]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert line.startswith("follow: ")
-    assert said in line
+def test_what_cannot_be_followed_is_a_line(bag, tmp_path, refusal, arguments, said):
+    assert said in refusal(main, bag, *arguments, "--output", tmp_path)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from cable_twin.offline import design, envelope, import_profile, report, rules, simulate, study
+from cable_twin.offline import design, envelope, import_profile, replay, report, review, rules, simulate_options, study
 
 ROOT = Path(__file__).resolve().parents[2]
-COMMANDS = {one.__name__.rpartition(".")[2]: one for one in (design, envelope, import_profile, report, rules, study)}
-BEFORE = {"simulate": simulate}  # commands that an example begins with
+MODULES = design, envelope, import_profile, replay, report, review, rules, simulate_options, study
+COMMANDS = {one.__name__.rpartition(".")[2].removesuffix("_options"): one for one in MODULES}
 
 
 def examples(module):
@@ -27,7 +27,7 @@ def test_examples_of_the_help_are_valid(name):
     found = examples(COMMANDS[name])
     assert any(words[0] == name for words in found)
     for command, *given in found:
-        (COMMANDS | BEFORE)[command].parser().parse_args([one for one in given if one != "runs/*"])
+        COMMANDS[command].parser().parse_args([one for one in given if one != "runs/*"])
         for one in given:
             assert not one.startswith("examples/") or (ROOT / one).is_file(), one
 

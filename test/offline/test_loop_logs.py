@@ -6,16 +6,16 @@ import json
 
 import numpy as np
 import pytest
+from recorded_run import snapshots_of
+from twin_process import LOG_EVERY_FRAME
 
-from cable_twin.frame.snapshot import COMMANDED, Columns, Snapshot
-from cable_twin.offline import replay, review, simulate
-from cable_twin.recording.log_reader import read_log, read_snapshots
+from cable_twin.frame.snapshot import COMMANDED, Columns
+from cable_twin.offline import review, simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
 COARSE = ("--set", "ropes.up.elements=150", "--set", "ropes.down.elements=150")
 END = 4.0  # s
-EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope")]
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def run(tmp_path_factory):
     directory = tmp_path_factory.mktemp("loop")
     script = directory / "lift.yaml"
     script.write_text("- {time: 0, name: haul_rope, speed: 2.5}\n- {time: 2, event: emergency_stop}\n")
-    arguments = ["chairlift", *COARSE, "--script", str(script), "--duration", str(END), *EVERY_FRAME]
+    arguments = ["chairlift", *COARSE, "--script", str(script), "--duration", str(END), *LOG_EVERY_FRAME]
     arguments += ["--output", str(directory / "logs"), "--json", str(directory / "run.json")]
     assert simulate.main(arguments) == 0
     return next((directory / "logs").iterdir()), json.loads((directory / "run.json").read_text())["runs"][0]
@@ -52,7 +52,7 @@ def test_review_has_the_figures_of_the_run(run, tmp_path):
 
 def test_bullwheels_and_strands_come_back_to_the_last_bit_and_to_the_side(run):
     directory, _ = run
-    last = [item for item in read_snapshots(read_log(directory)) if isinstance(item, Snapshot)][-1]
+    last = snapshots_of(directory)[-1]
     overrides = {"ropes.up.elements": 150, "ropes.down.elements": 150}
     simulation = Simulation(load_scenario("chairlift", overrides))
     simulation.command("haul_rope", speed=2.5)
@@ -81,7 +81,6 @@ def test_bullwheels_and_strands_come_back_to_the_last_bit_and_to_the_side(run):
     np.testing.assert_array_equal(there.rope_position[:, 1], samples)
 
 
-def test_it_replays_to_the_last_bit(run, capsys):
+def test_it_replays_to_the_last_bit(run, replayed):
     directory, _ = run
-    assert replay.main([str(directory)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(directory)

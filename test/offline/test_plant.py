@@ -66,12 +66,9 @@ def test_the_bag_is_a_log_with_the_values_of_the_plant_and_its_sensors(bag):
         ("a: {kind: encoder, of: cabin, lost: 2}", "sensors.a.lost: given 2"),
     ],
 )
-def test_a_wrong_file_of_sensors_is_a_line(tmp_path, capsys, text, said):
+def test_a_wrong_file_of_sensors_is_a_line(tmp_path, refusal, text, said):
     (tmp_path / "sensors.yaml").write_text(text, encoding="utf-8")
-    assert main(["single_span", "--sensors", str(tmp_path / "sensors.yaml"), "--log", str(tmp_path)]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert line.startswith("plant: ")
-    assert said in line
+    assert said in refusal(main, "single_span", "--sensors", tmp_path / "sensors.yaml", "--log", tmp_path)
 
 
 def test_a_stuck_sensor_repeats_its_last_value_and_a_drift_grows(tmp_path):

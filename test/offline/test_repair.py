@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shutil
+from itertools import chain, repeat
 
 import pytest
 from bags import alter, bag, chunks_of, damage_middle, flip_chunk, unchanged
 from mcap.reader import make_reader
-from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
@@ -109,7 +109,7 @@ def test_file_alone_is_repaired_beside_it(cut, tmp_path, capsys):
     assert error.count("\n") == 1
 
 
-def test_damaged_bag_is_read_and_repaired_but_for_the_chunk_that_is_lost(whole, tmp_path, capsys):
+def test_damaged_bag_is_read_and_repaired_but_for_the_chunk_that_is_lost(whole, tmp_path, capsys, replayed):
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     damage_middle(bag(run))
@@ -127,10 +127,8 @@ def test_damaged_bag_is_read_and_repaired_but_for_the_chunk_that_is_lost(whole, 
     assert rescued == [message for message in intact if message not in lost]
     assert {message[1] for message in lost} == {EPOCH + frame * 10**7 for frame in range(81, 101)}
     for directory in (run, tmp_path / "run_repaired"):  # the index says that no command was in what is lost
-        assert replay.main([str(directory)]) == 0
-        output = capsys.readouterr().out
+        output = replayed(directory)
         assert "joint_states                                  180 samples,        0 differ" in output
-        assert "every sample agrees to the last bit" in output
 
 
 @pytest.mark.parametrize("finished", [True, False], ids=["index", "no index"])
@@ -161,20 +159,8 @@ def test_a_replay_ends_where_a_command_may_be_lost(whole, tmp_path, finished, ca
 def test_odd_qos_of_topics_does_not_keep_a_bag_from_being_repaired(whole, tmp_path, capsys):
     run = tmp_path / "run"
     shutil.copytree(whole, run)
-    odd = iter(["", "[", "- &a [*a]", "{}", "- 7", "- depth: -3", "- {reliability: [], depth: many}", "- !!python/x 1"])
-    with bag(whole).open("rb") as stream, bag(run).open("wb") as output:
-        reader, writer = make_reader(stream), McapWriter(output)
-        writer.start("ros2", "test")
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
-        channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                qos = {"offered_qos_profiles": next(odd, "- {reliability: perhaps, durability: 3}")}
-                channels[channel.id] = writer.register_channel(channel.topic, "cdr", number, qos)
-            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
-        writer.finish()
+    odd = ["", "[", "- &a [*a]", "{}", "- 7", "- depth: -3", "- {reliability: [], depth: many}", "- !!python/x 1"]
+    alter(bag(whole), bag(run), unchanged, qos=chain(odd, repeat("- {reliability: perhaps, durability: 3}")))
     bag(run).write_bytes(bag(run).read_bytes()[:-100])
     assert main([str(run), "--repair"]) == 0
     assert list(read_log(tmp_path / "run_repaired").messages()) == list(read_log(whole).messages())

@@ -231,11 +231,10 @@ def test_what_a_case_in_motion_governs_has_no_drawing(cases, tmp_path):
         (lambda data: {**data, "resolved": {**data["resolved"], "gravity": -1}}, "gravity: given -1 m/s^2"),
     ],
 )
-def test_faults_of_an_envelope_are_a_line(cases, tmp_path, capsys, change, told):
+def test_faults_of_an_envelope_are_a_line(cases, tmp_path, refusal, change, told):
     file = tmp_path / "changed.json"
     file.write_text(json.dumps(change(json.loads((cases / "all.json").read_text()))))
-    assert report.main([str(file)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    line = refusal(report.main, file)
     assert line.startswith(f"report: {file}: ")
     assert told in line
 
@@ -301,12 +300,11 @@ def test_a_pdf_has_pages(page, tmp_path):
     assert len(content) > 20_000
 
 
-def test_without_a_printer_the_extra_is_named(run, monkeypatch, capsys):
+def test_without_a_printer_the_extra_is_named(run, monkeypatch, refusal):
     monkeypatch.setitem(sys.modules, "weasyprint", None)
     monkeypatch.setattr("shutil.which", lambda name: None)
-    with pytest.raises(SystemExit):
-        report.main([str(run), "--pdf", "page.pdf"])
-    assert "--pdf: WeasyPrint is not installed, and there is no Chromium" in capsys.readouterr().err
+    line = refusal(report.main, run, "--pdf", "page.pdf")
+    assert "--pdf: WeasyPrint is not installed, and there is no Chromium" in line
 
 
 def test_inputs_have_the_remarks_of_their_file():
@@ -443,25 +441,14 @@ def test_a_number_is_not_struck_through_by_a_limit(value, below):
         (["{empty}"], "not a log: given 0 .mcap files"),
     ],
 )
-def test_faults_are_a_line(run, tmp_path, capsys, arguments, told):
+def test_faults_are_a_line(run, tmp_path, refusal, arguments, told):
     (tmp_path / "empty").mkdir()
-    given = [one.format(run=run, empty=tmp_path / "empty") for one in arguments]
-    try:
-        code = report.main(given)
-    except SystemExit as error:
-        code = error.code
-    (line,) = capsys.readouterr().err.splitlines()
-    assert code == 2
-    assert line.startswith("report: ")
-    assert told in line
+    assert told in refusal(report.main, *(one.format(run=run, empty=tmp_path / "empty") for one in arguments))
 
 
-def test_a_missing_library_is_named_with_its_extra(run, monkeypatch, capsys):
+def test_a_missing_library_is_named_with_its_extra(run, monkeypatch, refusal):
     monkeypatch.setattr(report, "find_spec", lambda name: None)
-    with pytest.raises(SystemExit) as ended:
-        report.main([str(run)])
-    assert ended.value.code == 2
-    assert "pip install 'cable_twin[report]'" in capsys.readouterr().err
+    assert "pip install 'cable_twin[report]'" in refusal(report.main, run)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")

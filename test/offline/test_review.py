@@ -11,20 +11,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import NO_BAGS, alter, bag, cut_short
+from bags import alter, bag, cut_short
 from matplotlib.image import imread
 from named_figures import named
+from recorded_run import snapshots_of
 from rich.console import Console
 from twin_process import environment, write_quick_scenario
 
-from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import SCENARIO
 from cable_twin.offline import simulate
 from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.review import main, print_differences
 from cable_twin.offline.thinned_series import POINTS, Series, compare
-from cable_twin.recording.log_reader import read_log, read_snapshots
+from cable_twin.recording.log_reader import read_log
 
 RERUN = Path(sys.executable).with_name("rerun")
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"
@@ -58,7 +58,7 @@ def test_key_figures_are_those_of_the_run(runs, capsys):
     assert main([str(runs[0]), "--no-viewer"]) == 0
     output = capsys.readouterr().out
     assert "complete; scenario quick, 16.00 s, 1601 frames, 2 commands" in output
-    snapshots = [item for item in read_snapshots(read_log(runs[0])) if isinstance(item, Snapshot)]
+    snapshots = snapshots_of(runs[0])
     highest = max(snapshot.cable.tensions.max() for snapshot in snapshots) / 1e3
     assert column(output, "rope tension, highest")[:2] == [f"{highest:.4g}", "kN"]
     assert column(output, "rope safety factor")[:5] == [f"{4e3 / highest:.4g}", "-", "at", "least", "3.15"]
@@ -104,9 +104,7 @@ def entities(recording) -> str:
     return subprocess.run(arguments, check=True, timeout=300, capture_output=True, text=True).stdout
 
 
-def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, capsys):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+def test_recording_of_the_run_is_used_where_there_is_one(runs, no_display, capsys):
     before = sorted(runs[0].iterdir())
     assert main([str(runs[0])]) == 0
     output = capsys.readouterr().out
@@ -118,9 +116,7 @@ def test_recording_of_the_run_is_used_where_there_is_one(runs, monkeypatch, caps
     assert sorted(runs[0].iterdir()) == before
 
 
-def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, monkeypatch, capsys):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, no_display, capsys):
     alone = shutil.copy(bag(runs[0]), tmp_path / "alone.mcap")
     assert main([str(alone)]) == 0
     assert f"rerun recording: {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
@@ -146,9 +142,7 @@ def test_without_rerun_it_shows_the_rest_and_says_so_in_a_line(runs, tmp_path, m
     )
 
 
-def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, capsys):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, no_display, capsys):
     copies = [shutil.copytree(run, tmp_path / f"run{index}") for index, run in enumerate(runs)]
     assert main([*map(str, copies)]) == 0
     output = capsys.readouterr().out
@@ -170,10 +164,8 @@ def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, monkeypatch, c
         assert path in text
 
 
-def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, monkeypatch, capsys):
+def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, no_display, capsys):
     """The first run given a second time as the third; each compared with the first."""
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     copies = [shutil.copytree(run, tmp_path / name) for run, name in zip((*runs, runs[0]), "xyz", strict=True)]
     assert main([*map(str, copies), "--plots", str(tmp_path / "plots")]) == 0
     output = capsys.readouterr().out
@@ -191,12 +183,9 @@ def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, monkey
     assert all(imread(path).shape[1] > 1000 for path in (tmp_path / "plots").iterdir())
 
 
-def test_without_a_name_it_is_the_newest_run(runs, tmp_path, monkeypatch, capsys):
+def test_without_a_name_it_is_the_newest_run(runs, tmp_path, monkeypatch, capsys, refusal):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        main(["--no-viewer"])
-    assert ended.value.code == 2
-    assert capsys.readouterr().err.startswith("review: no run in cable_twin_logs: give the directory of one")
+    assert refusal(main, "--no-viewer").startswith("review: no run in cable_twin_logs: give the directory of one")
     for run in runs:
         shutil.copytree(run, Path("cable_twin_logs") / run.name)
     Path("cable_twin_logs", "not_a_run").mkdir()
@@ -291,12 +280,17 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
 """
 
 
+def no_command(topic, _stamp_ns, data):
+    """Every message but commands, whose stamp is also within the message."""
+    return None if topic == "applied_commands" else data
+
+
 @pytest.mark.long
 def test_memory_does_not_grow_with_the_bag(runs, tmp_path):
     """Bag of five times the frames, by repetition with later stamps: at most some 10 MB more."""
     log = read_log(runs[0])
-    long = tmp_path / "long.mcap"
-    repeat(log.path, long, 5, 16_010_000_000)
+    shifts = [number * 16_010_000_000 for number in range(5)]
+    long = alter(log.path, tmp_path / "long.mcap", no_command, shifts=shifts)
     peaks = []
     for path in (log.path, long):
         result = subprocess.run(
@@ -312,48 +306,10 @@ def test_memory_does_not_grow_with_the_bag(runs, tmp_path):
     assert peaks[1] - peaks[0] < 10.0, peaks
 
 
-def repeat(source, target, times: int, shift_ns: int) -> None:
-    from mcap.reader import make_reader  # noqa: PLC0415
-    from mcap.writer import Writer  # noqa: PLC0415
-
-    with source.open("rb") as stream:
-        reader = make_reader(stream)
-        records = list(reader.iter_metadata())
-        messages = list(reader.iter_messages(log_time_order=False))
-    with target.open("wb") as output:
-        writer = Writer(output)
-        writer.start("ros2", "test")
-        for record in records:
-            writer.add_metadata(record.name, record.metadata)
-        channels = {}
-        for number in range(times):
-            for schema, channel, message in messages:
-                if channel.id not in channels:
-                    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
-                    channels[channel.id] = writer.register_channel(channel.topic, "cdr", schema_id, channel.metadata)
-                if channel.topic.endswith("applied_commands"):
-                    continue  # its stamp is also within the message
-                stamp = message.log_time + number * shift_ns
-                writer.add_message(channels[channel.id], stamp, message.data, stamp)
-        writer.finish()
-
-
-@pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
-def test_what_is_no_bag_is_named_in_a_line(runs, tmp_path, capsys, make, said):
-    path = make(tmp_path / "thing.mcap")
-    for arguments in ([str(path)], [str(runs[0]), str(path)]):
-        assert main([*arguments, "--no-viewer"]) == 2
-        said_of_it = capsys.readouterr()
-        assert said_of_it.out == ""
-        (line,) = said_of_it.err.splitlines()
-        assert line.startswith(f"review: {path}: ")
-        assert said in line
-
-
-def test_bag_without_frames_is_named(runs, tmp_path, capsys):
+def test_bag_without_frames_is_named(runs, tmp_path, refusal):
     target = alter(bag(runs[0]), tmp_path / "none.mcap", lambda topic, _, data: data if topic == SCENARIO else None)
-    assert main([str(target)]) == 2
-    assert capsys.readouterr().err == f"review: {target}: it contains no frame of the twin\n"
+    for bags in ([target], [runs[0], target]):
+        assert refusal(main, *bags, "--no-viewer") == f"review: {target}: it contains no frame of the twin"
 
 
 def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):
@@ -362,18 +318,14 @@ def test_plots_that_cannot_be_written_are_named(runs, tmp_path, capsys):
     assert capsys.readouterr().err == f"review: --plots {tmp_path / 'file'}: File exists\n"
 
 
-def test_too_many_bags_and_unknown_options_are_refused_in_a_line(capsys):
+def test_too_many_bags_and_unknown_options_are_refused_in_a_line(refusal):
     fact = "review: argument --fact: persons: given 'abc'; allowed: a whole number at least 1 and at most 500, or null"
     for arguments, said in (
         (["a"] * 27, "bags: given 27; allowed: at most 26"),
         (["--fast"], "--help"),
         (["--fact", "persons=abc"], fact),
     ):
-        with pytest.raises(SystemExit) as ended:
-            main(arguments)
-        assert ended.value.code == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert said in line
+        assert said in refusal(main, *arguments)
 
 
 def test_viewer_is_opened_where_there_is_a_display(runs, monkeypatch, capsys):
@@ -386,12 +338,3 @@ def test_viewer_is_opened_where_there_is_a_display(runs, monkeypatch, capsys):
     assert os.path.samefile(arguments[-1], runs[0] / f"{runs[0].name}_0.rrd")
     assert options["start_new_session"]
     assert "opened in rerun" in capsys.readouterr().out
-
-
-def test_help_has_an_example_and_the_exit_codes(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["--help"])
-    assert ended.value.code == 0
-    text = capsys.readouterr().out
-    assert "review run.mcap --no-viewer --plots pictures" in text
-    assert "exit codes: 0 all is shown" in text

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recorded_run import record
+from recorded_run import record, snapshots_of
 from small_tramway import TRAMWAY
 from test_moving_cable_twin import SHORT
 
 from cable_twin.frame.records import Command
-from cable_twin.frame.snapshot import Snapshot
-from cable_twin.offline import replay, review
+from cable_twin.messages import decode
+from cable_twin.offline import review
 from cable_twin.offline.script import ScriptedCommand, check_script
-from cable_twin.recording.log_reader import read_log, read_snapshots
+from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import load_scenario
 
 TRIP = [
@@ -30,15 +30,17 @@ RIDE = [
     (9.0, Command("emergency_stop", {})),
     (14.0, Command("release", {})),
     (14.5, Command("speed", {"haul_rope": -4.0})),
+    (17.0, Command("reset", {})),
+    (18.0, Command("speed", {"haul_rope": -3.0})),
 ]
 
 
-def logged(directory, given, commands, duration):
+def logged(directory, given, commands, duration, rerun="none"):
     """Log of a run with all topics of every frame, and its snapshots."""
     scenario = load_scenario(given)
     script = [ScriptedCommand(time, command, "script", "") for time, command in commands]
     assert check_script(scenario, script) == []
-    return record(directory, scenario, script, duration, 0.02, rates={})
+    return record(directory, scenario, script, duration, 0.02, rerun, rates={})
 
 
 @pytest.fixture(scope="module")
@@ -48,17 +50,13 @@ def tramway(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def lift(tmp_path_factory):
-    return logged(tmp_path_factory.mktemp("lift"), {**SHORT, "name": "short_lift"}, RIDE, 20.0)
+    return logged(tmp_path_factory.mktemp("lift"), {**SHORT, "name": "short_lift"}, RIDE, 20.0, "file")
 
 
-def read_back(directory):
-    return [item for item in read_snapshots(read_log(directory)) if isinstance(item, Snapshot)]
-
-
-def test_the_cabin_went_over_the_tower_and_all_is_read_back(tramway):
+def test_the_cabin_went_over_the_tower_and_all_is_snapshots_of(tramway):
     directory, frames = tramway
     assert max(frame.carriages["cabin"].arc_length for frame in frames) > 62.0
-    read = read_back(directory)
+    read = snapshots_of(directory)
     assert len(read) == len(frames) == 1001
     for got, frame in zip(read, frames, strict=True):
         assert list(got.supports) == list(frame.supports) == ["start", "end", "tower_1"]
@@ -75,9 +73,9 @@ def test_the_cabin_went_over_the_tower_and_all_is_read_back(tramway):
         assert tower.lifted_off is expected.lifted_off
 
 
-def test_carriers_and_their_drive_are_read_back(lift):
+def test_carriers_and_their_drive_are_snapshots_of(lift):
     directory, frames = lift
-    for got, frame in zip(read_back(directory), frames, strict=True):
+    for got, frame in zip(snapshots_of(directory), frames, strict=True):
         assert got.drives == frame.drives
         for column in ("command_kind", "commanded_speed", "commanded_force", "reference_position", "reference_speed"):
             name = f"drive_{column}"
@@ -89,14 +87,17 @@ def test_carriers_and_their_drive_are_read_back(lift):
             chair.arc_length for chair in frame.carriages.values()
         ]
     assert len({name for frame in frames for name, chair in frame.carriages.items() if not chair.attached}) > 3
+    log = read_log(directory)
+    assert [(applied.time, applied.command) for applied in log.commands] == RIDE
+    last = [decode(data, "sensor_msgs/msg/JointState") for _, _, data in log.messages(["joint_states"])][-1]
+    assert last.name[6] == "haul_rope"
+    assert last.velocity[6] == pytest.approx(-1.0, abs=0.02)  # for 2 s at 0.5 m/s² from rest
 
 
 @pytest.mark.parametrize("which", ["tramway", "lift"])
-def test_it_replays_to_the_last_bit(which, request, capsys):
+def test_it_replays_to_the_last_bit(which, request, replayed):
     directory, _ = request.getfixturevalue(which)
-    assert replay.main([str(directory)]) == 0
-    output = capsys.readouterr().out
-    assert output.splitlines()[-1] == "every sample agrees to the last bit"
+    output = replayed(directory)
     if which == "tramway":
         assert "supports/tower_1/force " in output
 

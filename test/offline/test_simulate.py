@@ -14,7 +14,7 @@ from small_tramway import TRAMWAY
 from twin_process import COMPILING, TwinProcess, environment, run_module, wait_until, write_quick_scenario
 
 from cable_twin.frame.records import Command, RefusedCommand
-from cable_twin.offline import replay, review
+from cable_twin.offline import replay, review, what_if
 from cable_twin.offline.scripted_run import Outcome
 from cable_twin.offline.simulate import main, report
 from cable_twin.recording.log_reader import read_log, read_snapshots
@@ -59,7 +59,7 @@ def test_it_says_how_fast_it_was_and_where_the_log_is(scripted):
     assert {file.name for file in run.iterdir()} == {f"{run.name}_0.mcap", f"{run.name}_0.rrd", "metadata.yaml"}
 
 
-def test_log_holds_the_script_at_the_nearest_steps_and_replays_to_the_last_bit(scripted, capsys):
+def test_log_holds_the_script_at_the_nearest_steps_and_replays_to_the_last_bit(scripted, replayed):
     run = the_run(scripted[0] / "cable_twin_logs")
     log = read_log(run)
     assert log.complete
@@ -73,8 +73,7 @@ def test_log_holds_the_script_at_the_nearest_steps_and_replays_to_the_last_bit(s
     counts = Counter(topic for topic, *_ in log.messages())
     assert (counts["joint_states"], counts["carriages/cabin/pose"], counts["supports/start/force"]) == (1001, 201, 201)
     assert (counts["cable"], counts["cable_path"], counts["key_figures"]) == (101, 11, 2)  # every 10 s and at the end
-    assert replay.main([str(run)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(run)
 
 
 def test_commands_of_a_bag_give_the_same_run_again(scripted, tmp_path):
@@ -183,9 +182,7 @@ def test_a_signal_while_the_logs_are_opened_ends_them_too(scripted, tmp_path):
     assert read_log(the_run(tmp_path / "logs")).complete
 
 
-def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path, monkeypatch, capsys):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path, replayed, capsys, no_display):
     with without_end(scripted, tmp_path):
         grown(tmp_path)
     run = the_run(tmp_path / "logs")
@@ -195,8 +192,7 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
     # the twin's own .rrd ends before the bag
     assert f"rerun recording: {run / f'{run.name}_review.rrd'}" in output
     assert len([*(tmp_path / "plots").glob("*.png")]) == 6
-    assert replay.main([str(run)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(run)
 
 
 @pytest.mark.parametrize(
@@ -222,49 +218,36 @@ def test_a_killed_run_is_reviewed_and_replayed_without_a_flag(scripted, tmp_path
         (["--script", "stopped.yaml"], "stopped.yaml:2: the emergency stop is in force: release it"),
     ],
 )
-def test_wrong_input_is_named_in_a_line(tmp_path, monkeypatch, capsys, arguments, said):
+def test_wrong_input_is_named_in_a_line(tmp_path, monkeypatch, refusal, arguments, said):
     monkeypatch.chdir(tmp_path)
     first = "- {time: 0, name: cabin, speed: 1}\n"
     (tmp_path / "unknown.yaml").write_text(f"{first}- {{time: 1, name: gondola, speed: 1}}\n")
     (tmp_path / "fast.yaml").write_text("- {time: 0, name: cabin, speed: 60}\n")
     (tmp_path / "stopped.yaml").write_text(f"- {{time: 0, event: emergency_stop}}\n{first}")
-    try:
-        code = main(arguments)
-    except SystemExit as ended:
-        code = ended.code
-    assert code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("simulate: ")
-    assert said in line
+    assert said in refusal(main, *arguments)
     assert not (tmp_path / "cable_twin_logs").exists()
 
 
 @pytest.mark.parametrize(("make", "said"), NO_BAGS.values(), ids=NO_BAGS)
-def test_what_is_no_bag_is_named_in_a_line(tmp_path, capsys, make, said):
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [(main, ["--from-bag"]), (replay.main, []), (review.main, ["--no-viewer"]), (what_if.main, ["--at", 1])],
+)
+def test_what_is_no_bag_is_named_in_a_line(tmp_path, refusal, make, said, command, options):
     path = make(tmp_path / "thing.mcap")
-    assert main(["--from-bag", str(path)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"simulate: {path}: ")
+    line = refusal(command, *options, path)
+    assert f": {path}: " in line
     assert said in line
 
 
-def test_directory_that_cannot_be_made_is_named(tmp_path, capsys):
+def test_directory_that_cannot_be_made_is_named(tmp_path, refusal):
     (tmp_path / "file").write_text("in the way")
-    assert main(["--duration", "1", "--set", "cable.elements=10", "--output", str(tmp_path / "file")]) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"simulate: --output {tmp_path / 'file'}: File exists"
-    assert main(["--duration", "1", "--set", "cable.elements=10", "--output", "~nobody_here/logs"]) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line == "simulate: --output ~nobody_here/logs: Could not determine home directory."
-
-
-def test_help_has_an_example_and_the_exit_codes(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["--help"])
-    assert ended.value.code == 0
-    text = capsys.readouterr().out
-    assert "simulate aerial_tramway --script trip.yaml --duration 300" in text
-    assert "exit codes: 0 done, 1 the run failed" in text
+    for path, said in (
+        (tmp_path / "file", "File exists"),
+        ("~nobody_here/logs", "Could not determine home directory."),
+    ):
+        line = refusal(main, "--duration", 1, "--set", "cable.elements=10", "--output", path, code=1)
+        assert line == f"simulate: --output {path}: {said}"
 
 
 def report_of(scenario, outcome, capsys):

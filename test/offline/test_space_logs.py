@@ -7,11 +7,10 @@ import shutil
 
 import numpy as np
 import pytest
+from recorded_run import snapshots_of
 from small_tramway import IN_SPACE
 
-from cable_twin.frame.snapshot import Snapshot
-from cable_twin.offline import replay, review, simulate
-from cable_twin.recording.log_reader import read_log, read_snapshots
+from cable_twin.offline import review, simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -33,7 +32,7 @@ def run(tmp_path_factory):
 
 def test_roll_yaw_and_wind_come_back(run):
     simulation = Simulation(load_scenario(IN_SPACE))
-    frames = [item for item in read_snapshots(read_log(run)) if isinstance(item, Snapshot)]
+    frames = snapshots_of(run)
     compared = 0
     for frame in frames:
         if simulation.time < GUST <= frame.time:
@@ -49,9 +48,8 @@ def test_roll_yaw_and_wind_come_back(run):
     assert compared > 30
 
 
-def test_it_replays_to_the_last_bit(run, capsys):
-    assert replay.main([str(run)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+def test_it_replays_to_the_last_bit(run, replayed):
+    replayed(run)
 
 
 def test_review_plots_and_exports_what_goes_across(run, tmp_path):
@@ -66,12 +64,10 @@ def test_review_plots_and_exports_what_goes_across(run, tmp_path):
     assert max(float(row["lateral/cabin/cabin [m]"]) for row in rows if row["lateral/cabin/cabin [m]"]) > 0.1
 
 
-def test_runs_are_compared_in_space_too(run, tmp_path, monkeypatch):
+def test_runs_are_compared_in_space_too(run, tmp_path, no_display):
     pytest.importorskip("rerun")
     from rerun.chunk import RrdReader  # noqa: PLC0415
 
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
     copies = [shutil.copytree(run, tmp_path / name) for name in ("calm", "windy")]
     assert review.main([*map(str, copies)]) == 0
     (recording,) = copies[0].glob("*.rrd")

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pytest
 from bags import bag, cut_short
 from rerun.chunk import RrdReader
-from twin_process import write_quick_scenario
+from twin_process import LOG_EVERY_FRAME, write_quick_scenario
 
 from cable_twin.key_figures import KeyFigures
 from cable_twin.messages import KEY_FIGURES
@@ -25,7 +25,6 @@ from cable_twin.recording.log_reader import read_log
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n- {time: 12, event: release}\n"
 DURATION = 25.0  # s
 FRAMES = 2501
-EVERY_FRAME = [f"--log-{group}-rate=0" for group in ("pose", "force", "rope", "path")]
 
 
 def printed(main, *arguments) -> str:
@@ -85,7 +84,7 @@ def sparse(directory):
 
 @pytest.fixture(scope="module")
 def dense(directory):
-    return run(directory, "dense", *EVERY_FRAME)[0]
+    return run(directory, "dense", *LOG_EVERY_FRAME)[0]
 
 
 def test_review_prints_what_simulate_printed(sparse):
@@ -140,9 +139,7 @@ def test_signals_to_draw_are_of_the_frames_that_hold_them(sparse):
         np.testing.assert_allclose(np.diff(times), DURATION / (counts[name] - 1), rtol=1e-6)
 
 
-def test_recording_made_of_it_has_no_gap(sparse, tmp_path, monkeypatch):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+def test_recording_made_of_it_has_no_gap(sparse, tmp_path, no_display):
     alone = tmp_path / "alone.mcap"
     alone.write_bytes(bag(sparse[0]).read_bytes())
     printed(review.main, alone)

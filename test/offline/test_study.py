@@ -62,19 +62,13 @@ def test_designs_cover_ranges_and_lists():
         (["--vary", "gravity=8:9", "--scheduler", "tcp://127.0.0.1:9"], "there is none (Timed out trying to connect"),
     ],
 )
-def test_what_cannot_be_used_is_a_line(options, told, tmp_path, capsys, monkeypatch):
+def test_what_cannot_be_used_is_a_line(options, told, tmp_path, refusal, monkeypatch):
     monkeypatch.setattr("cable_twin.offline.studies.cluster.PATIENCE", 0.5)
     monkeypatch.setattr(study, "_compile", lambda _: None)
     if not told:
         assert study.parser().parse_args([*options, "--out", "x"]).vary == [Factor("gravity", values=(9,))]
         return
-    try:
-        code = study.main(["seed_example", *options, "--out", str(tmp_path / "out")])
-    except SystemExit as error:
-        code = error.code
-    (line,) = capsys.readouterr().err.splitlines()
-    assert code == 2
-    assert told in line
+    assert told in refusal(study.main, "seed_example", *options, "--out", tmp_path / "out")
 
 
 def test_indices_have_the_closed_form_of_ishigami():

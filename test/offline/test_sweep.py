@@ -182,23 +182,16 @@ def test_a_run_that_has_no_start_is_told_and_the_others_are_there(scenario, caps
         ("wind.x=50:150:50", "air.wind: given [150.0, 0.0] m/s: a speed of 150 m/s; allowed: at most 100 m/s"),
     ],
 )
-def test_a_sweep_that_is_none_is_one_line(scenario, capsys, given, said):
-    try:
-        code = main([scenario, "--sweep", given, "--duration", "0.1"])
-    except SystemExit as ended:
-        code = ended.code
-    assert code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("simulate: ")
-    assert said in line
+def test_a_sweep_that_is_none_is_one_line(scenario, refusal, given, said):
+    assert said in refusal(main, scenario, "--sweep", given, "--duration", 0.1)
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
-def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tmp_path, capsys, monkeypatch):
+def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tmp_path, refusal, monkeypatch):
     monkeypatch.setattr("cable_twin.offline.sweep.run_side_by_side", None)
     missing = tmp_path / "nowhere" / "sweep.csv"
-    assert main([scenario, "--sweep", "wind.x=0:1:1", "--csv", str(missing)]) == 1
-    assert capsys.readouterr().err == f"simulate: {missing}: No such file or directory\n"
+    line = refusal(main, scenario, "--sweep", "wind.x=0:1:1", "--csv", missing, code=1)
+    assert line == f"simulate: {missing}: No such file or directory"
 
 
 @pytest.mark.parametrize(
@@ -212,14 +205,8 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_runs(scenario, tm
         ),
     ],
 )
-def test_options_that_do_not_go_together_are_one_line(capsys, options, said):
-    try:
-        code = main(list(options))
-    except SystemExit as ended:
-        code = ended.code
-    assert code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
+def test_options_that_do_not_go_together_are_one_line(refusal, options, said):
+    assert said in refusal(main, *options)
 
 
 def test_values_and_short_keys():

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from recorded_run import record
 from small_tramway import IN_SPACE
 
 from cable_twin.frame.records import Command
-from cable_twin.messages import topics
 from cable_twin.offline.reading import Reading
-from cable_twin.offline.script import ScriptedCommand
-from cable_twin.offline.scripted_run import simulate
 from cable_twin.offline.what_if import main
 from cable_twin.recording.log_reader import read_log
-from cable_twin.recording.run import start_run
 from cable_twin.recording.splitting import Splitting
 from cable_twin.scenario import load_scenario
-from cable_twin.simulation import Simulation
 
 END = 4.0  # s
 BRAKE = "carriages.cabin.drive.emergency_brake.force=450"
@@ -25,28 +21,13 @@ BRAKE = "carriages.cabin.drive.emergency_brake.force=450"
 @pytest.fixture(scope="module", params=[None, 1.5], ids=["one file", "split"])
 def run(request, tmp_path_factory):
     """Directory of a run with a trip, a wind and an emergency stop."""
-    directory = tmp_path_factory.mktemp("what_if")
-    twin = Simulation(load_scenario(IN_SPACE))
-    given = [
+    script = [
         (0.5, Command("speed", {"cabin": 3.0})),
         (1.255, Command("wind", {"x": 2.0, "y": 6.0, "z": 0.0})),
         (2.5, Command("emergency_stop", {})),
     ]
-    script = [ScriptedCommand(time, command, "script", "test") for time, command in given]
-    recorded = start_run(
-        twin,
-        topics(twin.layout),
-        record_directory=directory,
-        frame_period=0.01,
-        rerun="none",
-        splitting=Splitting(split_duration=request.param or 0.0),
-    )
-    recorded.begin(1_700_000_000_000_000_000)
-    try:
-        simulate(twin, script, duration=END, frame_steps=2, epoch_ns=1_700_000_000_000_000_000, run=recorded)
-    finally:
-        recorded.close()
-    return recorded.directory
+    splitting = Splitting(split_duration=request.param or 0.0)
+    return record(tmp_path_factory.mktemp("what_if"), load_scenario(IN_SPACE), script, END, splitting=splitting)[0]
 
 
 def branch(run, tmp_path, *options):
@@ -116,8 +97,3 @@ def test_what_cannot_be_branched_is_refused_in_a_line(run, tmp_path, monkeypatch
     (said,) = [one for one in capsys.readouterr().err.splitlines() if "warning" not in one]
     assert said.startswith("what_if: ")
     assert line in said
-
-
-def test_a_log_that_is_none_is_refused(tmp_path, capsys):
-    assert branch(tmp_path / "nowhere", tmp_path, "--at", 1) == (2, None)
-    assert capsys.readouterr().err.endswith("nowhere: no such file or directory\n")

@@ -11,7 +11,6 @@ from split_run import record_frame
 from twin_process import wait_until
 
 from cable_twin.messages import MessageEncoder, topics
-from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 from cable_twin.recording.run import _new_directory, start_run
 from cable_twin.scenario import load_scenario
@@ -48,7 +47,7 @@ def replace_bag(run):
         replace_bag,
     ],
 )
-def test_a_run_goes_on_in_a_new_directory(tmp_path, capsys, how):
+def test_a_run_goes_on_in_a_new_directory(tmp_path, replayed, how):
     simulation = Simulation(load_scenario(TRAMWAY))
     logs = tmp_path / "logs"
     rerun = "file" if how is delete_directory else "none"
@@ -82,8 +81,7 @@ def test_a_run_goes_on_in_a_new_directory(tmp_path, capsys, how):
     assert log.complete
     assert log.snapshot is not None
     assert len(list(run.directory.glob("*.rrd"))) == (rerun == "file")
-    assert replay.main([str(run.directory)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(run.directory)
     if how is replace_bag:
         assert next(first.glob("*.mcap")).read_text() == "somebody else's"
 

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import alter, bag, unchanged
-from recorded_run import record
+from recorded_run import record, snapshots_of
 from test_moving_cable_twin import SHORT
 from twin_process import write_quick_scenario
 
 from cable_twin.frame.rates import EVERY_FRAME, LOGGED, frames_between
 from cable_twin.frame.records import AppliedCommand, Command
-from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages.columns import COLUMNS_OF, GROUPS
 from cable_twin.offline.script import ScriptedCommand
 from cable_twin.recording.log_file import LogError
@@ -37,10 +36,6 @@ def scenario(tmp_path_factory):
 def recorded(scenario, tmp_path_factory):
     """Run of 0.5 s with all topics of every frame, and its frames."""
     return record(tmp_path_factory.mktemp("recorded"), scenario, SCRIPT, 0.5, rates={})
-
-
-def snapshots_of(directory):
-    return [item for item in read_snapshots(read_log(directory)) if isinstance(item, Snapshot)]
 
 
 def frames_due(rates):

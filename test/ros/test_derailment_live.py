@@ -6,6 +6,7 @@ import json
 
 import pytest
 from bent_line import STRAIGHT
+from recorded_run import snapshots_of
 from twin_process import PATIENCE
 
 pytest.importorskip("rclpy")
@@ -13,14 +14,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cable_twin.frame.snapshot import Snapshot
-from cable_twin.offline.replay import main as replay
-from cable_twin.recording.log_reader import read_log, read_snapshots
-
 LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def test_the_event_is_told_everywhere_and_to_who_comes_late(processes, participants, tmp_path, capsys):
+def test_the_event_is_told_everywhere_and_to_who_comes_late(processes, participants, tmp_path, replayed):
     (tmp_path / "straight.yaml").write_text(json.dumps(STRAIGHT), encoding="utf-8")
     sim = processes("--scenario", "straight.yaml")
     participant = participants(sim.domain)
@@ -42,8 +39,7 @@ def test_the_event_is_told_everywhere_and_to_who_comes_late(processes, participa
     late.subscribe("derailments", DiagnosticArray, LATE)
     late.until(lambda: late.received["derailments"], what="the same, later")
     assert sim.end() == 0
-    frames = [item for item in read_snapshots(read_log(sim.run_directory)) if isinstance(item, Snapshot)]
+    frames = snapshots_of(sim.run_directory)
     (one,) = frames[-1].derailments
     assert one.time == float(values["time_s"])
-    assert replay([str(sim.run_directory)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(sim.run_directory)

@@ -10,7 +10,6 @@ import pytest
 from twin_process import COMPILING
 
 from cable_twin.frame.snapshot import Snapshot
-from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.simulation import Simulation
 
@@ -29,7 +28,7 @@ HOSTILE = (
 
 
 @pytest.mark.long
-def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(processes, participants, capsys):
+def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(processes, participants, replayed):
     sim = processes("--scenario", "jig_back")
     twin = participants(sim.domain)
     twin.subscribe_standard()
@@ -68,5 +67,4 @@ def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(proc
     np.testing.assert_array_equal(second.advance_to(last.time).columns.arc_length, last.columns.arc_length)
     sources = {applied.source for applied in log.commands}
     assert {"joint_commands", "goal"} <= sources
-    assert replay.main([str(sim.run_directory)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(sim.run_directory)

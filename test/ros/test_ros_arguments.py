@@ -14,7 +14,6 @@ from twin_process import COMPILING, PATIENCE, TwinProcess, stamps, wait_until, w
 
 from cable_twin.frame.records import Command
 from cable_twin.messages import TopicNames
-from cable_twin.offline import replay
 from cable_twin.recording.log_file import LogError
 from cable_twin.recording.log_reader import read_log
 from cable_twin.scenario import load_scenario
@@ -195,7 +194,7 @@ def test_joints_that_are_named_with_nan_are_left_alone(twin):
     twin.until(lambda: Command("speed", {"cabin": 0.25}) in [one.command for one in twin.applied], what="the command")
 
 
-def test_the_bag_has_the_names_and_the_quality_of_the_run_and_replays(running, twin, capsys):
+def test_the_bag_has_the_names_and_the_quality_of_the_run_and_replays(running, twin, replayed):
     """Last test of the module: ends the twin."""
     process, _ = running
     assert process.end() == 0, process.output
@@ -210,5 +209,4 @@ def test_the_bag_has_the_names_and_the_quality_of_the_run_and_replays(running, t
     topics = {topic for topic, *_ in log.messages()}
     assert {"joint_states", "joint_commands", "/clock", "cable"} <= topics
     assert len(list(log.messages(["joint_states"]))) > 100
-    assert replay.main([str(process.run_directory)]) == 0
-    assert "every sample agrees to the last bit" in capsys.readouterr().out
+    replayed(process.run_directory)

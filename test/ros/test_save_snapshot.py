@@ -12,7 +12,6 @@ from bags import bag
 from rosbags.highlevel import AnyReader
 from twin_process import LOG_EVERY_FRAME, environment, refused_starts, write_quick_scenario
 
-from cable_twin.offline import replay
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -31,7 +30,7 @@ def motion(log: Log) -> dict[tuple[str, int], bytes]:
     return {(topic, stamp - log.epoch_ns): data[12:] for topic, stamp, data in log.messages(topics)}
 
 
-def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path, capsys):
+def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_path, replayed):
     scenario = str(write_quick_scenario(tmp_path))
     first = processes("--scenario", scenario, "--rerun", "none", "--record-directory", "first", *LOG_EVERY_FRAME)
     participant = participants(first.domain)
@@ -74,8 +73,7 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
     assert len(set(moving)) > 100  # it did move
 
     for log in (run, rest):
-        assert replay.main([str(log)]) == 0
-        assert "every sample agrees to the last bit" in capsys.readouterr().out
+        replayed(log)
     check = subprocess.run([RERUN, "mcap", "check", bag(rest)], capture_output=True, text=True, check=False)
     assert check.returncode == 0, check.stdout + check.stderr
     with AnyReader([rest]) as reader:

@@ -14,7 +14,6 @@ from split_run import bags
 from twin_process import wait_until, write_quick_scenario
 
 from cable_twin.messages import ROBOT_DESCRIPTION, TF_STATIC
-from cable_twin.offline import replay
 from cable_twin.recording.log_reader import read_log
 
 pytest.importorskip("rclpy")
@@ -24,7 +23,7 @@ FRAME = 10_000_000  # ns
 
 
 @pytest.mark.long
-def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path, capsys):
+def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path, replayed):
     limits = ["--split-duration", "1", "--keep-age", "3"]
     sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *limits)
     participant = participants(sim.domain)
@@ -59,8 +58,7 @@ def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path
             TF_STATIC,
         }
     for path in (sim.run_directory, *bags(sim.run_directory)):
-        assert replay.main([str(path)]) == 0
-        assert "every sample agrees to the last bit" in capsys.readouterr().out
+        replayed(path)
     recordings = sorted(sim.run_directory.glob("*.rrd"))
     assert [file.with_suffix(".mcap") for file in recordings] == sorted(bags(sim.run_directory))
     subprocess.run([RERUN, "rrd", "verify", *recordings], check=True, capture_output=True, timeout=300)
