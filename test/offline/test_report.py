@@ -29,7 +29,7 @@ from cable_twin.offline.reporting.page import PrintError, find_printer
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
 from cable_twin.offline.reporting.results import Results, RopeCourse
 from cable_twin.offline.reporting.sections import SECTIONS
-from cable_twin.offline.reporting.sections.profile import LineProfile
+from cable_twin.offline.reporting.sections.profile import line_profile
 from cable_twin.offline.reporting.texts import Texts
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.files import config_directory
@@ -400,7 +400,7 @@ def test_a_profile_names_all_ropes_and_towers(name, towers):
         for number, rope in enumerate(scenario.cables)
     ]
     found = Results("", scenario, sags, inputs_of(scenario, None), ropes=list(_ropes(scenario)))
-    drawn = LineProfile().content(found, Texts("en"))
+    drawn = line_profile(found, Texts("en"))
     texts = _texts(drawn["profile"])
     numbers = [texts[f"{7 + number}"] for number in range(len(sags))]
     for rope, (_, row, _) in zip(scenario.cables, numbers, strict=True):  # its name beside its number

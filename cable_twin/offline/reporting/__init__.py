@@ -1,1 +1,1 @@
-"""Report of a run, load cases or a study: one HTML page of sections, each a class with a template of its own."""
+"""Report of a run, load cases or a study: one HTML page of sections, each a function with a template of its own."""

@@ -11,19 +11,13 @@ from cable_twin.offline.reporting.sections.section import row_of
 from cable_twin.offline.reporting.texts import Texts
 
 
-class KeyFigureTable:
-    """Section of a report with all key figures."""
-
-    title = "Key figures"
-    template = "figures.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: rows of the table, notes, sources of limits; None without key figures."""
-        rows = [row_of(one, results, texts) for one in results.figures]
-        notes = list(dict.fromkeys(row.note for row in rows if row.note))
-        sources = list(dict.fromkeys(row.source for row in rows if row.source))
-        content = {"rows": rows, "notes": notes, "sources": sources, "several": bool(results.governing)}
-        return content if rows else None
+def key_figure_table(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Key figures: rows of the table, notes, sources of limits; None without key figures."""
+    rows = [row_of(one, results, texts) for one in results.figures]
+    notes = list(dict.fromkeys(row.note for row in rows if row.note))
+    sources = list(dict.fromkeys(row.source for row in rows if row.source))
+    content = {"rows": rows, "notes": notes, "sources": sources, "several": bool(results.governing)}
+    return content if rows else None
 
 
 def limits_summary(results: Results, texts: Texts) -> tuple[str, list[str]]:

@@ -14,24 +14,18 @@ from cable_twin.offline.reporting.texts import Texts
 MOST = 200  # commands or cases in the table
 
 
-class LoadCases:
-    """Section of a report with the load cases of an envelope, or with the commands of a run as its load case."""
-
-    title = "Load cases"
-    template = "load_cases.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: tables of cases, governing figures and commands."""
-        governed = Counter(results.governing.values())
-        return {
-            "cases": [
-                (one, "; ".join(change_text(*change) for change in one.changes.items()), governed[one.id])
-                for one in results.cases[:MOST]
-            ],
-            "more_cases": max(len(results.cases) - MOST, 0),
-            "governing": [row_of(one, results, texts) for one in results.figures] if results.governing else [],
-            "commands": results.commands[:MOST],
-            "more_commands": max(len(results.commands) - MOST, 0),
-            "stated": results.scenario.limits.load_cases,
-            "is_run": not results.cases,
-        }
+def load_cases(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Load cases: tables of cases, governing figures and commands."""
+    governed = Counter(results.governing.values())
+    return {
+        "cases": [
+            (one, "; ".join(change_text(*change) for change in one.changes.items()), governed[one.id])
+            for one in results.cases[:MOST]
+        ],
+        "more_cases": max(len(results.cases) - MOST, 0),
+        "governing": [row_of(one, results, texts) for one in results.figures] if results.governing else [],
+        "commands": results.commands[:MOST],
+        "more_commands": max(len(results.commands) - MOST, 0),
+        "stated": results.scenario.limits.load_cases,
+        "is_run": not results.cases,
+    }

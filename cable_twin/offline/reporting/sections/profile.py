@@ -22,25 +22,19 @@ TOWER = Look(QUIET, "", 3.0)
 HEIGHT = 330.0  # px, without rows of numbers
 
 
-class LineProfile:
-    """Section of a report with the profile of the line and the clearance over the terrain."""
-
-    title = "Line profile"
-    template = "profile.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: charts, and tables of sags and clearances; None without a rope shape."""
-        if not results.ropes:
-            return None
-        sags = [one for one in results.figures if one.id.quantity == "sag"]
-        clearances = [one for one in results.figures if one.id.quantity in ("rope_clearance", "vehicle_clearance")]
-        below = results.scenario.terrain and any(np.isfinite(one.clearance).any() for one in results.ropes)
-        return {
-            "profile": _profile(results, sags, texts).svg(),
-            "clearance": _clearance(results, clearances, texts).svg() if below else "",
-            "sags": [row_of(one, results, texts) for one in sags],
-            "clearances": [row_of(one, results, texts) for one in clearances],
-        }
+def line_profile(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Line profile: charts, and tables of sags and clearances; None without a rope shape."""
+    if not results.ropes:
+        return None
+    sags = [one for one in results.figures if one.id.quantity == "sag"]
+    clearances = [one for one in results.figures if one.id.quantity in ("rope_clearance", "vehicle_clearance")]
+    below = results.scenario.terrain and any(np.isfinite(one.clearance).any() for one in results.ropes)
+    return {
+        "profile": _profile(results, sags, texts).svg(),
+        "clearance": _clearance(results, clearances, texts).svg() if below else "",
+        "sags": [row_of(one, results, texts) for one in sags],
+        "clearances": [row_of(one, results, texts) for one in clearances],
+    }
 
 
 def _profile(results: Results, sags: Sequence[KeyFigure], texts: Texts) -> Chart:

@@ -31,16 +31,10 @@ class RopePart(NamedTuple):
     classes: Sequence[ClassRow]
 
 
-class RopeLifeCounts:
-    """Section of a report with the counts from which rope life is judged: bends and tension cycles."""
-
-    title = "Rope life"
-    template = "rope_life.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: bends and tension cycles of each rope; None where nothing was counted."""
-        parts = [_part(one) for one in results.lives]
-        return {"parts": parts, "trips": results.trips, "diameters": _diameters(results)} if parts else None
+def rope_life_counts(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Rope life: bends and tension cycles of each rope; None where nothing was counted."""
+    parts = [_part(one) for one in results.lives]
+    return {"parts": parts, "trips": results.trips, "diameters": _diameters(results)} if parts else None
 
 
 def _part(life: RopeLife) -> RopePart:

@@ -50,28 +50,22 @@ class Difference(NamedTuple):
     cells: Sequence[Sequence[Verdict]]
 
 
-class Rules:
-    """Section of a report with the verdicts of rule profiles."""
-
-    title = "Rules"
-    template = "rules.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: verdicts of each profile, differences, contradictions; None without any."""
-        if not results.profiles:
-            return None
-        names = [one.name for one in results.profiles]
-        asked = asked_by(results.scenario, results.profiles) if len(names) > 1 else []
-        rows, alone = _differences(results.verdicts, names, asked, texts) if len(names) > 1 else ([], {})
-        return {
-            "parts": [_part(one, results.verdicts, texts) for one in results.profiles],
-            "names": names,
-            "differences": rows,
-            "alone": alone,
-            "clashes": [(*pair, texts.quantity(pair[0].quantity.partition("/")[0])) for pair in clashes(asked)],
-            "value_text": value_text,
-            "limit_text": lambda one: texts.limit(limit_text(one)),
-        }
+def rules(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Rules: verdicts of each profile, differences, contradictions; None without any."""
+    if not results.profiles:
+        return None
+    names = [one.name for one in results.profiles]
+    asked = asked_by(results.scenario, results.profiles) if len(names) > 1 else []
+    rows, alone = _differences(results.verdicts, names, asked, texts) if len(names) > 1 else ([], {})
+    return {
+        "parts": [_part(one, results.verdicts, texts) for one in results.profiles],
+        "names": names,
+        "differences": rows,
+        "alone": alone,
+        "clashes": [(*pair, texts.quantity(pair[0].quantity.partition("/")[0])) for pair in clashes(asked)],
+        "value_text": value_text,
+        "limit_text": lambda one: texts.limit(limit_text(one)),
+    }
 
 
 def _part(profile: Profile, verdicts: Sequence[RuleVerdict], texts: Texts) -> ProfilePart:

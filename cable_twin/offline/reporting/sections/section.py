@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isnan
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.key_figures import FigureId, KeyFigure
@@ -14,14 +14,18 @@ from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.texts import Texts
 
 
-class Section(Protocol):
-    """Interface of a section of a report: title, template, and data for the template."""
+class Section(NamedTuple):
+    """Section of a report.
 
-    title: str  # in English
-    template: str  # name of its file in `templates`
+    Attributes:
+        title: in English.
+        template: name of its file in `templates`.
+        content: names and values for the template; None where the results have nothing for it.
+    """
 
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Names and values for the template of the section; None where the results have nothing for it."""
+    title: str
+    template: str
+    content: Callable[[Results, Texts], Mapping[str, Any] | None]
 
 
 class Cell(NamedTuple):

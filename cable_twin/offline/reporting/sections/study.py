@@ -23,22 +23,16 @@ class RangeRow(NamedTuple):
     having: int
 
 
-class Study:
-    """Section of a report with the results of a study."""
-
-    title = "Study"
-    template = "study.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: varied keys, ranges and Sobol indices; None without a study."""
-        if not results.factors:
-            return None
-        by_id = {str(one.extreme.id): texts.figure(one.extreme) for one in results.ranges}
-        return {
-            "factors": results.factors,
-            "ranges": [_row(one, texts) for one in results.ranges],
-            "indices": [(by_id.get(one.figure, one.name), one) for one in results.indices],
-        }
+def study(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Study: varied keys, ranges and Sobol indices; None without a study."""
+    if not results.factors:
+        return None
+    by_id = {str(one.extreme.id): texts.figure(one.extreme) for one in results.ranges}
+    return {
+        "factors": results.factors,
+        "ranges": [_row(one, texts) for one in results.ranges],
+        "indices": [(by_id.get(one.figure, one.name), one) for one in results.indices],
+    }
 
 
 def _row(one: StudyRange, texts: Texts) -> RangeRow:

@@ -17,19 +17,13 @@ from cable_twin.offline.reporting.texts import Texts
 QUANTITIES = "rope_tension", "rope_safety_factor", "dynamic_amplification"
 
 
-class TensionDiagram:
-    """Section of a report with the tension along each rope."""
-
-    title = "Rope tension"
-    template = "tension.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: tension chart of each rope, table of tensions; None without tensions."""
-        rows = [row_of(one, results, texts) for one in results.figures if one.id.quantity in QUANTITIES]
-        if not rows:
-            return None
-        charts = [_chart(one, results, texts).svg() for one in results.ropes if np.isfinite(one.tension).any()]
-        return {"charts": charts, "rows": rows}
+def tension_diagram(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Rope tension: tension chart of each rope, table of tensions; None without tensions."""
+    rows = [row_of(one, results, texts) for one in results.figures if one.id.quantity in QUANTITIES]
+    if not rows:
+        return None
+    charts = [_chart(one, results, texts).svg() for one in results.ropes if np.isfinite(one.tension).any()]
+    return {"charts": charts, "rows": rows}
 
 
 def _chart(rope: RopeCourse, results: Results, texts: Texts) -> Chart:

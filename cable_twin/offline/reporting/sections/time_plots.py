@@ -20,25 +20,19 @@ MANY = 6  # lines, above which they are drawn as a range
 POINTS = 300  # intervals of a line, each with its lowest and highest value
 
 
-class TimePlots:
-    """Section of a report with the plots of a run over time."""
-
-    title = "Over time"
-    template = "time_plots.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: charts grouped by plot title; None without signals."""
-        if results.signals is None or not results.signals.series:
-            return None
-        groups = []
-        for plot, title in PLOTS.items():
-            panels = [
-                _panel(one, results.signals, texts) for one in SIGNALS.values() if one.plot == plot and not one.beside
-            ]
-            charts = [one.svg() for one in panels if one is not None]
-            if charts:
-                groups.append((texts(title), charts))
-        return {"groups": groups}
+def time_plots(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Over time: charts grouped by plot title; None without signals."""
+    if results.signals is None or not results.signals.series:
+        return None
+    groups = []
+    for plot, title in PLOTS.items():
+        panels = [
+            _panel(one, results.signals, texts) for one in SIGNALS.values() if one.plot == plot and not one.beside
+        ]
+        charts = [one.svg() for one in panels if one is not None]
+        if charts:
+            groups.append((texts(title), charts))
+    return {"groups": groups}
 
 
 def _panel(signal: Signal, signals: Signals, texts: Texts) -> Chart | None:

@@ -29,24 +29,18 @@ class TowerRow(NamedTuple):
     down: float
 
 
-class TowerLoads:
-    """Section of a report with the forces of ropes on towers."""
-
-    title = "Tower loads"
-    template = "tower_loads.html"
-
-    def content(self, results: Results, texts: Texts) -> Mapping[str, Any] | None:
-        """Template data of the section: chart of the tower loads of each rope, table; None without towers."""
-        figures = by_id(results)
-        rows = [_row(one, figures, results, texts) for one in results.towers]
-        if not rows:
-            return None
-        by_rope: dict[str, list[TowerLoad]] = {}
-        for one in results.towers:
-            by_rope.setdefault(results.scenario.towers[one.tower].rope or "", []).append(one)
-        longest = float(np.nanmax([0.0, *(np.linalg.norm(one.force) for one in results.towers)])) or 1.0
-        charts = [_chart(rope, towers, figures, longest, texts).svg() for rope, towers in by_rope.items()]
-        return {"charts": charts, "rows": rows, "in_space": results.scenario.dim == 3}
+def tower_loads(results: Results, texts: Texts) -> Mapping[str, Any] | None:
+    """Data of the section Tower loads: chart of the tower loads of each rope, table; None without towers."""
+    figures = by_id(results)
+    rows = [_row(one, figures, results, texts) for one in results.towers]
+    if not rows:
+        return None
+    by_rope: dict[str, list[TowerLoad]] = {}
+    for one in results.towers:
+        by_rope.setdefault(results.scenario.towers[one.tower].rope or "", []).append(one)
+    longest = float(np.nanmax([0.0, *(np.linalg.norm(one.force) for one in results.towers)])) or 1.0
+    charts = [_chart(rope, towers, figures, longest, texts).svg() for rope, towers in by_rope.items()]
+    return {"charts": charts, "rows": rows, "in_space": results.scenario.dim == 3}
 
 
 def _row(one: TowerLoad, figures: Mapping[FigureId, KeyFigure], results: Results, texts: Texts) -> TowerRow:
