@@ -17,8 +17,8 @@ from rich.console import Console
 
 from cable_twin.basics.limited_yaml import UnreadableYamlError, read_yaml
 from cable_twin.frame.sensors import standard_sensors
-from cable_twin.messages import TopicNames, topics
-from cable_twin.messages.sensor_messages import PLANT, plant_names, sensor_topics
+from cable_twin.messages import TopicNames
+from cable_twin.messages.sensor_messages import PLANT, plant_names
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script
 from cable_twin.offline.scripted_run import simulate
 from cable_twin.offline.simulate import run_progress
@@ -179,7 +179,6 @@ def _record(
     try:
         run = start_run(
             simulation,
-            (*topics(simulation.layout), *sensor_topics(scenario)),
             record_directory=options.log.expanduser(),
             frame_period=frame_steps * simulation.step,
             rerun="none",

@@ -22,9 +22,8 @@ from rich.text import Text
 
 from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures, not_judged
 from cable_twin.key_figures.rules import judge, profiles_of
-from cable_twin.messages import nanoseconds, topics
+from cable_twin.messages import nanoseconds
 from cable_twin.messages.figure_messages import describe
-from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.check import checked
 from cable_twin.offline.export import Export, RunTable, export_fault
 from cable_twin.offline.figure_table import print_figures, table_console
@@ -268,12 +267,10 @@ def _duration(given: float | None, script: Sequence[ScriptedCommand], log: Log |
 def _start(plan: Plan, options: argparse.Namespace) -> Run | None:
     if options.record == "off":
         return None
-    simulation = plan.simulation
     return start_run(
-        simulation,
-        (*topics(simulation.layout), *sensor_topics(simulation.scenario)),
+        plan.simulation,
         record_directory=options.output.expanduser(),
-        frame_period=plan.frame_steps * simulation.step,
+        frame_period=plan.frame_steps * plan.simulation.step,
         rerun="file" if options.record == "all" else "none",
         splitting=plan.splitting,
     )

@@ -19,8 +19,6 @@ from rich.console import Console
 from cable_twin import Ensemble
 from cable_twin.frame.records import CommandError
 from cable_twin.key_figures import KeyFigures
-from cable_twin.messages import topics
-from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.replay import first_start, made_here
@@ -271,12 +269,10 @@ def _changed(simulation: Simulation, scenario: Scenario, log: Log, values: dict[
 
 def _start(branch: Branch, options: argparse.Namespace) -> Run:
     """Open the log of a branch in a new directory."""
-    simulation = branch.simulation
     return start_run(
-        simulation,
-        (*topics(simulation.layout), *sensor_topics(simulation.scenario)),
+        branch.simulation,
         record_directory=options.output.expanduser(),
-        frame_period=branch.frame_steps * simulation.step,
+        frame_period=branch.frame_steps * branch.simulation.step,
         rerun="file" if options.record == "all" else "none",
     )
 

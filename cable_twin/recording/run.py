@@ -15,8 +15,9 @@ import numpy as np
 
 from cable_twin.geometry.bodies import body_outlines, body_solids
 from cable_twin.geometry.bullwheel_rims import wheel_rims
-from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message
+from cable_twin.messages import FrameNames, Topic, TopicNames, scenario_message, topics
 from cable_twin.messages.columns import COLUMNS_TOPIC
+from cable_twin.messages.sensor_messages import sensor_topics
 from cable_twin.recording.log_writer import McapLog, run_metadata
 from cable_twin.recording.recorder import Recorder, View
 from cable_twin.recording.splitting import HOURLY, Splitting
@@ -67,7 +68,7 @@ class Run:
 
 def start_run(
     simulation: Simulation,
-    topics: Sequence[Topic],
+    table: Sequence[Topic] | None = None,
     *,
     record_directory: Path,
     frame_period: float,
@@ -80,7 +81,7 @@ def start_run(
 
     Args:
         simulation: simulation to record.
-        topics: topics of the bag.
+        table: topics of the bag; those of the simulation and of its sensors where None.
         record_directory: parent of the new directory.
         frame_period: s.
         rerun: "none", "file", "live" (file and server on 127.0.0.1), or "web" (file, server and page for a browser).
@@ -93,7 +94,9 @@ def start_run(
             of the recorder, and the bag goes on.
     """
     directory = _new_directory(record_directory)
-    logs = _open_logs(simulation, topics, directory, frame_period=frame_period, rerun=rerun, names=names, frames=frames)
+    if table is None:
+        table = (*topics(simulation.layout), *sensor_topics(simulation.scenario))
+    logs = _open_logs(simulation, table, directory, frame_period=frame_period, rerun=rerun, names=names, frames=frames)
     new_directory = partial(_new_directory, record_directory)
     recorder = Recorder(logs.bag, *logs.views, splitting=splitting, new_directory=new_directory)
     recorder.faults += logs.faults
@@ -124,7 +127,7 @@ class _Logs(NamedTuple):
 
 def _open_logs(
     simulation: Simulation,
-    topics: Sequence[Topic],
+    table: Sequence[Topic],
     directory: Path,
     *,
     frame_period: float,
@@ -139,7 +142,7 @@ def _open_logs(
     """
     scenario = simulation.scenario
     metadata = run_metadata(scenario.resolved(), simulation.layout, frame_period=frame_period, frames=frames)
-    log = McapLog(directory, (*topics, COLUMNS_TOPIC), metadata, names=names)
+    log = McapLog(directory, (*table, COLUMNS_TOPIC), metadata, names=names)
     view, web = None, None
     faults: list[str] = []
     for live in {"none": (), "file": (False,)}.get(rerun, (True, False)):

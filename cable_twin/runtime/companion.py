@@ -11,6 +11,7 @@ import struct
 import subprocess
 import sys
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from queue import SimpleQueue
@@ -43,31 +44,30 @@ def receive(stream: IO[bytes]) -> Any:
         return None
 
 
-class Companion:
-    """Manager of a companion process of a running twin: starts it, restarts it after a failure, and ends it.
+class Companion(ABC):
+    """Companion process of a running twin: started, started again after a failure, and ended.
 
     Attributes:
         stopping: set as soon as the twin ends the process.
 
     Args:
         module: name of the module within the package, such as "runtime.outlook_process".
-        talk: called in a thread of its own with the pipes to and from the process; its return, and an `OSError` of a
-            pipe, end the process.
-        ended: called after an end that the twin did not want, before another process is started.
         first: time (s) from the start until the first process is started.
     """
 
-    def __init__(
-        self,
-        module: str,
-        talk: Callable[[IO[bytes], IO[bytes]], None],
-        ended: Callable[[], None],
-        first: float = 0.0,
-    ) -> None:
-        self._module, self._talk, self._ended, self._first = module, talk, ended, first
+    def __init__(self, module: str, first: float = 0.0) -> None:
+        self._module, self._first = module, first
         self.stopping = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
         self._thread = threading.Thread(target=self._run, name=module, daemon=True)
+
+    @abstractmethod
+    def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
+        """Talk over the pipes to and from the process; the return, and an `OSError` of a pipe, end the process."""
+
+    @abstractmethod
+    def ended(self) -> None:
+        """Take note of an end that the twin did not want, before another process is started."""
 
     def start(self) -> None:
         """Start the thread that starts the companion process."""
@@ -86,11 +86,11 @@ class Companion:
         while not self.stopping.wait(seconds):
             with suppress(OSError):  # of the pipe, or there is no room for a process
                 process = self._process = start_process(self._module, NICE)
-                self._talk(cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout))
+                self.talk(cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout))
             self._end_process()
             seconds = AGAIN
             if not self.stopping.is_set():
-                self._ended()
+                self.ended()
 
     def _end_process(self) -> None:
         """End the companion process at once, which also ends a wait for its answer."""

@@ -97,10 +97,5 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
                 send(sink, answer)
 
 
-def main() -> None:
-    """Run the process that follows a plant, between its standard input and output."""
-    serve_twin(serve)
-
-
 if __name__ == "__main__":
-    main()
+    serve_twin(serve)

@@ -46,7 +46,7 @@ class Estimated(NamedTuple):
     behind: float = 0.0  # s behind the plant
 
 
-class LiveFollowing:
+class LiveFollowing(Companion):
     """Follower of a plant for a running twin, with a separate process that computes the estimates.
 
     Attributes:
@@ -66,15 +66,7 @@ class LiveFollowing:
         self._alarms: list[str] = []
         self._arrived = math.inf  # s on the steady clock, of the last message
         self.shut: frozenset[str] = frozenset()
-        self._companion = Companion("runtime.follow_process", self._follow, self._ended)
-
-    def start(self) -> None:
-        """Start the process that follows the plant."""
-        self._companion.start()
-
-    def stop(self) -> None:
-        """End the process that follows the plant, and the threads."""
-        self._companion.stop()
+        super().__init__("runtime.follow_process")
 
     @property
     def left_out(self) -> Mapping[str, str]:
@@ -111,11 +103,12 @@ class LiveFollowing:
             self._say(f"one plant alone publishes on {topic}: it is followed again")
         self.shut = now
 
-    def _ended(self) -> None:
+    def ended(self) -> None:
+        """Tell that the process has ended by itself."""
         self._last = self._last._replace(state=STARTING)
         self._say(f"following: its process has ended; another one begins in {AGAIN:g} s")
 
-    def _follow(self, questions: IO[bytes], answers: IO[bytes]) -> None:
+    def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Send messages of the plant to the process and read its answers, until either side ends."""
         send(questions, self._options)
         if receive(answers) is None:  # ready
@@ -123,7 +116,7 @@ class LiveFollowing:
         self._drop_old()
         reader = threading.Thread(target=self._read, args=(answers,), name="estimates", daemon=True)
         reader.start()
-        while not self._companion.stopping.is_set() and reader.is_alive():
+        while not self.stopping.is_set() and reader.is_alive():
             with suppress(Empty):
                 send(questions, self._waiting.get(timeout=GLANCE))
 
@@ -135,7 +128,7 @@ class LiveFollowing:
 
     def _read(self, answers: IO[bytes]) -> None:
         """Publish the estimates in answers of the process, until the pipe ends."""
-        while not self._companion.stopping.is_set() and (answer := receive(answers)) is not None:
+        while not self.stopping.is_set() and (answer := receive(answers)) is not None:
             self._last = answer
             self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]
             for line in answer.lines:

@@ -49,7 +49,7 @@ class Answer(NamedTuple):
     ahead: TensionAhead
 
 
-class LiveOutlook:
+class LiveOutlook(Companion):
     """Publisher of outlooks (forecasts) of a running twin, computed in a separate process about once a period.
 
     Args:
@@ -80,23 +80,16 @@ class LiveOutlook:
         self._options = {"scenario": simulation.scenario.resolved(), "horizon": horizon, "gust": gust}
         self._warned: set[str] = set()
         self._last: tuple[float, bytes] | None = None  # time (s) and state of the last question
-        self._companion = Companion("runtime.outlook_process", self._look, self._ended, FIRST)
+        super().__init__("runtime.outlook_process", FIRST)
 
-    def start(self) -> None:
-        """Start the outlook, whose process begins some seconds after the start of simulated time."""
-        self._companion.start()
-
-    def stop(self) -> None:
-        """End the process of the outlook and its thread."""
-        self._companion.stop()
-
-    def _ended(self) -> None:
+    def ended(self) -> None:
+        """Tell that the process has ended by itself."""
         self._warn(f"outlook: its process has ended; another one begins in {AGAIN:g} s")
 
-    def _look(self, questions: IO[bytes], answers: IO[bytes]) -> None:
+    def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Send the twin's state to the process every period and publish the returned outlook, until either ends."""
         send(questions, self._options)
-        while not self._companion.stopping.is_set():
+        while not self.stopping.is_set():
             begun = time.monotonic()
             full = self._capture()
             if full is None:
@@ -109,18 +102,18 @@ class LiveOutlook:
                     return
                 self._last = now
                 self._take(answer)
-            self._companion.stopping.wait(max(begun + self._period - time.monotonic(), 0.0))
+            self.stopping.wait(max(begun + self._period - time.monotonic(), 0.0))
 
     def _capture(self) -> FullState | None:
         """Copy of the twin's state at the next frame boundary; None after the end of the frame loop."""
         future: Future[FullState] = self._loop.capture()
-        while not self._companion.stopping.is_set() and not future.done():
+        while not self.stopping.is_set() and not future.done():
             wait([future], GLANCE)
         return future.result() if future.done() and not future.cancelled() else None
 
     def _take(self, answer: Answer) -> None:
         """Publish an outlook, and warn of limits that would be passed for the first time."""
-        if self._companion.stopping.is_set():
+        if self.stopping.is_set():
             return
         self._publish(answer)
         for key in [key for key in answer.warnings if key not in self._warned]:

@@ -63,10 +63,5 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
         send(sink, answer_of(forecaster.outlook(twin, gust), question))
 
 
-def main() -> None:
-    """Run the process of the outlook between its standard input and output."""
-    serve_twin(serve)
-
-
 if __name__ == "__main__":
-    main()
+    serve_twin(serve)

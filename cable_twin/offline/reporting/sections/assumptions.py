@@ -40,7 +40,7 @@ def grouped(rows: list[Input]) -> list[list[Input]]:
 
 
 def origin(results: Results, texts: Texts) -> Mapping[str, Any] | None:
-    """Data of the section Inputs, versions and use: inputs that are not assumed, scenario file, sources and versions."""
+    """Data of the section Inputs, versions and use: inputs that are not assumed, scenario file, sources, versions."""
     inputs = results.inputs
     return {
         "groups": grouped([one for one in inputs.rows if not one.assumed]),
