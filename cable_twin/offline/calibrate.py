@@ -35,8 +35,8 @@ from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fau
 from cable_twin.recording.log_file import LogError
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown, share_shown
-from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell, whole_number
+from cable_twin.terminal.bars import share_shown, start_shown
+from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, tell, whole_number
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 STATE, SCENARIO_FILE, RESULTS, PICTURE = "state.npz", "calibrated.yaml", "calibration.json", "calibration.png"
@@ -133,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = arguments.parse_args(sys.argv[1:] if argv is None else list(argv))
     console = Console(stderr=True)
     try:
-        with left_at_once("calibrate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        with start_shown("calibrate", console):
             job = prepare(options)
         return _run(job, options, console)
     except (*UNUSABLE_INPUT, CalibrationError) as error:

@@ -6,14 +6,11 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
-from cable_twin.offline.figure_table import print_figures, table_console
-from cable_twin.offline.lines.at_rest import calculate, plan_line
+from cable_twin.offline.import_profile import tell_rest
+from cable_twin.offline.lines.at_rest import plan_line
 from cable_twin.offline.survey.designing import (
     Designed,
     design_rope,
@@ -24,11 +21,9 @@ from cable_twin.offline.survey.designing import (
 )
 from cable_twin.offline.survey.line_model import DesignError, LineModel, line_model
 from cable_twin.offline.survey.marked import rewritten
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_file, scenario_lines
+from cable_twin.scenario import ScenarioError, load_scenario, scenario_file, scenario_lines
 from cable_twin.scenario.spans import SpanError
-from cable_twin.simulation import EquilibriumError
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, number
+from cable_twin.terminal.command_line import OneLineParser, fail, number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 4  # of the vehicle, at which the result is calculated
@@ -130,7 +125,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ScenarioError as error:
         return fail("design", error, FAILED)
     print(f"{options.output} at rest:")
-    return _rest(scenario)
+    return tell_rest("design", plan_line(scenario, PLACES, None))
 
 
 def _designed(model: LineModel, options: Any) -> Designed:
@@ -143,20 +138,6 @@ def _designed(model: LineModel, options: Any) -> Designed:
     if options.sag is not None:
         return design_sag(model, *options.sag)
     return for_tension(model, options.tension, "given")
-
-
-def _rest(scenario: Scenario) -> int:
-    """Find the equilibrium of the designed line at a few places of the vehicle; print key figures with limits."""
-    line = plan_line(scenario, PLACES, None)
-    console = Console(stderr=True)
-    try:
-        with left_at_once("design"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
-            calculate(line)
-    except EquilibriumError as error:
-        return fail("design", error, FAILED)
-    shown = [one for one in line.figures if one.kept is not None]
-    print_figures(table_console(), [shown], at=f"{line.moved} at", unit_at="m")
-    return DONE
 
 
 if __name__ == "__main__":

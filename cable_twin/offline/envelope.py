@@ -10,7 +10,6 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, redirect_stdout, suppress
 from dataclasses import replace
-from functools import partial
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,7 +32,7 @@ from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, p
 from cable_twin.offline.verdict_table import print_verdicts, verdict_columns
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown, count_shown
+from cable_twin.terminal.bars import count_shown, start_shown
 from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, tell, whole_number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
@@ -119,8 +118,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with left_at_once("envelope"), uncollected():
             cases = read_cases(options.cases, source, dict(options.set))
             profiles, *_ = [profiles_of(case.scenario) for case in cases]
-        shown_by = partial(print, file=sys.stderr, flush=True)
-        with left_at_once("envelope"), compilation_shown(console, shown_by), suppress(EquilibriumError):
+        with start_shown("envelope", console), suppress(EquilibriumError):
             Simulation(cases[0].scenario, meanwhile=compile_figures)  # a fault of its case is told with it
         if options.results is not None:
             options.results.mkdir(parents=True, exist_ok=True)

@@ -89,13 +89,9 @@ class Export:
             if path not in (None, STDOUT):
                 Path(str(path)).touch()
 
-    def __bool__(self) -> bool:
-        """Whether any export is requested, by option `--csv` or `--json`."""
-        return self._csv is not None or self._json is not None
-
     def add(self, name: str, scenario: str) -> RunTable | None:
         """Add a table of signals for one more run; None where no export is requested."""
-        if not self:
+        if self._csv is None and self._json is None:
             return None
         self._tables.append(RunTable(name, scenario))
         return self._tables[-1]

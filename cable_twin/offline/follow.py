@@ -6,7 +6,6 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -30,8 +29,8 @@ from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell
+from cable_twin.terminal.bars import start_shown
+from cable_twin.terminal.command_line import OneLineParser, number, tell
 
 MOST_DECIMALS = 6  # of an estimate
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
@@ -94,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     console = Console(stderr=True)
     try:
         log = read_log(options.log)
-        with left_at_once("follow"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        with start_shown("follow", console):
             simulation = twin_of(log, options.scenario, dict(options.set))
             follower = follower_of(simulation.scenario)
     except UNUSABLE_INPUT as error:
@@ -176,9 +175,8 @@ def _follow(log: Log, follower: AnyFollower, run: Run, end: float, console: Cons
                     say(alarm)
                 stamp_ns = log.epoch_ns + nanoseconds(time)
                 run.recorder.record([(ESTIMATE, _message(correction, stamp_ns))], stamp_ns)
-    for count, what in ((plant.invalid, "not finite"), (plant.late, "too late")):
-        if count:
-            tell("follow", f"{log.path}: {count} measurements are {what} and left out")
+    for line in plant.left_out():
+        tell("follow", line)
     if not corrections:
         raise FollowError(
             f"{log.path}: given no measurements of {', '.join(follower.readings)}; allowed: a bag of a plant"

@@ -6,7 +6,6 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +23,10 @@ from cable_twin.offline.survey.profile import FEET, Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, ends_of
 from cable_twin.offline.survey.tables import read_survey
 from cable_twin.offline.survey.tramway import tramway_scenario
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario import ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, fail, left_at_once, number, tell
+from cable_twin.terminal.bars import start_shown
+from cable_twin.terminal.command_line import OneLineParser, fail, number, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 Build = Callable[[Survey, Ends, Mapping[str, Any]], dict[str, Any]]
@@ -130,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"  {line}")
     for line in missed(written):
         tell("import_profile", line)
-    return DONE if options.no_rest else _rest(scenario)
+    return DONE if options.no_rest else tell_rest("import_profile", Line(scenario, "", np.zeros(1)))
 
 
 def _read(options: argparse.Namespace) -> Survey:
@@ -146,16 +145,15 @@ def _read(options: argparse.Namespace) -> Survey:
     return read(options.terrain, towers, options.units, options.rope_above_ground)
 
 
-def _rest(scenario: Scenario) -> int:
-    """Find the equilibrium of a surveyed line and print its key figures with limits; returns the exit code."""
-    console = Console(stderr=True)
-    line = Line(scenario, "", np.zeros(1))
+def tell_rest(command: str, line: Line) -> int:
+    """Find the equilibrium of a new scenario's line, and print its key figures with limits; returns the exit code."""
     try:
-        with left_at_once("import_profile"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        with start_shown(command, Console(stderr=True)):
             calculate(line)
     except EquilibriumError as error:
-        return fail("import_profile", str(error).partition(" m: ")[2] or error, FAILED)
-    print_figures(table_console(), [[one for one in line.figures if one.kept is not None]], at="at", unit_at="m")
+        return fail(command, error if line.moved else str(error).partition(" m: ")[2] or error, FAILED)
+    shown = [one for one in line.figures if one.kept is not None]
+    print_figures(table_console(), [shown], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
     return DONE
 
 

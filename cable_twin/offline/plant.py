@@ -9,7 +9,6 @@ import os
 import sys
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -26,8 +25,8 @@ from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUS
 from cable_twin.recording.run import start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell, whole_number
+from cable_twin.terminal.bars import start_shown
+from cable_twin.terminal.command_line import OneLineParser, number, tell, whole_number
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 FRAME_RATE = 50.0  # Hz
@@ -95,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.log is None and (options.script is not None or options.duration is not None):
         arguments.error("--script, --duration: given without --log; allowed: with --log DIR")
     try:
-        with left_at_once("plant"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        with start_shown("plant", console):
             simulation = plant_of(source, dict(options.set), options.sensors, options.seed)
         script = [] if options.script is None else read_script(options.script, simulation.scenario)
         if faults := check_script(simulation.scenario, script):

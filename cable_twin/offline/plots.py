@@ -155,11 +155,6 @@ def _lines(runs: Sequence[PlottedRun], signal: Signal) -> list[tuple[int, str]]:
     return lines
 
 
-def _is_end(name: str) -> bool:
-    """Whether a line of a signal belongs to the end of a rope, by its name: "load/start", or "load/up/start"."""
-    return name.rpartition("/")[2] in ENDS
-
-
 def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
     """Plot panels of a signal: one, or two for supports, as loads on rope ends and on towers differ in size."""
     if signal.beside:
@@ -169,7 +164,7 @@ def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
         lines += [line for other in SIGNALS.values() if other.beside == signal.name for line in _lines(runs, other)]
     if signal.whose != "supports":
         return [Panel(signal, signal.label, lines)] if lines else []
-    at_ends = [line for line in lines if _is_end(line[1])]
+    at_ends = [line for line in lines if line[1].rpartition("/")[2] in ENDS]  # "load/start", or "load/up/start"
     at_towers = [line for line in lines if line not in at_ends]
     kinds = ((signal.label, at_ends), (signal.label.replace("support", "tower"), at_towers))
     return [Panel(signal, label, some) for label, some in kinds if some]

@@ -68,8 +68,9 @@ class Reading:
         self.frames, self.commands, self.end = 0, 0, 0.0
         self.refused: RefusedCommand | None = None  # the last one
         self._items = read_snapshots(log, on_position=on_position)
-        if start > -math.inf:
-            self._items = _from_time(self._items, start - SAME)
+        if start > -math.inf:  # without recorded key figures, as these are of the whole run
+            of_part = (item for item in self._items if not isinstance(item, RecordedFigures))
+            self._items = (item for item in of_part if item.time >= start - SAME)
         self._early: list[AppliedCommand | RefusedCommand | RecordedFigures] = []
         self.first = self._find_first()
 
@@ -155,8 +156,3 @@ class Reading:
             + (f", {self.refused.count} refused, the last {self.refused}" if self.refused else "")
             + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
         )
-
-
-def _from_time(items: Iterator[Item], start: float) -> Iterator[Item]:
-    """Items of a log from a time (s) on, without recorded key figures, as these are of the whole run."""
-    return (item for item in items if not isinstance(item, RecordedFigures) and item.time >= start)

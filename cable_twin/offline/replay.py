@@ -12,7 +12,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
-from functools import partial
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -28,15 +27,15 @@ from cable_twin.messages import APPLIED_COMMANDS, CLOCK, SECOND, FrameNames, Mes
 from cable_twin.messages.columns import COLUMNS, Row, RowDecoder
 from cable_twin.messages.command_messages import applied_command_message
 from cable_twin.offline.scripted_run import start_of
-from cable_twin.recording.log_file import LONGEST_GAP, UNREADABLE, LogError, LogFile, one_line
+from cable_twin.recording.log_file import UNREADABLE, LogError, LogFile, check_gap, one_line
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.log_writer import program_metadata
 from cable_twin.recording.mcap_file import SNAPSHOT_NAME
 from cable_twin.scenario import ScenarioError
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
 from cable_twin.simulation.snapshot_file import FullState, read_full_state
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, print_line, tell
+from cable_twin.terminal.bars import start_shown
+from cable_twin.terminal.command_line import OneLineParser, print_line, tell
 
 AGREE, DIFFER, CANNOT = 0, 1, 2  # exit codes
 ELSEWHERE = 1e-6  # tolerance for logs that another machine, numpy or numba made
@@ -227,10 +226,7 @@ def replay(log: Log, simulation: Simulation, *, tolerance: float = 0.0, progress
         position = value
 
     def advance(time: float) -> Snapshot:
-        if time - simulation.time > LONGEST_GAP:
-            raise LogError(
-                f"frames: given none from {simulation.time:g} to {time:g} s; allowed: gaps of at most {LONGEST_GAP:g} s"
-            )
+        check_gap(simulation.time, time)
         while waiting and waiting[0].time < time:
             simulation.advance_to(max(waiting[0].time, simulation.time))  # what is damaged may go back
             simulation.apply(waiting.popleft().command, "replay")
@@ -330,11 +326,6 @@ def first_start(log: Log) -> tuple[Log, Simulation]:
             log = dataclasses.replace(first, files=log.files[1:], lost=(*log.lost, lost))
 
 
-def made_here(log: Log) -> bool:
-    """Whether a replay can be expected to be bit-identical to its log: equal versions, machine and arithmetic."""
-    return not made_by_other(log)
-
-
 def made_by_other(log: Log) -> list[str]:
     """Names of what keeps a replay here from being bit-identical to its log: other versions, machine or arithmetic."""
     here = program_metadata()
@@ -384,8 +375,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         visible = console.is_terminal
         tolerance = options.tolerance
         if tolerance is None:
-            tolerance = 0.0 if made_here(log) else ELSEWHERE
-        with left_at_once("replay"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+            tolerance = ELSEWHERE if made_by_other(log) else 0.0
+        with start_shown("replay", console):
             log, simulation = first_start(log)
         with Progress(TextColumn("replay"), *columns, console=console, transient=True, disable=not visible) as progress:
             result = replay(log, simulation, tolerance=tolerance, progress=progress)

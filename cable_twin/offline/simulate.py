@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from textwrap import wrap
 
 from rich import box
@@ -47,8 +46,8 @@ from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.reference import Entry, explained
 from cable_twin.scenario.schema import Solver
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import ending_signals, left_at_once, tell, typed
+from cable_twin.terminal.bars import start_shown
+from cable_twin.terminal.command_line import ending_signals, tell, typed
 
 DEFAULT_STEP: float = Solver().step  # s
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
@@ -242,7 +241,7 @@ def _simulation(
     options: argparse.Namespace, log: Log | None, scenario: Scenario | None, console: Console
 ) -> Simulation:
     """Build the simulation of the requested scenario, or of the snapshot, or of the start of the bag."""
-    with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+    with start_shown("simulate", console):
         if scenario is not None:
             return Simulation(scenario, meanwhile=compile_figures)
         if options.snapshot is not None:
@@ -356,7 +355,11 @@ def report(
     )
     simulated, since = outcome.time - start, f" from {start:.2f} s on" if start else ""
     factor = simulated / max(outcome.wall_time, 1e-9)
-    lines += [_shorter_than_needed(scenario)] if factor < 1.0 and scenario.solver.step == DEFAULT_STEP else []
+    if factor < 1.0 and scenario.solver.step == DEFAULT_STEP:
+        lines.append(
+            f"slower than real time with solver.step at its default of {DEFAULT_STEP:g} s; ropeways usually do with "
+            "0.005 to 0.01 s: --set solver.step=0.005, and --check says what that changes"
+        )
     for line in lines:
         tell("simulate", line)
     print(
@@ -382,13 +385,6 @@ def _idle(scenario: Scenario, outcome: Outcome) -> bool:
     drives += [one.speed for one in carriages if one.drive.mode == "speed"]
     given = outcome.applied or outcome.refused or outcome.past or outcome.left or outcome.not_reached
     return bool(drives) and not any(drives) and not given
-
-
-def _shorter_than_needed(scenario: Scenario) -> str:
-    return (
-        f"slower than real time with solver.step at its default of {DEFAULT_STEP:g} s; ropeways usually do with 0.005 "
-        "to 0.01 s: --set solver.step=0.005, and --check says what that changes"
-    )
 
 
 WIDE = 120  # characters below which a table has too narrow columns to be read

@@ -46,7 +46,7 @@ from cable_twin.offline.studies.record import (
 from cable_twin.offline.sweep import is_whole
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown, count_shown
+from cable_twin.terminal.bars import count_shown, start_shown
 from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, number, tell, whole_number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
@@ -149,7 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with left_at_once("study"):
             study = plan(options, source)
-        with left_at_once("study"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        with start_shown("study", console):
             _compile(study)
         with kept_in(options.out) as kept:
             try:

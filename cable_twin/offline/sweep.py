@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,8 @@ from cable_twin.offline.sweep_report import print_sweep, window_lines, write_csv
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
-from cable_twin.terminal.bars import compilation_shown, share_shown
-from cable_twin.terminal.command_line import INTERRUPTED, fail, left_at_once, tell
+from cable_twin.terminal.bars import share_shown, start_shown
+from cable_twin.terminal.command_line import INTERRUPTED, fail, tell
 
 DONE, FAILED = 0, 1
 PRECISION, TURNS = 0.01, 12  # share of a step to which ends of windows are sought, and most rounds of the search
@@ -73,7 +72,7 @@ def _jobs(options: argparse.Namespace, console: Console) -> list[Job]:
     """
     scenarios = swept_scenarios(options.sweep, _source(options), dict(options.set))
     script = read_script(options.script, scenarios[0]) if options.script is not None else []
-    with left_at_once("simulate"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+    with start_shown("simulate", console):
         Simulation(scenarios[0], meanwhile=compile_figures)
     duration = options.duration or (script[-1].time if script else 0.0) + DURATION
     values = zip(options.sweep.values, scenarios, strict=True)

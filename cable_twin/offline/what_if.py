@@ -9,7 +9,6 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,21 +20,21 @@ from cable_twin.frame.records import CommandError
 from cable_twin.key_figures import KeyFigures
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.reading import Reading
-from cable_twin.offline.replay import first_start, made_here
+from cable_twin.offline.replay import first_start, made_by_other
 from cable_twin.offline.review import print_review, write_review_plots
 from cable_twin.offline.script import ScriptedCommand, ScriptError, check_script, read_script, script_of_log
 from cable_twin.offline.scripted_run import Outcome, simulate
 from cable_twin.offline.simulate import run_progress
 from cable_twin.offline.simulate_options import UNUSABLE, add_changes, plots_fault
 from cable_twin.offline.thinned_series import Comparison, compare
-from cable_twin.recording.log_file import LONGEST_GAP, LogError
+from cable_twin.recording.log_file import LogError, check_gap
 from cable_twin.recording.log_reader import Log, read_log
 from cable_twin.recording.run import Run, start_run
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.simulation import EquilibriumError, Simulation, SnapshotError, SolverError
 from cable_twin.simulation.snapshot_file import read_full_state
-from cable_twin.terminal.bars import compilation_shown
-from cable_twin.terminal.command_line import OneLineParser, left_at_once, number, tell
+from cable_twin.terminal.bars import start_shown
+from cable_twin.terminal.command_line import OneLineParser, number, tell
 
 DONE, FAILED = 0, 1  # exit codes, beside UNUSABLE
 SINGLE, IN_SINGLE = 2.0**-24, "tension/"  # rounding of single precision, and the signals that logs hold in it
@@ -174,13 +173,13 @@ def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
     source = dict(options.set)
     scenario = load_scenario(log.scenario, source)  # what is wrong is said before anything runs
     script = None if options.script is None else read_script(options.script, scenario)
-    if not made_here(log):
+    if made_by_other(log):
         tell("what_if", f"{log.path}: made by other versions or on another machine: last digits may differ")
     if log.damage:
         tell("what_if", f"{log.path}: {log.condition}: what is lost is not repeated")
     if not log.end >= options.at:
         raise BranchError(f"--at: given {options.at:g} s; allowed: up to {log.end:g} s, the end of {log.path}")
-    with left_at_once("what_if"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+    with start_shown("what_if", console):
         part, simulation = first_start(_from_nearest_state(log, options.at))
     period = float(log.metadata["frame_period"])
     frame_steps = max(round(period / simulation.step), 1)
@@ -235,10 +234,7 @@ def _repeat(simulation: Simulation, recorded: Sequence[ScriptedCommand], until: 
     before = [item for item in recorded if item.time < until - 0.5 * simulation.step]
 
     def advance_to(time: float, show: Callable[[float], None]) -> None:
-        if time - simulation.time > LONGEST_GAP:
-            raise LogError(
-                f"frames: given none from {simulation.time:g} to {time:g} s; allowed: gaps of at most {LONGEST_GAP:g} s"
-            )
+        check_gap(simulation.time, time)
         while simulation.time < time - 0.5 * simulation.step:
             show(simulation.advance_to(min(simulation.time + 1.0, time)).time)
 

@@ -427,6 +427,16 @@ def _of_kind(stream: IO[bytes], index: Index | None, opcode: Opcode) -> list[byt
     return found
 
 
+def check_gap(before: float, after: float) -> None:
+    """Raise an error if a log has no frame between two simulated times (s) for longer than a run can be repeated.
+
+    Raises:
+        LogError: the gap is longer than `LONGEST_GAP`; one line.
+    """
+    if after - before > LONGEST_GAP:
+        raise LogError(f"frames: given none from {before:g} to {after:g} s; allowed: gaps of at most {LONGEST_GAP:g} s")
+
+
 def one_line(error: BaseException) -> str:
     """Text of an error without line breaks; for an empty text the name of its class."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -7,10 +7,12 @@ logs from C, rerun from Rust.
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from io import StringIO
 from typing import TextIO
 
@@ -27,6 +29,7 @@ from rich.text import Text
 
 from cable_twin.simulation.engine import RelaxationMoment, watching_relaxation
 from cable_twin.simulation.first_compilation import Moment, watching_compilation
+from cable_twin.terminal.command_line import left_at_once
 
 BEGIN = "compiling the solver's kernels, once on this machine"
 LARGE = 5000  # elements, from which on a line reports the settling of the rope where there is no bar
@@ -117,6 +120,13 @@ def compilation_shown(console: Console, line: Callable[[str], object]) -> Iterat
             yield
     if reported >= 0:
         line(f"kernels compiled in {time.monotonic() - began:.1f} s and kept for next time")
+
+
+@contextmanager
+def start_shown(command: str, console: Console) -> Iterator[None]:
+    """Context for the start of a command: progress as of `compilation_shown`, and Ctrl-C ends the process at once."""
+    with left_at_once(command), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
+        yield
 
 
 class StatusBar:

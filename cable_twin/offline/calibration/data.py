@@ -134,9 +134,8 @@ def package(
             found[item.sensor].append((round(item.time, 6), value))
         else:
             unread[item.sensor] = unread.get(item.sensor, 0) + 1
-    for count, what in ((plant.invalid, "not finite"), (plant.late, "too late")):
-        if count:
-            say(f"{log.path}: {count} measurements are {what} and left out")
+    for line in plant.left_out():
+        say(line)
     for name, count in unread.items():
         say(f"{log.path}: {count} measurements of {name}, an inertial sensor, are left out")
     times = sorted({time for rows in found.values() for time, _ in rows})

@@ -100,6 +100,12 @@ class PlantLog:
         while waiting:
             yield heapq.heappop(waiting)[-1]
 
+    def left_out(self) -> Iterator[str]:
+        """Lines about the measurements that were left out."""
+        for samples, what in ((self.invalid, "not finite"), (self.late, "too late")):
+            if samples:
+                yield f"{self._log.path}: {samples} measurements are {what} and left out"
+
     def _measurements(self, topic: str, data: bytes, arrival: float) -> list[Measurement]:
         """Finite measurements in a sensor message of the plant; counts those that are not finite."""
         try:

@@ -17,8 +17,7 @@ from cable_twin.offline.survey.profile import (
     SurveyedTower,
     SurveyError,
     check_terrain,
-    check_towers,
-    with_valid_names,
+    surveyed,
 )
 from cable_twin.offline.survey.tables import MOST_ROWS, NAMES, tower_of
 
@@ -85,7 +84,6 @@ def read_geodata(terrain: Path, towers: Path, units: str | None = None, above_gr
     places = [(f"point {number}", x, z) for number, (x, z) in enumerate(profile.tolist(), start=1)]
     bare = Survey(check_terrain(str(terrain), places), (), {})
     found: list[SurveyedTower] = []
-    stations: dict[str, tuple[float, float]] = {}
     scale = FEET[units or "m"]
     for one in points:
         if one.is_line or (one.ground and terrain == towers):
@@ -101,14 +99,8 @@ def read_geodata(terrain: Path, towers: Path, units: str | None = None, above_gr
                 f"the last point of the terrain; allowed: at most {ASIDE:g} m"
             )
         row = _row(one.values, x, scale)
-        tower = tower_of(str(towers), one.where, name, row, bare, above_ground)
-        if tower.name.lower() in ("start", "end"):
-            stations[tower.name.lower()] = (tower.x, tower.z)
-        else:
-            found.append(tower)
-    named, renamed = with_valid_names(found)
-    notes += [f"{towers}: {one}" for one in renamed]
-    return check_towers(str(towers), Survey(bare.terrain, tuple(named), stations, tuple(notes)))
+        found.append(tower_of(str(towers), one.where, name, row, bare, above_ground))
+    return surveyed(str(towers), bare.terrain, found, notes)
 
 
 def _features(file: Path) -> tuple[list[Feature], str]:

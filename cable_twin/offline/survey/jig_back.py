@@ -10,9 +10,10 @@ import numpy as np
 import scipy  # loads `optimize` where it is used
 
 from cable_twin.frame.records import FloatArray
+from cable_twin.offline.survey import tramway
 from cable_twin.offline.survey.marked import Marked, assumed, derived
 from cable_twin.offline.survey.profile import Survey, SurveyError
-from cable_twin.offline.survey.stations import Ends, Place, lower_first, terrain_along
+from cable_twin.offline.survey.stations import Ends, Place, given_rope, lower_first, rope_keys, terrain_along
 from cable_twin.offline.survey.tramway import (
     BODIES,
     CAPACITY,
@@ -21,20 +22,12 @@ from cable_twin.offline.survey.tramway import (
     GRAVITY,
     TRANSVERSE,
     TrackRope,
-    given_rope,
-    rope_keys,
     saddles,
     track_ends,
 )
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
 
-TRACK_ROPE = {
-    "mass_per_length": 25.3,
-    "axial_stiffness": 482.0e6,
-    "bending_stiffness": 115.0e3,
-    "breaking_force": 5.2e6,
-    "diameter": 0.066,
-}
+TRACK_ROPE = {**tramway.TRACK_ROPE, "breaking_force": 5.2e6}
 TRACK_WHY = "locked coil of 66 mm, 2900 mm^2, E = 160 GPa, wires of 1860 N/mm^2 less 4 %"
 HAUL_ROPE = {
     "mass_per_length": 3.9,

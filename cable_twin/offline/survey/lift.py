@@ -15,7 +15,7 @@ from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.marked import Marked, assumed, derived
 from cable_twin.offline.survey.profile import Survey, SurveyError
-from cable_twin.offline.survey.stations import Ends, bends, lower_first, tower_keys
+from cable_twin.offline.survey.stations import Ends, bends, given_rope, lower_first, rope_keys, tower_keys
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
 
 GRAVITY = 9.81  # m/s^2
@@ -131,7 +131,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
     speed = float(changes.get("sheaves.drive.drive.limits.speed", kind.speed))
     rough = 2.0 * float(np.hypot(*np.diff(corner, axis=0).T).sum() + np.pi * kind.wheel)
     count = int(changes.get("carriers.count", max(2, round(rough / (speed * kind.interval)))))
-    rope = {**kind.rope, **{key: float(changes[full]) for key in kind.rope if (full := f"ropes.up.{key}") in changes}}
+    rope = given_rope(kind.rope, "ropes.up", changes)
     loads = (count / rough * (kind.empty + kind.capacity), count / rough * kind.empty, 0.0)
     weights = [GRAVITY * (rope["mass_per_length"] + load) for load in loads]
     holds = [tower.hold_down for tower in survey.towers][:: 1 if upwards else -1]
@@ -357,10 +357,7 @@ def _rope(
     first, last = (ends.start, ends.end) if forward else (ends.end, ends.start)
     whys = (ends.start_why, ends.end_why) if forward else (ends.end_why, ends.start_why)
     return {
-        **{
-            key: assumed(value, kind.rope_why) if value == kind.rope[key] else derived(value, "given")
-            for key, value in rope.items()
-        },
+        **rope_keys(rope, kind.rope, kind.rope_why),
         "unstrained_length": length,
         "lateral": derived(side * kind.wheel, "m, radius of the bullwheels: for the pictures"),
         "elements": assumed(dict(kind.elements), "lengths in m, short on trains of sheaves"),

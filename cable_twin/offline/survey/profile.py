@@ -67,7 +67,7 @@ class Survey:
         return float(np.interp(x, *self.terrain.T))
 
 
-def with_valid_names(towers: Sequence[SurveyedTower]) -> tuple[list[SurveyedTower], list[str]]:
+def _with_valid_names(towers: Sequence[SurveyedTower]) -> tuple[list[SurveyedTower], list[str]]:
     """Rename surveyed towers whose names are not valid in a scenario; returns all towers, and a line about renaming."""
     named, changed = [], []
     for number, tower in enumerate(towers, start=1):
@@ -96,12 +96,21 @@ def check_terrain(file: str, points: Sequence[tuple[str, float, float]]) -> Floa
     return np.array([[x, z] for _, x, z in points])
 
 
-def check_towers(file: str, survey: Survey) -> Survey:
-    """Check that the towers of a survey stand on its terrain in order of x; returns the survey.
+def surveyed(file: str, terrain: FloatArray, towers: Sequence[SurveyedTower], notes: Sequence[str]) -> Survey:
+    """Survey of a line from its terrain and towers, checked; those called start and end are the stations.
+
+    Args:
+        file: of the towers, for faults and notes.
+        terrain: (points, 2) m, x and z.
+        towers: with the names that the file has.
+        notes: lines about what was read.
 
     Raises:
-        SurveyError: a tower is at fault; a line for each fault.
+        SurveyError: towers do not stand on the terrain in the order of x; a line for each fault.
     """
+    stations = {one.name.lower(): (one.x, one.z) for one in towers if one.name.lower() in ("start", "end")}
+    named, renamed = _with_valid_names([one for one in towers if one.name.lower() not in stations])
+    survey = Survey(terrain, tuple(named), stations, (*notes, *(f"{file}: {one}" for one in renamed)))
     if faults := list(_tower_faults(survey)):
         raise SurveyError("\n".join(f"{file}: {fault}" for fault in faults))
     return survey

@@ -1,7 +1,8 @@
-"""Stations of a surveyed line, and keys of towers common to scenarios of all kinds of ropeway."""
+"""Stations of a surveyed line, and keys of towers and ropes common to scenarios of all kinds of ropeway."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,3 +116,13 @@ def tower_keys(tower: SurveyedTower, contacts: int, pitch: float, radius: float)
 def origin(place: Place, why: Why) -> Marked:
     """Mark the position of an end of a surveyed line with its origin."""
     return Marked(list(place), *why)
+
+
+def given_rope(usual: Mapping[str, float], path: str, changes: Mapping[str, Any]) -> dict[str, float]:
+    """Properties of a rope by key: usual values, replaced by given changes of dotted keys below `path`."""
+    return {key: float(changes.get(f"{path}.{key}", value)) for key, value in usual.items()}
+
+
+def rope_keys(rope: Mapping[str, float], usual: Mapping[str, float], why: str) -> dict[str, Marked]:
+    """Properties of a rope by key, marked as assumed where usual, else as given."""
+    return {key: assumed(value, why) if value == usual[key] else derived(value, "given") for key, value in rope.items()}

@@ -16,8 +16,7 @@ from cable_twin.offline.survey.profile import (
     SurveyedTower,
     SurveyError,
     check_terrain,
-    check_towers,
-    with_valid_names,
+    surveyed,
 )
 
 LARGEST = 2**25  # bytes of a file
@@ -205,18 +204,11 @@ def read_survey(terrain: Path, towers: Path, units: str | None = None, above_gro
     if above_ground is None:
         table.need("z_rope", "rope_above_ground")
     bare = Survey(profile, (), {})
-    stations: dict[str, tuple[float, float]] = {}
     found = []
     for number, row in table.rows:
         name = str(row.get("name") or f"T{number - 1}")
-        tower = tower_of(table.file, f"line {number}", name, row, bare, above_ground)
-        if tower.name.lower() in ("start", "end"):
-            stations[tower.name.lower()] = (tower.x, tower.z)
-        else:
-            found.append(tower)
-    named, renamed = with_valid_names(found)
-    notes = (*ground.notes, *table.notes, *(f"{towers}: {one}" for one in renamed))
-    return check_towers(str(towers), Survey(profile, tuple(named), stations, notes))
+        found.append(tower_of(table.file, f"line {number}", name, row, bare, above_ground))
+    return surveyed(str(towers), profile, found, (*ground.notes, *table.notes))
 
 
 def tower_of(

@@ -12,7 +12,7 @@ import scipy  # loads `optimize` where it is used
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.marked import Marked, assumed, derived
 from cable_twin.offline.survey.profile import Survey, SurveyError
-from cable_twin.offline.survey.stations import Ends, bends, lower_first, tower_keys
+from cable_twin.offline.survey.stations import Ends, bends, given_rope, lower_first, rope_keys, tower_keys
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
 
 GRAVITY = 9.81  # m/s^2
@@ -201,16 +201,6 @@ def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> 
         },
         "solver": {"step": assumed(0.005, "s")},
     }
-
-
-def given_rope(usual: Mapping[str, float], path: str, changes: Mapping[str, Any]) -> dict[str, float]:
-    """Properties of a rope by key: usual values, replaced by given changes of dotted keys below `path`."""
-    return {key: float(changes.get(f"{path}.{key}", value)) for key, value in usual.items()}
-
-
-def rope_keys(rope: Mapping[str, float], usual: Mapping[str, float], why: str) -> dict[str, Marked]:
-    """Properties of a rope by key, marked as assumed where usual, else as given."""
-    return {key: assumed(value, why) if value == usual[key] else derived(value, "given") for key, value in rope.items()}
 
 
 def track_ends(track: TrackRope, ends: Ends, upwards: bool, placed: Any) -> dict[str, Any]:

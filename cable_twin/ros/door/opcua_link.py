@@ -175,7 +175,7 @@ class OpcUaLink(Link):
             asked.append(name)
             requests.append(self._request(node, name))
         results = await subscription.create_monitored_items(requests) if requests else []
-        again = [row for row, one in enumerate(results) if _is_filter_fault(one)]
+        again = [row for row, one in enumerate(results) if isinstance(one, ua.StatusCode) and "Filter" in one.name]
         for row in again:  # a server without filters tells changes of values only
             requests[row].RequestedParameters.Filter = None
             (results[row],) = await subscription.create_monitored_items([requests[row]])
@@ -262,10 +262,6 @@ def _item(node: ua.NodeId) -> ua.ReadValueId:
     item.NodeId = node
     item.AttributeId = ua.AttributeIds.Value
     return item
-
-
-def _is_filter_fault(result: Any) -> bool:
-    return isinstance(result, ua.StatusCode) and "Filter" in result.name
 
 
 def nanoseconds_of(time_: datetime) -> int:
