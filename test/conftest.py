@@ -175,6 +175,19 @@ def participants():
         participant.close()
 
 
+@pytest.fixture
+def quick_twin(processes, participants, tmp_path):
+    """Start a twin of the quick scenario; its process, and a node with its standard topics."""
+
+    def start(*arguments, paused=False, **options):
+        process = processes("--scenario", str(write_quick_scenario(tmp_path)), *arguments, **options)
+        participant = participants(process.domain)
+        participant.subscribe_standard(paused=paused)
+        return process, participant
+
+    return start
+
+
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
     """Running twin without logs for a whole module, with a participant that talks to it."""

@@ -10,7 +10,7 @@ import subprocess
 import sys
 
 import pytest
-from twin_process import PATIENCE, TwinProcess, environment, write_quick_scenario
+from twin_process import PATIENCE, TwinProcess, environment
 
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
@@ -168,11 +168,9 @@ def test_refusals_of_the_twin_end_it(twin, drive):
     assert refusal in process.output
 
 
-def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, participants, tmp_path):
+def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, quick_twin):
     alone = processes("cabin", "--speed", "1", "--wait", "3", module="ros.client.drive")
-    paused = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record", "false", "--start-paused", "true")
-    participant = participants(paused.domain)
-    participant.subscribe_standard(paused=True)
+    paused, participant = quick_twin("--record", "false", "--start-paused", "true", paused=True)
     waiting = processes("cabin", "--speed", "1", "--wait", "6", module="ros.client.drive", domain=paused.domain)
     assert alone.wait() == 1
     assert alone.output.strip() == (

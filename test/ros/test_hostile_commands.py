@@ -127,10 +127,8 @@ def hostile_sender(participant, count: int, sent: Counter[str]):
 
 
 @pytest.mark.parametrize("count", [FEW, pytest.param(2000, marks=pytest.mark.long)])
-def test_every_hostile_command_is_refused_or_applied_at_full_rate(processes, participants, tmp_path, count):
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--rerun", "none")
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
+def test_every_hostile_command_is_refused_or_applied_at_full_rate(quick_twin, count):
+    sim, participant = quick_twin("--rerun", "none")
     sent: Counter[str] = Counter()
     send = hostile_sender(participant, count, sent)
     assert participant.publisher

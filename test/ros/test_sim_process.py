@@ -73,10 +73,8 @@ def check_logs(run: Path) -> int:
     [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
     ids=lambda signals: "-".join(number.name for number in signals),
 )
-def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
+def test_signals_end_it_cleanly(quick_twin, signals):
+    sim, participant = quick_twin()
     participant.until(lambda: len(participant.received["joint_states"]) > 50)
     for number in signals:
         sim.send(number)
@@ -88,10 +86,8 @@ def test_signals_end_it_cleanly(processes, participants, tmp_path, signals):
     assert frames >= len(participant.received["joint_states"])
 
 
-def test_killed_run_is_readable_and_replays(processes, participants, tmp_path, capsys):
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)))
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
+def test_killed_run_is_readable_and_replays(quick_twin, capsys):
+    sim, participant = quick_twin()
     with participant.stream(name=["cabin"], velocity=[3.0]):  # 20 a second, of which the last 1.5 s may be lost
         participant.until(lambda: participant.arc_length > 64.0 and len(participant.applied) > 45)
     sim.send(signal.SIGKILL)
@@ -107,11 +103,9 @@ def test_killed_run_is_readable_and_replays(processes, participants, tmp_path, c
     assert "cut short" in capsys.readouterr().out
 
 
-def test_directory_that_cannot_be_written_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
+def test_directory_that_cannot_be_written_is_told_and_the_twin_goes_on(quick_twin, tmp_path):
     (tmp_path / "occupied").write_text("not a directory")
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--record-directory", "occupied")
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
+    sim, participant = quick_twin("--record-directory", "occupied")
     assert "[ERROR]" in sim.output
     assert "nothing is recorded: record_directory 'occupied': File exists" in sim.output
     level, message, _ = participant.next_diagnostics()
@@ -160,16 +154,14 @@ def test_view_for_a_browser_is_served_to_this_machine_alone_and_ends_with_the_tw
 
 
 @pytest.mark.long
-def test_disk_that_fills_up_is_told_and_the_twin_goes_on(processes, participants, tmp_path):
+def test_disk_that_fills_up_is_told_and_the_twin_goes_on(quick_twin):
     # a limit on the size of files is the full disk that needs no privileges
     code = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)); "
         "from cable_twin.ros.sim import main; sys.exit(main(sys.argv[1:]))"
     )
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), command=[sys.executable, "-c", code])
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
+    sim, participant = quick_twin(command=[sys.executable, "-c", code])
     participant.until(lambda: participant.received["/diagnostics"] and participant.diagnostics[0] == 2)
     assert "recording: log stopped" in participant.diagnostics[1] or "view stopped" in participant.diagnostics[1]
     sim.wait_for("recording: log stopped")
@@ -199,11 +191,9 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
 
 
 @pytest.mark.parametrize("stop", [False, True])
-def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participants, tmp_path, stop):
+def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(quick_twin, stop):
     """Log also with a first command from a service."""
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), "--start-paused", "true")
-    participant = participants(sim.domain)
-    participant.subscribe_standard(paused=True)
+    sim, participant = quick_twin("--start-paused", "true", paused=True)
     if stop:
         assert participant.call("emergency_stop", SetBool, data=True).success
         assert participant.call("step", Trigger).success
@@ -217,11 +207,9 @@ def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(processes, participa
     assert replay.main([str(sim.run_directory)]) == 0
 
 
-def test_as_fast_as_possible_from_a_paused_start_records_every_frame(processes, participants, tmp_path):
+def test_as_fast_as_possible_from_a_paused_start_records_every_frame(quick_twin):
     arguments = ["--start-paused", "true", "--real-time-factor", "0", "--rerun", "none"]
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *arguments)
-    participant = participants(sim.domain)
-    participant.subscribe_standard(paused=True)
+    sim, participant = quick_twin(*arguments, paused=True)
     assert not participant.received["joint_states"]  # time has not begun to run
     assert "simulated time runs as fast as possible" in sim.output
     assert participant.call("step", Trigger).success

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from split_run import bags
-from twin_process import wait_until, write_quick_scenario
+from twin_process import wait_until
 
 from cable_twin.messages import ROBOT_DESCRIPTION, TF_STATIC
 from cable_twin.recording.log_reader import read_log
@@ -23,11 +23,9 @@ FRAME = 10_000_000  # ns
 
 
 @pytest.mark.long
-def test_split_run_has_every_frame_and_replays(processes, participants, tmp_path, replayed):
+def test_split_run_has_every_frame_and_replays(quick_twin, replayed):
     limits = ["--split-duration", "1", "--keep-age", "3"]
-    sim = processes("--scenario", str(write_quick_scenario(tmp_path)), *limits)
-    participant = participants(sim.domain)
-    participant.subscribe_standard()
+    sim, participant = quick_twin(*limits)
     random = np.random.default_rng(3)
 
     def kept() -> list[int]:
