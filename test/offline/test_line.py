@@ -1,4 +1,4 @@
-"""Static line calculation: an equilibrium at each place, and the envelope of all places."""
+"""Static line calculation: an equilibrium at each place, the envelope of all, a finer mesh, profiles for CAD."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+from named_figures import named
 from rich.console import Console
 from ruamel.yaml import YAML
 from test_jig_back import QUICK
@@ -17,7 +18,7 @@ from cable_twin.offline import review, simulate, simulate_options
 from cable_twin.offline.check import refined
 from cable_twin.offline.line import main
 from cable_twin.offline.lines.at_rest import calculate, plan_line
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import build_system, load_scenario
 from cable_twin.simulation import Simulation
 
 pytest.importorskip("matplotlib")
@@ -310,3 +311,69 @@ def test_the_envelope_of_a_haul_rope_has_no_steps_where_cabins_stood():
         inner = (layout.arc_lengths[part] > start + 10.0) & (layout.arc_lengths[part] < 1030.0)
         for tensions in envelopes:
             assert np.abs(np.diff(tensions[part][inner])).max() < 700.0, rope
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "verdict"),
+    [
+        (1.4, None, "kept"),
+        (1.4, 0.05, "kept"),
+        (1.4, 0.2, "not decided"),
+        (1.6, 0.2, "not decided"),
+        (1.8, 0.2, "not kept"),
+        (1.5, 0.0, "kept"),  # on its limit, as a drive keeps a speed
+    ],
+)
+def test_a_verdict_within_its_own_uncertainty_is_none(value, uncertainty, verdict):
+    figure = named("acceleration", value, "m/s^2", 1.0, limit=1.5, uncertainty=uncertainty)
+    assert figure.verdict == verdict
+    assert named("acceleration", value, "m/s^2", 1.0, uncertainty=uncertainty).verdict == ""
+
+
+@pytest.mark.parametrize("elements", [40, {"target": 20.0, "at_towers": 5.0, "growth": 1.44}])
+def test_elements_and_steps_are_halved_everywhere(elements):
+    coarse = load_scenario("aerial_tramway", {"cable.elements": elements})
+    fine = refined(coarse)
+    counts = [build_system(one).cable.element_count for one in (coarse, fine)]
+    assert counts[1] == pytest.approx(2 * counts[0], rel=0.05)
+    assert fine.solver.step == 0.5 * coarse.solver.step
+
+
+def test_simulate_says_how_sure_its_figures_are(capsys):
+    arguments = ["seed_example", "--duration", "0.2", "--record", "off", "--set", "limits.swing=3.0", "--check"]
+    assert simulate.main(arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (swing,) = (line for line in lines if "swing along the track" in line)
+    assert "kept, ± " in swing
+    assert any("rope tension, highest" in line and "± " in line for line in lines)
+
+
+def test_a_state_is_of_one_mesh(capsys):
+    assert simulate.main(["--snapshot", "state.npz", "--check"]) == 2
+    assert "--check: given with a snapshot" in capsys.readouterr().err
+
+
+def test_profile_and_clearance_are_those_of_the_line_in_csv_and_dxf(tmp_path):
+    files = [tmp_path / f"profile.{kind}" for kind in ("csv", "dxf")]
+    for file in files:
+        assert main(["aerial_tramway", "--places", "2", "--profile", str(file)]) == 0
+    with files[0].open() as file:
+        rows = list(csv.DictReader(file))
+    rope = [row for row in rows if row["what"] == "rope"]
+    assert float(rope[0]["x [m]"]) == pytest.approx(0.0, abs=3.0)
+    heights = {float(row["x [m]"]): float(row["clearance [m]"]) for row in rope}
+    assert min(heights.values()) == pytest.approx(13.0, abs=3.0)
+    assert [row["x [m]"] for row in rows if row["what"] == "tower"] == ["400.0"]
+    ezdxf = pytest.importorskip("ezdxf")
+    drawing = ezdxf.readfile(files[1])
+    assert not drawing.audit().errors
+    lines = {one.dxf.layer: one for one in drawing.modelspace().query("LWPOLYLINE")}
+    assert set(lines) == {"TERRAIN", "ROPE_CABLE_LOWEST", "ROPE_CABLE_HIGHEST"}
+    assert lines["TERRAIN"].get_points("xy")[0] == (-30.0, -14.0)
+    drawn = dict(lines["ROPE_CABLE_LOWEST"].get_points("xy"))
+    assert [round(z, 4) for z in drawn.values()] == pytest.approx([float(row["z [m]"]) for row in rope])
+
+
+def test_a_wrong_name_is_a_line(capsys):
+    assert main(["--profile", "line.dwg"]) == 2
+    assert "--profile: given 'line.dwg'; allowed: a file that ends with .csv or .dxf" in capsys.readouterr().err

@@ -53,7 +53,7 @@ def lift(tmp_path_factory):
     return logged(tmp_path_factory.mktemp("lift"), {**SHORT, "name": "short_lift"}, RIDE, 20.0, "file")
 
 
-def test_the_cabin_went_over_the_tower_and_all_is_snapshots_of(tramway):
+def test_the_cabin_went_over_the_tower_and_all_is_read_back(tramway):
     directory, frames = tramway
     assert max(frame.carriages["cabin"].arc_length for frame in frames) > 62.0
     read = snapshots_of(directory)
@@ -73,7 +73,7 @@ def test_the_cabin_went_over_the_tower_and_all_is_snapshots_of(tramway):
         assert tower.lifted_off is expected.lifted_off
 
 
-def test_carriers_and_their_drive_are_snapshots_of(lift):
+def test_carriers_and_their_drive_are_read_back(lift):
     directory, frames = lift
     for got, frame in zip(snapshots_of(directory), frames, strict=True):
         assert got.drives == frame.drives

@@ -1,4 +1,4 @@
-"""Losses by failures of the machine under a running twin: cases of `verification.failures` on real disks."""
+"""Failures of the machine under a running twin, and many frames: `verification.failures`, and a part of `endurance`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from twin_process import write_quick_scenario
 
 pytest.importorskip("rclpy")
 
+from verification.endurance import FRAME_RATE, run
 from verification.failures import (
     Disk,
     full_disk,
@@ -52,3 +53,17 @@ def test_twin_goes_on_and_less_than_a_second_is_lost(tmp_path, domain, failure):
     assert loss.lost <= (0.0 if failure is stalling_disk else 1000.0)
     assert loss.replayed
     assert loss.repaired == loss.messages > 150  # of half a second and more, at 340 a second
+
+
+HOURS = 0.03  # of simulated time
+
+
+def test_many_frames_are_all_in_the_log(tmp_path, domain):
+    seen: list[float] = []
+    result = run(HOURS, 40.0, tmp_path, domain, seen.append)
+    print("\n".join(result.lines()))
+    assert seen == sorted(seen)
+    assert result.hours >= HOURS
+    assert result.frames >= 3600.0 * HOURS * FRAME_RATE
+    assert (result.missing, result.dropped) == (0, 0)
+    assert result.memory[1] - result.memory[0] < 60.0  # MB; the first seconds fill caches

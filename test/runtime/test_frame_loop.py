@@ -1,16 +1,25 @@
-"""Frame loop without ROS: pacing, time-out of commands, and faults of the solver."""
+"""Frame loop without ROS: pacing, its slices of a processor, lateness, time-out of commands, faults of the solver."""
 
 from __future__ import annotations
 
+import ctypes
+import math
+import os
+import platform
 import threading
 import time
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from frame_loops import SteppedClock, frame_loop
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from twin_process import PATIENCE, wait_until
 
 from cable_twin.frame.records import Command
+from cable_twin.runtime.frame_loop import ATTRIBUTES, SHORTEST, SYSTEM_CALLS, wake_promptly
+from cable_twin.runtime.frame_statistics import BIN_COUNT, COARSE_NAMES, LIMITS_MS, RESOLUTION, LatenessHistogram
 from cable_twin.runtime.run_clock import SteadyClock
 
 
@@ -204,3 +213,86 @@ def test_steps_do_not_wait_for_the_clock_and_what_waits_is_done_between_them():
     finally:
         loop.stop()
     assert left.cancelled() or left.result() < 10**9
+
+
+KERNEL = tuple(int(part) for part in platform.release().split("-")[0].split(".")[:2])
+with_slices = pytest.mark.skipif(
+    platform.machine() not in SYSTEM_CALLS or KERNEL < (6, 12), reason="Linux 6.12 on a known processor"
+)
+
+
+def attributes():
+    """Nice value and slice (ns) of this thread by the system call sched_getattr."""
+    buffer = ctypes.create_string_buffer(ATTRIBUTES.size)
+    call = SYSTEM_CALLS[platform.machine()] + 1
+    assert ctypes.CDLL(None).syscall(call, 0, buffer, ATTRIBUTES.size, 0) == 0
+    _, _, _, nice, _, runtime, _, _ = ATTRIBUTES.unpack(buffer.raw)
+    return nice, runtime
+
+
+def in_a_thread(function):
+    results = []
+    thread = threading.Thread(target=lambda: results.append(function()))
+    thread.start()
+    thread.join()
+    return results[0]
+
+
+@with_slices
+def test_only_the_calling_thread_gets_a_short_slice():
+    before = attributes()
+    assert before[1] != SHORTEST
+    assert in_a_thread(lambda: (wake_promptly(), attributes())) == (True, (before[0], SHORTEST))
+    assert attributes() == before
+
+
+@with_slices
+def test_a_nice_thread_stays_nice():
+    def nice():
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
+        return wake_promptly(), attributes()
+
+    assert in_a_thread(nice) == (True, (19, SHORTEST))
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(st.floats(0.0, 0.09), min_size=1, max_size=200),
+    st.sampled_from([1.0, 50.0, 99.0, 99.9, 100.0]),
+)
+def test_percentiles_are_those_of_numpy_to_a_bin(lateness, percent):
+    histogram = LatenessHistogram(0.01)
+    for late in lateness:
+        histogram.add(late)
+    expected = np.percentile(lateness, percent, method="inverted_cdf")
+    assert histogram.percentile(percent) == pytest.approx(expected, abs=1.01 * RESOLUTION)
+    assert histogram.maximum == max(lateness)
+    assert histogram.missed == sum(late > 0.01 for late in lateness)
+    assert sum(histogram.coarse().values()) == histogram.count == len(lateness)
+
+
+def test_every_frame_is_in_its_bin():
+    histogram = LatenessHistogram(math.inf)
+    for frames, limit in enumerate(LIMITS_MS, start=1):
+        for _ in range(frames):
+            histogram.add((limit - 0.2) * 1e-3)
+    for _ in range(20):
+        histogram.add(7.0)  # far beyond the last bin
+    assert list(histogram.coarse().values()) == [*range(1, len(LIMITS_MS) + 1), 20]
+    assert list(histogram.coarse()) == list(COARSE_NAMES)
+    assert histogram.percentile(99.9) == 7.0
+    assert histogram.missed == 0
+
+
+def test_without_frames_there_is_nothing_late():
+    figures = LatenessHistogram(0.01).summary()
+    assert set(figures.values()) == {0.0}
+
+
+def test_it_costs_the_same_after_hours():
+    histogram = LatenessHistogram(0.01)
+    started = time.perf_counter()
+    for _ in range(20_000):
+        histogram.add(1e-4)
+    assert (time.perf_counter() - started) / 20_000 < 100e-6
+    assert histogram._counts.size == BIN_COUNT + 1
