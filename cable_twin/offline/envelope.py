@@ -8,7 +8,7 @@ import json
 import shlex
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack, redirect_stdout, suppress
+from contextlib import redirect_stdout, suppress
 from dataclasses import replace
 from importlib import metadata
 from importlib.util import find_spec
@@ -24,7 +24,7 @@ from cable_twin.key_figures.rules.verdicts import NOT_DECIDED
 from cable_twin.offline.envelopes.cases import PLANS, CaseError, LoadCase, case_columns, read_cases
 from cable_twin.offline.envelopes.runs import CaseResult, Job, neighbours, run_part, run_side_by_side, uncollected
 from cable_twin.offline.envelopes.tensioning import ALLOWED
-from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns
+from cable_twin.offline.export import FIGURE_COLUMNS, STDOUT, figure_columns, opened
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.lines.at_rest import MOST
 from cable_twin.offline.reporting.remarks import scenario_text
@@ -276,10 +276,7 @@ def _write(
     columns = ["case", *FIGURE_COLUMNS]
     rows = [[one.id, *figure_columns(figure).values()] for one in results for figure in one.figures]
     if options.csv is not None:
-        with ExitStack() as stack:
-            file = sys.stdout
-            if options.csv != STDOUT:
-                file = stack.enter_context(open(options.csv, "w", encoding="utf-8", newline=""))
+        with opened(options.csv) as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(columns)
             writer.writerows(rows)
@@ -297,11 +294,8 @@ def _write(
             "envelope": [{"case": case, **figure_columns(one)} for case, one in extremes],
             "rules": [verdict_columns(one) for one in verdicts],
         }  # fmt: skip
-        text = json.dumps(data, indent=1, allow_nan=False) + "\n"
-        if options.json == STDOUT:
-            sys.stdout.write(text)
-        else:
-            Path(options.json).write_text(text, encoding="utf-8")
+        with opened(options.json) as file:
+            file.write(json.dumps(data, indent=1, allow_nan=False) + "\n")
     if options.plot is not None:
         from cable_twin.offline.envelopes.plot import write_envelope_plot  # noqa: PLC0415 - matplotlib takes a second
 

@@ -11,7 +11,7 @@ import json
 import math
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any, TextIO
@@ -28,6 +28,15 @@ OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
 VERDICTS = "_rules"  # the same, of verdicts of rule profiles
 FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band", "id")
+
+
+def opened(path: str) -> AbstractContextManager[TextIO]:
+    """Text file to write for an option such as `--csv`; `-` is the standard output, which stays open.
+
+    Raises:
+        OSError: the file cannot be made.
+    """
+    return nullcontext(sys.stdout) if path == STDOUT else open(path, "w", encoding="utf-8", newline="")
 
 
 class RunTable:
@@ -82,7 +91,6 @@ class Export:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._tables: list[RunTable] = []
-        self._stdout = sys.stdout
         self._csv: str | None = options.csv
         self._json: str | None = options.json
         for path in (self._csv, self._json):
@@ -122,11 +130,8 @@ class Export:
         if self._json is not None:
             self._write(self._json, self._write_json)
 
-    def _write(self, path: str, write: Any) -> None:
-        if path == STDOUT:
-            write(self._stdout)
-            return
-        with open(path, "w", encoding="utf-8", newline="") as file:
+    def _write(self, path: str, write: Callable[[TextIO], None]) -> None:
+        with opened(path) as file:
             write(file)
 
     def _write_signals(self, file: TextIO) -> None:

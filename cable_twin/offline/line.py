@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -16,7 +16,7 @@ from rich.console import Console
 from cable_twin.key_figures import not_judged, values_of
 from cable_twin.key_figures.rules import judge, profiles_of
 from cable_twin.offline.check import compared, refined
-from cable_twin.offline.export import STDOUT
+from cable_twin.offline.export import STDOUT, opened
 from cable_twin.offline.figure_table import print_figures, table_console
 from cable_twin.offline.lines.at_rest import MOST, Line, calculate, plan_line
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, add_changes, plot_fault
@@ -81,7 +81,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):
             if path is not None:
-                _write(path, line, write)
+                with opened(path) as file:
+                    write(file, line)
         if options.plot is not None:
             from cable_twin.offline.lines.plot import write_line_plot  # noqa: PLC0415 - matplotlib takes a second
 
@@ -138,14 +139,6 @@ def parser() -> OneLineParser:
         help="write terrain, towers, range of the ropes and clearance, as .csv, or .dxf for CAD (needs ezdxf)",
     )
     return result
-
-
-def _write(path: str, line: Line, write: Callable[[TextIO, Line], None]) -> None:
-    if path == STDOUT:
-        write(sys.stdout, line)
-        return
-    with open(path, "w", encoding="utf-8", newline="") as file:
-        write(file, line)
 
 
 def _rows(line: Line) -> tuple[list[str], list[list[float | None]]]:

@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 from rich.console import Console
 
-from cable_twin.basics.limited_yaml import UnreadableYamlError, read_yaml
+from cable_twin.basics.limited_yaml import read_mapping
 from cable_twin.frame.sensors import standard_sensors
 from cable_twin.messages import TopicNames
 from cable_twin.messages.sensor_messages import PLANT, plant_names
@@ -154,17 +154,11 @@ def with_usual_sensors(simulation: Simulation, seed: int = 0) -> Simulation:
 
 def _read_sensors(path: Path) -> dict[str, Any]:
     """Read a YAML file of sensors by name, in the form of the section `sensors` of a scenario."""
-    try:
-        content = read_yaml(path.read_text(encoding="utf-8")).content
-    except OSError as error:
-        raise ScriptError(f"{path}: {error.strerror or error}") from None
-    except (UnreadableYamlError, ValueError) as error:
-        raise ScriptError(f"{path}: {str(error).splitlines()[0]}") from None
-    if isinstance(content, dict) and [*content] == ["sensors"]:
-        content = content["sensors"]
-    if not isinstance(content, dict) or not content:
+    content = read_mapping(path, ScriptError, "sensors", ["sensors by name, as in `sensors` of a scenario"])
+    sensors = content["sensors"] if [*content] == ["sensors"] else content
+    if not isinstance(sensors, dict) or not sensors:
         raise ScriptError(f"{path}: given no sensors; allowed: sensors by name, as in `sensors` of a scenario")
-    return content
+    return sensors
 
 
 def _record(

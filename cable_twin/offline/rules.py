@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from textwrap import fill
 from typing import Any
 
 from rich import box
@@ -21,6 +20,7 @@ from cable_twin.key_figures.rules.subjects import ROLES
 from cable_twin.key_figures.rules.verdicts import NOT_DECIDED, OUTSIDE, words
 from cable_twin.offline.figure_table import table_console
 from cable_twin.offline.simulate_options import add_changes
+from cable_twin.offline.verdict_table import say
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 from cable_twin.scenario.checks.limits import profile_names
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -105,8 +105,8 @@ def _print_profiles(console: Console, profiles: Sequence[Profile]) -> None:
         counts = [str(number) for number in counts_of(document)]
         table.add_row(name, escape(f"{document.jurisdiction}: {document.document}"), document.edition, *counts)
     console.print(table)
-    _say(console, "one way: the figure is a bound of what the rule compares, so that it decides on one side alone")
-    _say(console, "by load case: in a load case of the document, which a scenario states in limits.load_cases")
+    say(console, "one way: the figure is a bound of what the rule compares, so that it decides on one side alone")
+    say(console, "by load case: in a load case of the document, which a scenario states in limits.load_cases")
 
 
 def markdown() -> list[str]:
@@ -139,10 +139,10 @@ def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _print_checks(console: Console, profile: Profile) -> None:
     document = profile.document
-    _say(console, f"{profile.name}: {document.jurisdiction}, {document.document}; {document.edition}")
+    say(console, f"{profile.name}: {document.jurisdiction}, {document.document}; {document.edition}")
     for note in (document.status, document.address, f"for {document.carries}: {', '.join(document.systems)}"):
         if note:
-            _say(console, f"  {note}")
+            say(console, f"  {note}")
     table = Table("rule", "clause", "what", "limit", "of, or why not", box=box.SIMPLE_HEAD, pad_edge=False)
     for name, check in document.checks.items():
         doubt = f" [dim](doubt: {escape(check.doubt)})[/]" if check.doubt else ""
@@ -192,10 +192,10 @@ def _print_decidable(console: Console, scenario: Scenario, profiles: Sequence[Pr
             kind = _kind(one.state, bool(one.limits))
             why = kind if kind == "can be decided" else f"{kind}: {one.reason}"
             table.add_row(one.check, escape(one.clause), escape(one.text), escape(why))
-        _say(console, f"{profile.name} for {scenario.name} at its start")
+        say(console, f"{profile.name} for {scenario.name} at its start")
         console.print(table)
         told = ", ".join(f"{number} {kind}" for kind, number in counts.items())
-        _say(console, f"  {len(own)} checks with a figure: {told}")
+        say(console, f"  {len(own)} checks with a figure: {told}")
 
 
 def _kind(state: str, compared: bool) -> str:
@@ -226,10 +226,6 @@ def _print_vocabulary(console: Console) -> None:
         for name, text in rows.items():
             table.add_row(escape(name), escape(text))
         console.print(table)
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(fill(text, console.width, subsequent_indent="    "), markup=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

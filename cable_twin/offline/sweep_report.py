@@ -5,11 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import math
-import sys
 from collections.abc import Collection, Sequence
-from contextlib import nullcontext
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -17,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cable_twin.basics.units import rounded, shown_unit
-from cable_twin.offline.export import STDOUT, figure_columns
+from cable_twin.offline.export import figure_columns, opened
 from cable_twin.offline.figure_table import print_notes, shown
 from cable_twin.offline.sweep_limits import Edge, SweptFigure, SweptRun, Window, keeps_all
 
@@ -149,7 +146,7 @@ def write_csv(path: str, key: str, runs: Sequence[SweptRun]) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         head = False
         for run in runs:
@@ -176,7 +173,7 @@ def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windo
     if windows and keeps_all(runs[0]):
         far = windows[0].high if runs[-1].value >= runs[0].value else windows[0].low
         operating = _edge(far) if far.figure is not None else None
-    with _opened(path) as file:
+    with opened(path) as file:
         content = {"sweep": sweep, "operating_limit": operating, "windows": stretches, "runs": found}
         json.dump(content, file, indent=1, allow_nan=False)
         file.write("\n")
@@ -185,10 +182,3 @@ def write_json(path: str, sweep: dict[str, Any], runs: Sequence[SweptRun], windo
 def _edge(one: Edge) -> dict[str, Any]:
     name, key = (None, None) if one.figure is None else (one.figure.name, str(one.figure.id))
     return {"value": one.value, "key_figure": name, "id": key}
-
-
-def _opened(path: str) -> Any:
-    if path == STDOUT:
-        stream: TextIO = sys.stdout
-        return nullcontext(stream)
-    return Path(path).open("w", encoding="utf-8", newline="")

@@ -54,7 +54,7 @@ def print_verdicts(
     if len(profiles) > 1:
         _print_differences(console, profiles, verdicts)
         for one, two in clashes(asked_by(scenario, profiles)) if scenario is not None else ():
-            _say(console, f"nothing keeps both: {_demand(one)}, and {_demand(two)}", style="bold red")
+            say(console, f"nothing keeps both: {_demand(one)}, and {_demand(two)}", style="bold red")
 
 
 def _demand(one: Asked) -> str:
@@ -69,7 +69,7 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
     wide = console.width >= WIDE
     document = profile.document
     edition = "" if document.edition in document.document else f", {document.edition}"
-    _say(console, f"{profile.name}: {document.jurisdiction}, {document.document}{edition}")
+    say(console, f"{profile.name}: {document.jurisdiction}, {document.document}{edition}")
     shown = [one for one in verdicts if one.state != OUTSIDE and one.limits]
     if shown:
         table = Table("rule", "clause", "what", box=box.SIMPLE_HEAD, pad_edge=False)
@@ -88,18 +88,18 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
         console.print(table)
     for one in verdicts:
         if one.state in (NOT_KEPT, WAIVABLE):
-            _say(console, f"  {sentence(one)}", style=STYLES[one.state])
+            say(console, f"  {sentence(one)}", style=STYLES[one.state])
     reasons: dict[str, list[str]] = {}
     for one in verdicts:
         if one.state == NOT_DECIDED:
             reasons.setdefault(one.reason, []).append(one.check)
     for reason, checks in reasons.items():
-        _say(console, f"  not decided, {', '.join(checks)}: {reason}")
+        say(console, f"  not decided, {', '.join(checks)}: {reason}")
     counts = Counter(one.state for one in verdicts)
     told = ", ".join(f"{counts[state]} {state}" for state in STATES if counts[state])
     beyond = counts_of(document).not_decidable
     number = f"{len(verdicts)} {'check' if len(verdicts) == 1 else 'checks'}"
-    _say(console, f"  {number}: {told}; {beyond} more no figure decides (rules {profile.name})")
+    say(console, f"  {number}: {told}; {beyond} more no figure decides (rules {profile.name})")
     console.print()
 
 
@@ -120,9 +120,9 @@ def _print_differences(console: Console, profiles: Sequence[Profile], verdicts: 
     if table.row_count:
         console.print(table)
     elif not alone:
-        _say(console, "the profiles agree in all that they compare")
+        say(console, "the profiles agree in all that they compare")
     for name, whats in alone.items():
-        _say(console, f"only {name} has a rule on {'; '.join(whats)}")
+        say(console, f"only {name} has a rule on {'; '.join(whats)}")
     console.print()
 
 
@@ -138,7 +138,8 @@ def _subject(one: RuleVerdict) -> str:
     return one.figure.name.partition(": ")[0] if ": " in one.figure.name else ""
 
 
-def _say(console: Console, text: str, style: str | None = None) -> None:
+def say(console: Console, text: str, style: str | None = None) -> None:
+    """Print a text, filled to the width of a console, with all lines but the first one indented."""
     console.print(fill(text, console.width, subsequent_indent="    "), markup=False, soft_wrap=True, style=style)
 
 

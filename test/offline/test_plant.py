@@ -61,7 +61,8 @@ def test_the_bag_is_a_log_with_the_values_of_the_plant_and_its_sensors(bag):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[]", "given no sensors; allowed: sensors by name"),
+        ("[]", "given []; allowed: a mapping with sensors by name"),
+        ("{}", "given no sensors; allowed: sensors by name"),
         ("a: {kind: radar, of: cabin}", "sensors.a.kind: given 'radar'"),
         ("a: {kind: encoder, of: cabin, lost: 2}", "sensors.a.lost: given 2"),
     ],
