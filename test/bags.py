@@ -1,13 +1,17 @@
-"""Bags for tests: altered, damaged and cut copies of recorded runs."""
+"""Bags for tests: altered, damaged and cut copies of recorded runs, and rerun's own tools for them."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from itertools import product
 from pathlib import Path
 
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
+
+RERUN = Path(sys.executable).with_name("rerun")
 
 
 def bag(run: Path) -> Path:
@@ -122,3 +126,10 @@ NO_BAGS = {
     "empty": (empty_file, "not a bag"),
     "directory": (empty_directory, "not a log: given 0 .mcap files; allowed: those of one run"),
 }
+
+
+def rerun_command(*arguments):
+    """Run one of rerun's own tools; returns its output."""
+    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout + run.stderr

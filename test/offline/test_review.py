@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import alter, bag, cut_short
+from bags import alter, bag, cut_short, rerun_command
 from matplotlib.image import imread
 from named_figures import named
 from recorded_run import snapshots_of
@@ -26,7 +26,6 @@ from cable_twin.offline.review import main, print_differences
 from cable_twin.offline.thinned_series import POINTS, Series, compare
 from cable_twin.recording.log_reader import read_log
 
-RERUN = Path(sys.executable).with_name("rerun")
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"
 PLOTS = {"rope.png", "tension.png", "speed.png", "swing.png", "drive.png", "contact_forces.png"}
 
@@ -95,15 +94,6 @@ def test_plots_show_something(runs, tmp_path, capsys, count):
         assert coloured.mean() > 1e-3, path.name
 
 
-def verify(recording):
-    subprocess.run([RERUN, "rrd", "verify", str(recording)], check=True, timeout=300)
-
-
-def entities(recording) -> str:
-    arguments = [RERUN, "rrd", "print", str(recording)]
-    return subprocess.run(arguments, check=True, timeout=300, capture_output=True, text=True).stdout
-
-
 def test_recording_of_the_run_is_used_where_there_is_one(runs, no_display, capsys):
     before = sorted(runs[0].iterdir())
     assert main([str(runs[0])]) == 0
@@ -121,8 +111,9 @@ def test_recording_is_made_from_the_bag_where_there_is_none(runs, tmp_path, no_d
     assert main([str(alone)]) == 0
     assert f"rerun recording: {tmp_path / 'alone_review.rrd'}" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"alone.mcap", "alone_review.rrd"}
-    verify(tmp_path / "alone_review.rrd")
-    made, original = entities(tmp_path / "alone_review.rrd"), entities(runs[0] / f"{runs[0].name}_0.rrd")
+    rerun_command("rrd", "verify", tmp_path / "alone_review.rrd")
+    recordings = (tmp_path / "alone_review.rrd", runs[0] / f"{runs[0].name}_0.rrd")
+    made, original = (rerun_command("rrd", "print", one) for one in recordings)
     paths = [set(re.findall(r"/?(?:track|plots|readout|commands)[\w/]*", text)) for text in (made, original)]
     assert paths[0] == paths[1]
     assert len(paths[0]) > 8
@@ -158,8 +149,8 @@ def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, no_display, ca
     assert float(b_there) - float(a_there) == pytest.approx(float(largest), rel=1e-4)
     recording = copies[0] / "run0_and_run1.rrd"
     assert f"rerun recording: {recording}" in output
-    verify(recording)
-    text = entities(recording)
+    rerun_command("rrd", "verify", recording)
+    text = rerun_command("rrd", "print", recording)
     for path in ("a/track/rope", "b/track/rope", "a/plots/speed/cabin", "b/plots/speed/cabin", "b/commands"):
         assert path in text
 
@@ -177,7 +168,7 @@ def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, no_dis
     assert float(column(second, "speed/cabin")[0]) == pytest.approx(3.0, abs=0.02)
     assert "of a and c" in third
     assert column(third, "speed/cabin")[:2] == ["0", "0"]
-    text = entities(tmp_path / "x" / "x_and_y_and_z.rrd")
+    text = rerun_command("rrd", "print", tmp_path / "x" / "x_and_y_and_z.rrd")
     assert all(f"{root}/plots/speed/cabin" in text for root in "abc")
     assert {path.name for path in (tmp_path / "plots").iterdir()} == PLOTS
     assert all(imread(path).shape[1] > 1000 for path in (tmp_path / "plots").iterdir())

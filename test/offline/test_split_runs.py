@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -13,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from bags import damage_middle, flip_bit
+from bags import damage_middle, flip_bit, rerun_command
 from mcap.reader import make_reader
 from recorded_run import EPOCH
 from rosbags.highlevel import AnyReader
@@ -32,7 +30,6 @@ from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.snapshot_file import read_full_state
 
-RERUN = Path(sys.executable).with_name("rerun")
 DURATION = 7.5  # s
 SELDOM = dict.fromkeys(("joints", "poses", "forces", "rope", "path", "clock"), 0.2)  # Hz, less than a file lasts
 
@@ -97,7 +94,7 @@ def test_files_begin_with_the_frame_of_their_state(split):
 
 def test_recordings_are_whole_and_all_are_shown(split, no_display, capsys):
     recordings = [str(file.with_suffix(".rrd")) for file in bags(split)]
-    subprocess.run([RERUN, "rrd", "verify", *recordings], check=True, capture_output=True, timeout=300)
+    rerun_command("rrd", "verify", *recordings)
     assert review.main([str(split)]) == 0
     output = capsys.readouterr().out
     assert "files 0 to 3, complete; scenario small_tramway, 7.50 s, 376 frames, 8 commands" in output
@@ -335,7 +332,7 @@ def test_disk_that_fills_up_before_a_split_leaves_all_readable(tmp_path):
         assert log.end > 3.0
         assert replay.main([str(run.directory)]) == 0
         assert repaired(run.directory) == sum(1 for _ in log.messages())
-        subprocess.run([RERUN, "rrd", "verify", bags(run.directory)[0].with_suffix(".rrd")], check=True, timeout=300)
+        rerun_command("rrd", "verify", bags(run.directory)[0].with_suffix(".rrd"))
     finally:
         disk.release()
 

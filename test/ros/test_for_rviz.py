@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import sys
 from collections import Counter
 from functools import partial
 from importlib import import_module
@@ -15,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from bags import rerun_command
 from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 from small_tramway import IN_SPACE, TRAMWAY
@@ -467,11 +466,8 @@ def test_reruns_own_loader_shows_rope_and_vehicles_of_a_bag(shown, tmp_path):
             log.write(topic, encoder.stamp_ns(moment), data)
     log.close()
     loaded = tmp_path / "run.rrd"
-    for arguments in (["mcap", "convert", str(log.path), "-o", str(loaded)], ["rrd", "print", "-v", str(loaded)]):
-        result = subprocess.run(
-            [sys.executable, "-m", "rerun", *arguments], capture_output=True, text=True, timeout=300, check=True
-        )
-    shown_by_rerun = result.stdout
+    rerun_command("mcap", "convert", log.path, "-o", loaded)
+    shown_by_rerun = rerun_command("rrd", "print", "-v", loaded)
     assert "cable@Points3D:positions" in shown_by_rerun
     assert "@Transform3D:parent_frame" in shown_by_rerun
     boxed = set(re.findall(r"/visual_geometries/(\S+)/visual_\d+@Boxes3D:half_sizes", shown_by_rerun))

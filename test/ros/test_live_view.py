@@ -5,12 +5,12 @@ from __future__ import annotations
 import signal
 import socket
 import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
 import psutil
 import pytest
+from bags import RERUN, rerun_command
 from twin_process import wait_until, write_quick_scenario
 
 from cable_twin.recording.log_reader import read_log
@@ -22,7 +22,6 @@ pytestmark = pytest.mark.long
 FRAME = 10_000_000  # ns
 PORT = 9876
 ADDRESS = f"rerun+http://127.0.0.1:{PORT}/proxy"
-RERUN = Path(sys.executable).with_name("rerun")
 MUCH = 200_000  # bytes of a picture that moves
 
 
@@ -81,5 +80,4 @@ def test_recording_goes_on_while_viewers_come_hang_and_die(processes, participan
     assert len(stamps) > 300
     assert [after - before for before, after in pairwise(stamps)] == [FRAME] * (len(stamps) - 1)
     (recording,) = sim.run_directory.glob("*.rrd")
-    stored = subprocess.run([RERUN, "rrd", "stats", recording], capture_output=True, text=True, check=False)
-    assert stored.returncode == 0, stored.stdout + stored.stderr
+    rerun_command("rrd", "stats", recording)

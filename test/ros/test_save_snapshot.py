@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from bags import bag
+from bags import bag, rerun_command
 from rosbags.highlevel import AnyReader
 from twin_process import LOG_EVERY_FRAME, environment, refused_starts, write_quick_scenario
 
@@ -20,8 +18,6 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.services import NothingSavedError, SnapshotWriter
-
-RERUN = str(Path(sys.executable).with_name("rerun"))
 
 
 def motion(log: Log) -> dict[tuple[str, int], bytes]:
@@ -74,8 +70,7 @@ def test_second_node_goes_on_with_the_same_bits(processes, participants, tmp_pat
 
     for log in (run, rest):
         replayed(log)
-    check = subprocess.run([RERUN, "mcap", "check", bag(rest)], capture_output=True, text=True, check=False)
-    assert check.returncode == 0, check.stdout + check.stderr
+    rerun_command("mcap", "check", bag(rest))
     with AnyReader([rest]) as reader:
         assert reader.message_count > 1000
 

@@ -17,7 +17,7 @@ from urllib.request import urlopen
 
 import psutil
 import pytest
-from bags import bag
+from bags import bag, rerun_command
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
@@ -39,7 +39,6 @@ pytest.importorskip("rclpy")
 from std_srvs.srv import SetBool, Trigger
 
 FRAME = 10_000_000  # ns
-RERUN = str(Path(sys.executable).with_name("rerun"))
 
 
 def check_logs(run: Path) -> int:
@@ -61,9 +60,8 @@ def check_logs(run: Path) -> int:
     assert summary.statistics.channel_message_counts[topics["/cable_twin/scenario"]] == 1
     metadata = YAML(typ="safe").load(run / "metadata.yaml")["rosbag2_bagfile_information"]
     assert metadata["message_count"] == summary.statistics.message_count
-    for command in (["mcap", "check", bag], ["rrd", "verify", recording]):
-        result = subprocess.run([RERUN, *map(str, command)], capture_output=True, text=True, timeout=300, check=False)
-        assert result.returncode == 0, result.stdout + result.stderr
+    rerun_command("mcap", "check", bag)
+    rerun_command("rrd", "verify", recording)
     assert read_log(run).complete
     return len(decoded)
 

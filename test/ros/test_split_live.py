@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import rerun_command
 from rosbags.highlevel import AnyReader
 from split_run import bags
 from twin_process import wait_until
@@ -18,7 +16,6 @@ from cable_twin.recording.log_reader import read_log
 
 pytest.importorskip("rclpy")
 
-RERUN = Path(sys.executable).with_name("rerun")
 FRAME = 10_000_000  # ns
 
 
@@ -59,4 +56,4 @@ def test_split_run_has_every_frame_and_replays(quick_twin, replayed):
         replayed(path)
     recordings = sorted(sim.run_directory.glob("*.rrd"))
     assert [file.with_suffix(".mcap") for file in recordings] == sorted(bags(sim.run_directory))
-    subprocess.run([RERUN, "rrd", "verify", *recordings], check=True, capture_output=True, timeout=300)
+    rerun_command("rrd", "verify", *recordings)

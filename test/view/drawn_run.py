@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,6 @@ from cable_twin.frame.records import AppliedCommand, CableSamples, CarriageState
 from cable_twin.geometry.bodies import outline_from_pivots
 from cable_twin.view.rerun_view import RerunView
 
-RERUN = Path(sys.executable).with_name("rerun")
 SPAN, RISE, WEIGHT = 1000.0, 150.0, 60.0  # m, m, N/m
 LOAD, HORIZONTAL = 90e3, 420e3  # N of the cabin, N of rope pull
 FRAMES, RATE = 1500, 100.0
@@ -99,13 +96,6 @@ def column(path, entity, component):
                 values += batch.column(component).to_pylist()
     order = np.argsort(times, kind="stable")
     return np.array(times)[order] / 1e9, [values[index] for index in order]
-
-
-def rerun_command(*arguments):
-    """Run one of rerun's own tools; returns its output."""
-    run = subprocess.run([RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=300, check=False)
-    assert run.returncode == 0, run.stderr
-    return run.stdout + run.stderr
 
 
 def static(path: Path, entity: str, component: str) -> list[Any]:

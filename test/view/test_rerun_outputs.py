@@ -8,11 +8,12 @@ import warnings
 from pathlib import Path
 
 import pytest
+from bags import RERUN, rerun_command
 
 rr = pytest.importorskip("rerun")
 psutil = pytest.importorskip("psutil")  # rerun brings it
 
-from drawn_run import OUTLINES, RATE, RERUN, column, commands, rerun_command, snapshot_at  # noqa: E402
+from drawn_run import OUTLINES, RATE, column, commands, snapshot_at  # noqa: E402
 from twin_process import wait_until  # noqa: E402
 
 from cable_twin.view.rerun_view import RerunView  # noqa: E402

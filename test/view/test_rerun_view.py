@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import rerun_command
 
 rr = pytest.importorskip("rerun")
 
@@ -17,7 +18,6 @@ from drawn_run import (  # noqa: E402
     SPAN,
     column,
     draw,
-    rerun_command,
     rope_height,
     snapshot_at,
 )

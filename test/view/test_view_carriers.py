@@ -7,7 +7,8 @@ import pytest
 
 pytest.importorskip("rerun")
 
-from drawn_run import RATE, column, rerun_command
+from bags import rerun_command
+from drawn_run import RATE, column
 from hand_made_snapshot import body_in_plane, snapshot_of
 from rerun.chunk import RrdReader
 

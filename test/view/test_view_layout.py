@@ -8,7 +8,8 @@ import pytest
 
 pytest.importorskip("rerun")
 
-from drawn_run import OUTLINES, RERUN, column, draw, rerun_command, snapshot_at
+from bags import RERUN, rerun_command
+from drawn_run import OUTLINES, column, draw, snapshot_at
 from rerun.chunk import RrdReader
 from twin_process import wait_until
 

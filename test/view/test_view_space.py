@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("rerun")
 
-from drawn_run import column, rerun_command
+from bags import rerun_command
+from drawn_run import column
 from rerun.chunk import RrdReader
 from small_tramway import IN_SPACE, TRAMWAY
 
