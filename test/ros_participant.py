@@ -22,6 +22,11 @@ from cable_twin.ros.startup import remove_unfinished_ports
 AGAIN = 10.0  # s after which a call without an answer is made again
 
 
+def values_of(status: Any) -> dict[str, str]:
+    """Values of a status by key."""
+    return {pair.key: pair.value for pair in status.values}
+
+
 class Participant:
     """Node in the process of a test, in the ROS domain of a twin."""
 
@@ -144,6 +149,12 @@ class Participant:
         """Arc length (m) of the first carriage in the newest joint states."""
         return float(self.received["joint_states"][-1].position[0])
 
+    def joint(self, name: str) -> tuple[float, float]:
+        """Position and speed of a joint in the newest joint states, which are SI."""
+        message = self.received["joint_states"][-1]
+        row = list(message.name).index(name)
+        return float(message.position[row]), float(message.velocity[row])
+
     @property
     def applied(self) -> list[AppliedCommand]:
         """Applied commands; their times are those since 1970."""
@@ -159,7 +170,7 @@ class Participant:
         """Level and message of the worst task in the newest diagnostics except limits, and the values of all tasks."""
         tasks = [status for status in self.received["/diagnostics"][-1].status if not status.name.endswith("limits")]
         worst = max(tasks, key=lambda status: int(status.level))  # the first of them: pace
-        values = {pair.key: pair.value for status in tasks for pair in status.values}
+        values = {key: value for status in tasks for key, value in values_of(status).items()}
         return int(worst.level), worst.message, values
 
     def next_diagnostics(self) -> tuple[int, str, dict[str, str]]:

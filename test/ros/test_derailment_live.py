@@ -13,6 +13,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_participant import values_of
 
 LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -29,7 +30,7 @@ def test_the_event_is_told_everywhere_and_to_who_comes_late(processes, participa
     wind.publish(Vector3Stamped(vector=Vector3(x=0.0, y=-50.0, z=0.0)))
     (message,) = participant.until(lambda: participant.received["derailments"], what="an event")
     (status,) = message.status
-    values = {pair.key: pair.value for pair in status.values}
+    values = values_of(status)
     assert (status.level, status.name, values["how"]) == (2, "tower", "outward to the right")
     assert "x 100.0, y 0.0, z 2.0 m" in status.message
     passed = "limit not kept: tower: derailed: 1 at"

@@ -34,8 +34,7 @@ def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, processes
     process.wait_for("drive: haul_rope; carriages: chair_1 to chair_6; commands on")
 
     def speed():
-        message = participant.received["joint_states"][-1]
-        return message.velocity[message.name.index("haul_rope")]
+        return participant.joint("haul_rope")[1]
 
     drive = processes("haul_rope", "--speed", "2", *WAIT, module="ros.client.drive", domain=process.domain)
     participant.until(lambda: speed() > 1.0, what="motion")
@@ -54,9 +53,7 @@ def test_the_rope_goes_by_to_a_place(lift, processes):
     process, participant = lift
 
     def rope():
-        message = participant.received["joint_states"][-1]
-        row = message.name.index("haul_rope")
-        return message.position[row], message.velocity[row]
+        return participant.joint("haul_rope")
 
     participant.until(lambda: rope()[1] == 0.0, what="stop")
     target = rope()[0] - 7.5

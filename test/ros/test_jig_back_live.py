@@ -14,7 +14,6 @@ from cable_twin.recording.log_reader import read_log, read_snapshots
 from cable_twin.simulation import Simulation
 
 pytest.importorskip("rclpy")
-from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 HOSTILE = (
@@ -33,26 +32,21 @@ def test_it_is_driven_stopped_and_killed_and_its_log_agrees_to_the_last_bit(proc
     twin = participants(sim.domain)
     twin.subscribe_standard()
 
-    def joint(name: str) -> tuple[float, float]:
-        state: JointState = twin.received["joint_states"][-1]
-        row = list(state.name).index(name)
-        return float(state.position[row]), float(state.velocity[row])
-
     for command, said in HOSTILE:
         with twin.stream(**command):  # what is refused is told once a second
             twin.until(lambda said=said: said in sim.output, what=said)
     twin.publish(name=["haul_rope"], position=[1.5])
-    twin.until(lambda: abs(joint("haul_rope")[0] - 1.5) < 0.1, COMPILING, "1.5 m of rope gone by")
+    twin.until(lambda: abs(twin.joint("haul_rope")[0] - 1.5) < 0.1, COMPILING, "1.5 m of rope gone by")
     with twin.stream(name=["haul_rope"], velocity=[5.0]):
-        twin.until(lambda: joint("haul_rope")[1] > 0.5, what="0.5 m/s")
+        twin.until(lambda: twin.joint("haul_rope")[1] > 0.5, what="0.5 m/s")
     assert twin.call("emergency_stop", SetBool, data=True).success
-    twin.until(lambda: abs(joint("haul_rope")[1]) < 1e-6, what="the emergency stop")
+    twin.until(lambda: abs(twin.joint("haul_rope")[1]) < 1e-6, what="the emergency stop")
     saved = Path(twin.call("save_snapshot", Trigger).message.partition(": ")[2])
     assert twin.call("emergency_stop", SetBool, data=False).success
     twin.publish(name=["haul_rope"], position=[0.0])
     # another severity at the logger than that of the goal above
     twin.until(lambda: "haul_rope has arrived at" in sim.output.rpartition("emergency stop released")[2], COMPILING)
-    assert joint("haul_rope")[0] > -1e-6
+    assert twin.joint("haul_rope")[0] > -1e-6
     assert "view stopped" not in sim.output
     sim.send(signal.SIGKILL)
     sim.wait()

@@ -15,6 +15,7 @@ from cable_twin.scenario import load_scenario
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from ros_participant import values_of
 
 SWING = "cabin: swing along the track"
 
@@ -38,7 +39,7 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
         participant.until(lambda: figures()[SWING].level == 1, what="a warning")
     participant.next_diagnostics()
     status = figures()[SWING]
-    values = {pair.key: pair.value for pair in status.values}
+    values = values_of(status)
     assert (values["unit"], values["limit"], values["bound"]) == ("rad", "0.02", "at most")
     assert float(values["value"]) > 0.02
     assert "arc length" in values["place"]
@@ -48,7 +49,7 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
     (line,) = [line for line in sim.output.splitlines() if f"limit not kept: {SWING}" in line]
     assert "allowed: at most 1.146 deg (scenario: limits.swing)" in line
     assert participant.received["supports/tower_1/force"]
-    acceleration = {pair.key: pair.value for pair in figures()["cabin: vehicle acceleration"].values}
+    acceleration = values_of(figures()["cabin: vehicle acceleration"])
     assert acceleration["band"].startswith("smoothed twice with a moving average")
     assert sim.end() == 0
 
@@ -69,7 +70,7 @@ def test_a_limit_that_is_passed_is_told_everywhere_and_once(processes, participa
                 take(item)
     earlier = {figure.name: figure.value for figure in before.figures()}
     for figure in after.figures():
-        value = float({pair.key: pair.value for pair in told[figure.name].values}["value"])
+        value = float(values_of(told[figure.name])["value"])
         if (
             "deropement" not in figure.name and "roller" not in figure.name
         ):  # of every step live, of every frame from the log

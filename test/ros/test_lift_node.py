@@ -137,8 +137,7 @@ def test_bullwheels_are_told_and_what_is_beside_the_limits_is_refused(running):
     assert found["drive/on"][2] > found["drive/off"][2] > found["return/on"][2] > 1e5
     assert -4.0 < found["return/carriage"][0] < 4.0
     assert abs(found["drive/on"][0]) < 1e-3  # no slip
-    joints = received["joint_states"][-1]
-    place, rate = (numbers[joints.name.index("haul_rope")] for numbers in (joints.position, joints.velocity))
+    place, rate = participant.joint("haul_rope")
     assert place == pytest.approx(found["drive"][0], abs=1.0)
     assert rate == pytest.approx(2.0, abs=0.1) or place < 20.0
 

@@ -18,12 +18,9 @@ from cable_twin.simulation import Simulation
 
 pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray
+from ros_participant import values_of
 
 SWING, STOP = "as commanded: cabin: swing along the track", "emergency stop: cabin: stopping distance"
-
-
-def values(status):
-    return {pair.key: pair.value for pair in status.values}
 
 
 def test_what_would_come_is_told_before_it_comes(processes, participants, tmp_path):
@@ -36,13 +33,13 @@ def test_what_would_come_is_told_before_it_comes(processes, participants, tmp_pa
     def newest():
         return {one.name: one for one in participant.received["outlook"][-1].status}
 
-    participant.until(lambda: STOP.split(": ", maxsplit=1)[0] in values(newest()["outlook"]), what="an outlook")
+    participant.until(lambda: STOP.split(": ", maxsplit=1)[0] in values_of(newest()["outlook"]), what="an outlook")
     assert STOP not in newest()
     with participant.stream(name=["cabin"], velocity=[3.0]):
         participant.until(lambda: STOP in newest() and newest()[SWING].level == 1, what="a stop and a warning")
         participant.until(lambda: "outlook from " in sim.output, what="a line in the log")
     told = newest()
-    head, swing = values(told["outlook"]), values(told[SWING])
+    head, swing = values_of(told["outlook"]), values_of(told[SWING])
     assert float(head["horizon_s"]) == 3.0
     assert float(head["age_s"]) >= float(head["took_s"]) > 0.0
     assert float(head["time_s"]) <= float(swing["passed_s"]) <= float(swing["time_s"])

@@ -17,7 +17,7 @@ pytest.importorskip("paho.mqtt")
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped, WrenchStamped
 from plant_servers import PASSWORD, USER, Mosquitto, OpcUa, OpcUaReader, free_port, listens, make_certificate
-from ros_participant import Participant
+from ros_participant import Participant, values_of
 from sensor_msgs.msg import JointState, Temperature
 
 from cable_twin.messages import SECOND
@@ -151,7 +151,7 @@ class Plant:
     def figures(self, name):
         """Figures of a connection in the newest diagnostics."""
         status = self.status(name)
-        return {} if status is None else {pair.key: pair.value for pair in status.values}
+        return {} if status is None else values_of(status)
 
     def close(self):
         self.ros.close()
