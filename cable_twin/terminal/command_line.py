@@ -216,12 +216,17 @@ def number(low: float, high: float, unit: str = "", *, zero: bool = False) -> Ca
     return convert
 
 
-def whole_number(low: int, high: int) -> Callable[[str], int]:
-    """Make a parser of option values: a whole number within bounds."""
+def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
+    """Make a parser of option values: a whole number within bounds, above without one where somebody else knows it."""
+    allowed = f"a whole number from {low} " + ("on" if high is None else f"to {high}")
 
     def convert(text: str) -> int:
-        if not (text.isascii() and text.isdigit() and len(text) < DIGITS and low <= int(text) <= high):
-            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: a whole number from {low} to {high}")
+        if (
+            not (text.isascii() and text.isdigit() and len(text) < DIGITS)
+            or int(text) < low
+            or (high is not None and int(text) > high)
+        ):
+            raise argparse.ArgumentTypeError(f"given {text!r}; allowed: {allowed}")
         return int(text)
 
     return convert

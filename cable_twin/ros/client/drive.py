@@ -20,7 +20,6 @@ from cable_twin.ros.startup import Ending, prepare_middleware, print_hint, rcl_f
 from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, faults_reported, number, whole_number
 
 DISCOVERY = 10.0  # s to find the twin, unless --wait is given
-MOST_FRAMES = 1_000_000  # of one step, as the twin has it
 # requests that are no commands: service, its argument, and help
 ACTIONS: dict[str, tuple[str, bool | None, str]] = {
     "pause": ("pause", True, "pause the simulation"),
@@ -80,9 +79,7 @@ def parser() -> OneLineParser:
             what.add_argument(option, action="store_true", help=kind.help)
     for action, (_, _, text) in ACTIONS.items():
         what.add_argument(f"--{action}", action="store_true", help=text)
-    what.add_argument(
-        "--step", type=whole_number(1, MOST_FRAMES), metavar="N", help="advance a paused twin by N frames"
-    )
+    what.add_argument("--step", type=whole_number(1), metavar="N", help="advance a paused twin by N frames")
     what.add_argument(
         "--to",
         metavar="PLACE",
