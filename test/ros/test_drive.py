@@ -1,4 +1,4 @@
-"""Command `drive` beside a running twin, without one, and with refused commands."""
+"""Command `drive` beside a running twin and a lift, without one, and with refused commands."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
+from test_moving_cable_twin import short_scenario
 from twin_process import COMPILING, PATIENCE, TwinProcess, allocate_domain, environment, wait_until
 
 from cable_twin.frame.commands import KINDS
 from cable_twin.frame.records import Command, CommandError
+from cable_twin.runtime.point_to_point import STATIONS, target_of
+from cable_twin.scenario import command_fault, load_scenario
+from cable_twin.simulation.command_handlers import check_drive
 
 pytest.importorskip("rclpy")
 from ros_participant import Participant
@@ -23,9 +28,6 @@ from std_srvs.srv import SetBool, Trigger
 
 from cable_twin.ros.client.drive import main, parser
 from cable_twin.ros.node import SecondTwinError, check_single_instance
-from cable_twin.runtime.point_to_point import STATIONS, target_of
-from cable_twin.scenario import command_fault, load_scenario
-from cable_twin.simulation.command_handlers import check_drive
 
 STOP = Command("speed", {"cabin": 0.0})
 TIME = r"\d+\.\d{3} s of simulated time"
@@ -46,12 +48,15 @@ def twin(running):
     return participant
 
 
+def driven(processes, domain: int, *arguments: str) -> TwinProcess:
+    """Start `drive` in a domain."""
+    return processes(*arguments, "--wait", str(PATIENCE), module="ros.client.drive", domain=domain)
+
+
 @pytest.fixture
 def drive(running, processes):
     """Start `drive` beside the twin."""
-    return lambda *arguments: processes(
-        *arguments, "--wait", str(PATIENCE), module="ros.client.drive", domain=running[0].domain
-    )
+    return partial(driven, processes, running[0].domain)
 
 
 def finish(participant: Participant, process: TwinProcess) -> int:
@@ -217,7 +222,7 @@ def test_without_a_twin_or_with_a_paused_one_it_says_so(processes, quick_twin):
             ["--reset", "--node", "a b"],
             "argument --node: given 'a b'; allowed: the full name of a node, such as /b/cable_twin",
         ),
-        (["--step", "0"], "argument --step: given '0'; allowed: a whole number from 1 to 1000000"),
+        (["--step", "0"], "argument --step: given '0'; allowed: a whole number from 1 on"),
         (["--pause", "--resume"], "argument --resume: not allowed with argument --pause"),
         (
             ["cabin"],
@@ -446,3 +451,72 @@ def test_a_twin_of_another_machine_is_seen_by_what_it_publishes(participants):
     here.until(lambda: here.node.count_publishers("/test_participant/scenario"), what="discovery")
     with pytest.raises(SecondTwinError, match=rf"/test_participant runs already in ROS domain {domain}: .*second"):
         check_single_instance(here.node)
+
+
+@pytest.fixture(scope="module")
+def lift(tmp_path_factory):
+    """Running lift of six chairs, and a participant."""
+    directory = tmp_path_factory.mktemp("lift")
+    (directory / "lift.yaml").write_text(short_scenario().to_yaml())
+    process = TwinProcess(directory, "--scenario", "lift.yaml", "--record", "false")
+    participant = Participant(process.domain)
+    participant.subscribe_standard()
+    participant.until(lambda: participant.received["joint_states"])
+    yield process, participant
+    participant.close()
+    process.kill()
+
+
+@pytest.fixture
+def drive_lift(lift, processes):
+    """Start `drive` beside the lift."""
+    return partial(driven, processes, lift[0].domain)
+
+
+def test_the_rope_is_driven_stops_in_silence_and_in_an_emergency(lift, drive_lift):
+    process, participant = lift
+    process.wait_for("drive: haul_rope; carriages: chair_1 to chair_6; commands on")
+
+    def speed():
+        return participant.joint("haul_rope")[1]
+
+    driver = drive_lift("haul_rope", "--speed", "2")
+    participant.until(lambda: speed() > 1.0, what="motion")
+    driver.send(signal.SIGKILL)
+    participant.until(lambda: "no command for 0.5 s: haul_rope ramps to a stop" in process.output, what="time-out")
+    participant.until(lambda: speed() == 0.0, what="stop")
+    drive_lift("haul_rope", "--speed", "-2")
+    participant.until(lambda: speed() < -1.0, what="motion backwards")
+    assert participant.call("emergency_stop", SetBool, data=True).success
+    participant.until(lambda: speed() == 0.0, what="emergency stop")
+    assert participant.call("emergency_stop", SetBool, data=False).success
+
+
+@pytest.mark.long
+def test_the_rope_goes_by_to_a_place(lift, drive_lift):
+    process, participant = lift
+
+    def rope():
+        return participant.joint("haul_rope")
+
+    participant.until(lambda: rope()[1] == 0.0, what="stop")
+    target = rope()[0] - 7.5
+    driver = drive_lift("haul_rope", "--to", f"{target:.3f}")
+    assert finish(participant, driver) == 0, driver.output
+    participant.until(lambda: rope()[1] == 0.0, what="stop")
+    assert rope()[0] == pytest.approx(target, abs=0.1)
+
+    # a trip that is abandoned after one that has arrived
+    driver = drive_lift("haul_rope", "--to", f"{target + 50.0:.3f}")
+    participant.until(lambda: rope()[1] > 0.1, what="motion")
+    assert participant.call("emergency_stop", SetBool, data=True).success
+    finish(participant, driver)
+    why = "haul_rope: emergency stop from service took over"
+    assert f"drive: the twin has abandoned this trip: {why}" in driver.output
+    participant.until(lambda: f"goal abandoned: {why}" in process.output, what="line")
+    assert participant.call("emergency_stop", SetBool, data=False).success
+
+    driver = drive_lift("haul_rope", "--force", "5")
+    assert finish(participant, driver) == 1
+    allowed = "none, as this drive takes speeds only (m/s)"
+    assert driver.output == f"drive: force of 'haul_rope': given 5 N; allowed: {allowed}\n"

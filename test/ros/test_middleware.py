@@ -1,10 +1,11 @@
-"""Middleware settings of the twin's participants."""
+"""Middleware settings of the twin's participants, and the executor of its node."""
 
 from __future__ import annotations
 
 import os
 import socket
 import struct
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -14,6 +15,12 @@ from xml.etree import ElementTree
 
 import pytest
 from twin_process import COMPILING, write_quick_scenario
+
+pytest.importorskip("rclpy")
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from std_msgs.msg import String
 
 from cable_twin.ros.startup import (
     ANNOUNCED_EVERY,
@@ -27,11 +34,10 @@ from cable_twin.ros.startup import (
     _remove,
     _unfinished,
     discovery_time,
+    new_executor,
     remove_unfinished_ports,
     take_profile,
 )
-
-rclpy = pytest.importorskip("rclpy")
 
 BUILTIN_ENDPOINT_SET = 0x0058  # a parameter of what participants announce: RTPS 2.5, table 9.14
 TYPE_LOOKUP = 0xF000  # its bits of the service that asks for types: XTypes 1.3, 7.6.3.3.3
@@ -151,3 +157,35 @@ def parameter(content: bytes, order: str) -> int:
             return int(struct.unpack_from(f"{order}I", content, place + 4)[0])
         place += 4 + length
     raise AssertionError("a participant says nothing of its endpoints")
+
+
+@pytest.fixture
+def context(domain):
+    made = rclpy.Context()
+    rclpy.init(context=made, domain_id=domain)
+    yield made
+    made.try_shutdown()
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_events_where_there_are_any_and_both_take_messages_and_time(monkeypatch, context, there):
+    if there:
+        pytest.importorskip("rclpy.experimental")
+    else:
+        monkeypatch.setitem(sys.modules, "rclpy.experimental", None)  # as before Jazzy: an ImportError
+    executor = new_executor(context)
+    assert isinstance(executor, SingleThreadedExecutor) is not there
+    node = rclpy.create_node("listener", context=context)
+    taken, ticks = [], []
+    node.create_subscription(String, "words", taken.append, QoSProfile(depth=10), raw=True)
+    publisher = node.create_publisher(String, "words", 10)
+    node.create_timer(0.02, lambda: (ticks.append(1), publisher.publish(String(data="word"))))
+    executor.add_node(node)
+    for _ in range(2000):
+        executor.spin_once(timeout_sec=0.05)
+        if len(taken) > 3 and len(ticks) > 3:
+            break
+    assert len(taken) > 3
+    assert all(b"word" in data for data in taken)
+    executor.shutdown()
+    node.destroy_node()
