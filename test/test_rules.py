@@ -166,6 +166,31 @@ def test_verdicts(tmp_path, value, options, state, reason):
     )
 
 
+@pytest.mark.parametrize(
+    ("comparison", "limit", "compared", "values", "shown"),
+    [
+        ("at least", 5.0, "at most", (4.58, 4.86), 4.58),
+        ("at least", 4.0, "at least", (4.58, 4.86), 4.58),
+        ("at most", 4.0, "at least", (4.58, 4.86), 4.86),
+        ("within", [4.0, 4.7], "at most", (4.3, 4.5), 4.5),
+        ("at least", 5.0, "equal", (4.58, 4.86), 4.58),
+    ],
+)
+def test_the_worst_of_several_ropes_is_shown(tmp_path, comparison, limit, compared, values, shown):
+    """Also where it is not decided, as the value that is farthest on the side that is not allowed."""
+    own = profile(
+        *(tmp_path,),
+        quantity="rope_safety_factor/moving_ropes/lowest",
+        **{"comparison": comparison, "limit": limit, "unit": "-", "compared": compared, "definition": "another one"},
+    )
+    load_profile.cache_clear()
+    ropes = zip(("up", "down"), values, strict=True)
+    figures = [figure("rope_safety_factor", Subject(f"ropes.{name}", name), "lowest", one, 1.0) for name, one in ropes]
+    for ordered in (figures, figures[::-1]):
+        (found,) = judge(load_scenario("chairlift"), ordered, [load_profile(own)])
+        assert found.value == shown, found
+
+
 def test_a_case_and_a_unit_of_a_rule(tmp_path):
     limit = [{"when": {"persons": [1, 2]}, "limit": 2.5}, {"when": {"persons": "> 2"}, "limit": 2.3}]
     found = verdict(tmp_path, 2.4, {"limits.installation.persons": 4}, limit=limit)

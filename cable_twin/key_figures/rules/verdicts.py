@@ -340,12 +340,15 @@ def _never_kept(comparison: str, limits: tuple[float, ...], least: float, most: 
 
 
 def _margin(verdict: RuleVerdict) -> float:
-    """Sort key of rule verdicts of one state, the worst first: excess over the limit, else distance from it."""
+    """Relative distance of a verdict's value from its limit, negative on the side that is not allowed."""
     value = verdict.value
     if value is None or not verdict.limits:
         return inf
-    ends = [abs(value - limit) / max(abs(limit), 1e-9) for limit in verdict.limits]
-    return -min(ends) if verdict.state in (NOT_KEPT, WAIVABLE) else min(ends)
+    least, most = verdict.limits[0], verdict.limits[-1]
+    below, above = (value - least) / max(abs(least), 1e-9), (most - value) / max(abs(most), 1e-9)
+    if verdict.comparison in ("at least", "above"):
+        return below
+    return above if verdict.comparison in ("at most", "below") else min(below, above)
 
 
 def sentence(one: RuleVerdict) -> str:
