@@ -290,6 +290,30 @@ def test_key_figures_of_members_are_those_of_a_simulation(name, space):
         assert np.array_equal(found[one.name], [one.value] * 2, equal_nan=True), one.name
 
 
+@pytest.mark.parametrize(("name", "drive"), [("single_span", "cabin"), ("chairlift", "haul_rope")])
+def test_key_figures_of_members_have_their_stops(name, drive):
+    ensemble, single = Ensemble(name, 2, figures_period=0.05, threads=2), Simulation(load_scenario(name))
+    expected = KeyFigures(single.scenario)
+    expected.update(single.snapshot)
+    ensemble.command(drive, speed=[0.5, 0.2])
+    expected.command(single.command(drive, speed=0.5))
+    ensemble.advance_to(2.0)
+    for frame in range(1, 41):
+        expected.update(single.advance_to(0.05 * frame))
+    ensemble.emergency_stop()
+    expected.command(single.emergency_stop())
+    ensemble.advance_to(3.5)
+    for frame in range(41, 71):
+        expected.update(single.advance_to(0.05 * frame))
+    found = ensemble.figures()
+    ensemble.close()
+    stops = [one for one in expected.figures() if "stop" in one.id.quantity or one.id.quantity == "mean_deceleration"]
+    assert len(stops) >= 4
+    for one in stops:
+        assert found[one.name][0] == one.value, one.name
+        assert found[one.name][1] != one.value, one.name
+
+
 def test_a_fork_at_times_is_one_at_each(tramways, tramway):
     tramway.command("cabin", speed=4.0)
     start, times = tramway.capture(), [0.5, 0.2, 0.4]

@@ -19,7 +19,7 @@ from cable_twin.ensemble.members import MemberStates, looks_of
 from cable_twin.ensemble.threads import Threads
 from cable_twin.ensemble.values import Source, Values, values_of, with_values
 from cable_twin.frame.quantities import chosen, quantities
-from cable_twin.frame.records import Command, CommandError
+from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray
@@ -250,8 +250,11 @@ class Ensemble:
             )
         rows, kind = self._rows(members), "force" if speed is None else "speed"
         given = np.broadcast_to(np.asarray(force if speed is None else speed, dtype=np.float64), (len(rows),))
-        if not self._drive_alike(rows, name, kind, given):
-            self._apply_each(rows, [Command(kind, {name: value}) for value in given.tolist()])
+        commands = [Command(kind, {name: value}) for value in given.tolist()]
+        if self._drive_alike(rows, name, kind, given):
+            self._tell_figures(rows, commands)
+        else:
+            self._apply_each(rows, commands)
 
     def emergency_stop(self, active: bool = True, members: Chosen = None) -> None:
         """Stop all drives of members at their emergency deceleration, or release them."""
@@ -451,6 +454,13 @@ class Ensemble:
             states.leave(member, simulation)
             if command.kind == "reset":
                 self._revive([member])
+        self._tell_figures(rows, commands)
+
+    def _tell_figures(self, rows: Sequence[int], commands: Sequence[Command]) -> None:
+        """Update the key figures of members, if they are gathered, with the command of each, by which stops begin."""
+        if self._figures_steps:
+            for member, command in zip(rows, commands, strict=True):
+                self._figures[member].command(AppliedCommand(float(self.times[member]), command, "python"))
 
     def _drive_alike(self, rows: Sequence[int], name: str, kind: str, given: FloatArray) -> bool:
         """Drive a carriage in several members at once; False where some member would refuse the command."""
