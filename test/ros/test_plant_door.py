@@ -45,7 +45,8 @@ class Plant:
 
     def __init__(self, directory):
         self.domain = allocate_domain()
-        self.server = OpcUa(directory, {"position": 0.0, "speed": 0.0, "load": 10.0, "held": 1.5}, clock=HOUR)
+        values = {"position": 0.0, "speed": 0.0, "load": 10.0, "held": 1.5, "tension": 0.0}
+        self.server = OpcUa(directory, values, clock=HOUR)
         self.broker = Mosquitto(directory)
         self.server.start()
         self.broker.start()
@@ -83,6 +84,16 @@ class Plant:
                     "rate": 100.0,
                     "stale_after": 600.0,
                 },
+                "tension": {
+                    "source": "plc",
+                    "address": "ns=2;s=tension",
+                    "quantity": "support_force",
+                    "of": "up/start",
+                    "direction": [-0.6, 0.0, -0.8],
+                    "unit": "kN",
+                    "rate": 100.0,
+                    "stale_after": 600.0,
+                },
                 "missing": {"source": "plc", "address": "ns=2;s=nowhere", "quantity": "temperature", "unit": "degC"},
                 "held": {
                     **common,
@@ -111,11 +122,12 @@ class Plant:
         self.ros = Participant(self.domain)
         self.ros.subscribe("/plant/joint_states", JointState)
         self.ros.subscribe("/plant/supports/tower/force", WrenchStamped)
+        self.ros.subscribe("/plant/supports/up/start/force", WrenchStamped)
         self.ros.subscribe("/plant/wind", Vector3Stamped)
         self.ros.subscribe("/diagnostics", DiagnosticArray)
         self.ros.subscribe("/plant/payload", JointState)
         self.ros.subscribe("/plant/temperature", Temperature)
-        self.ros.until(lambda: self.told("plc: connected, 4 of 5 tags"), COMPILING, "the door")
+        self.ros.until(lambda: self.told("plc: connected, 5 of 6 tags"), COMPILING, "the door")
         self.until_told("broker: connected, 1 of 1 tags")
 
     def told(self, pattern):
@@ -185,6 +197,12 @@ def test_tags_are_topics_in_si_units_with_stamps_of_our_clock(plant):
     message = plant.sent("/plant/supports/tower/force", lambda: plant.server.set("load", 250.0))
     assert (message.wrench.force.x, message.wrench.force.z) == (0.0, 250e3)
     assert message.header.frame_id == "tower"
+    message = plant.sent(
+        "/plant/supports/up/start/force",
+        lambda: plant.server.set("tension", 240.0),
+        lambda one: abs(one.wrench.force.x + 144e3) < 1e-6,
+    )
+    assert message.header.frame_id == "up/start"
 
 
 def test_json_messages_of_a_broker_are_topics(plant):
@@ -248,7 +266,7 @@ def test_a_killed_server_is_said_and_followed_again(plant):
         "/plant/wind", lambda: plant.broker.publish("lift/wind", {**wind, "at": time.time()})
     )  # the rest goes on
     plant.server.start()
-    plant.until_told(r"plc: connected again after [\d.]+ s, 4 of 5 tags")
+    plant.until_told(r"plc: connected again after [\d.]+ s, 5 of 6 tags")
     message = plant.sent("/plant/joint_states", lambda: move(plant, 130.0), lambda one: one.position[0] == 130.0)
     assert -0.5 < age(message) < 30.0
     assert len(plant.told(r"has no node")) == 1  # known from before

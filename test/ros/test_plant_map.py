@@ -10,9 +10,10 @@ from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
 from cable_twin.ros.door import reference
-from cable_twin.ros.door.map_file import MapError, read_map
+from cable_twin.ros.door.map_file import MapError, names_of, read_map
 from cable_twin.ros.door.plant_door import main
 from cable_twin.ros.door.quantities import QUANTITIES, UNITS, conversion, units_of
+from cable_twin.scenario import load_scenario, scenario_names
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "plant_map.yaml"
@@ -86,6 +87,26 @@ def test_a_tag_with_a_fault_is_left_out_with_a_line(faults, changed, line):
     position = {**SPEED, "quantity": "position", "unit": "m"}
     lines = faults(scenario="aerial_tramway", tags={"wrong": {**SPEED, **changed}, "right": position})
     assert lines == [f"tags.wrong.{line}; this tag is left out"]
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_all_that_a_scenario_names_can_be_measured(faults, name):
+    scenario, tags = load_scenario(name), {}
+    for kind, (quantity, unit) in {
+        "support": ("support_force", "kN"),
+        "place": ("wind", "m/s"),
+        "driven": ("position", "m"),
+        "body": ("pitch", "deg"),
+        "wheel": ("wheel_speed", "m/s"),
+        "vehicle": ("payload", "kg"),
+    }.items():
+        axis = {"axis": "x"} if kind == "place" else {}
+        common = {"source": "plc", "address": "ns=2;i=7", "quantity": quantity, "unit": unit, **axis}
+        tags |= {f"{kind}_{number}": {**common, "of": one} for number, one in enumerate(names_of(kind, scenario))}
+    assert len(tags) > 5
+    assert faults(scenario=name, tags=tags) == []
+    (line,) = faults(tags={"right": SPEED, "wrong": {**common, "quantity": "support_force", "unit": "kN", "of": "a/b"}})
+    assert line.startswith("tags.wrong.of: given 'a/b'; allowed: the name of a tower, or an end of a rope")
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,8 @@ SECRETS = ("user", "password", "private_key_password", "url")  # of which nothin
 NODE = re.compile(r"(ns=\d{1,5};|nsu=[^;]+;)?([is]=.+|g=[0-9a-fA-F-]{36}|b=.+)")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 LONGEST_TOPIC, LONGEST_SECRET = 65535, 4096  # bytes, characters
+END = f"({NAME}/)?(start|end)"  # of a rope, among several with the name of the rope
+NAMES = {"body": f"{NAME}(/{NAME})?", "support": f"{NAME}|{END}", "place": f"{NAME}|{END}"}
 OF_MQTT = ("field", "stamp_field", "quality_field")
 
 Connection = OpcUa | Mqtt | Server
@@ -191,7 +193,7 @@ def _unit_faults(tag: Tag) -> Iterator[str]:
 def _target_faults(tag: Tag, scenario: Scenario | None) -> Iterator[str]:
     """Error messages about what a tag in a plant map measures: object, axis, direction and heading."""
     quantity = QUANTITIES[tag.quantity]
-    pattern = rf"{NAME}(/{NAME})?" if quantity.of == "body" else NAME
+    pattern = NAMES.get(quantity.of, NAME)
     known = names_of(quantity.of, scenario) if scenario is not None else None
     if not quantity.of and tag.of:
         yield f"of: given {show(tag.of)}; allowed: nothing for {tag.quantity}"
@@ -261,7 +263,8 @@ def _kind(of: str) -> str:
         "driven": "vehicle or drive",
         "body": "vehicle, or VEHICLE/BODY",
         "wheel": "bullwheel",
-        "place": "tower or station",
+        "support": "tower, or an end of a rope such as start or ROPE/start",
+        "place": "tower, or an end of a rope such as start or ROPE/start",
     }
     return words.get(of, of)
 

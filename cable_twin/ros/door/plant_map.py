@@ -106,7 +106,11 @@ class Tag(Section):
         ("good", "ok", "true", "192"), description="of MQTT: texts in `quality_field` that mean good, in any case"
     )
     quantity: Name = Field(description="what is measured")  # type: ignore[valid-type]
-    of: OneLine = Field("", description="measured object: a vehicle, drive, support or bullwheel, or VEHICLE/BODY")
+    of: OneLine = Field(
+        "",
+        description="measured object: a vehicle, drive, support (tower, start, end, or of several ropes ROPE/start and "
+        "ROPE/end) or bullwheel, or VEHICLE/BODY",
+    )
     axis: Literal["x", "y", "z"] | None = Field(None, description="axis of a vector; null: z of a support_force")
     direction: Direction | None = number(
         "-", "of a support_force: direction of the load cell, x, y, z, in place of an axis", None
