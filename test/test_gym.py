@@ -60,6 +60,28 @@ def test_spaces_have_names_units_and_limits(env):
     assert set(lift.observation_names[3:]) == {*(f"{tower}/load" for tower in towers), *ends}
 
 
+@pytest.mark.parametrize("scenario", ["gondola", "bicable"])
+def test_a_lift_is_observed_at_its_drive_and_by_the_swing_of_its_carriers(scenario):
+    lift = RopewayEnv(scenario, period=0.1)
+    lift.reset()
+    for _ in range(5):
+        observation, *_ = lift.step(np.array([5.0]))
+    seen, columns = lift.named(observation), lift.simulation.snapshot.columns
+    assert dict(seen) == {
+        "haul_rope/position": columns.drive_position[0],
+        "haul_rope/speed": columns.drive_speed[0],
+        "haul_rope/force": columns.moving_cable_force[0],
+        "drive/tension_on": columns.sheave_tension[0, 0],
+        "drive/tension_off": columns.sheave_tension[0, 1],
+        "carriers/largest_pitch": np.nanmax(abs(columns.body_angles[:, 1])),
+        "carriers/largest_pitch_rate": np.nanmax(abs(columns.body_angular_velocity[:, 1])),
+    }
+    assert seen["carriers/largest_pitch"] > 1e-4
+    with pytest.raises(ValueError, match=r"given 'cabin/\*'; did you mean 'cabin_\d+/\*', 'cabin_\d+/\*'") as caught:
+        RopewayEnv(scenario, observations=["cabin/*"])
+    assert len(str(caught.value)) < 100
+
+
 def test_a_step_is_what_the_api_does(env):
     """Equal bits, also for actions beyond the limits."""
     observation, info = env.reset(seed=1)
@@ -137,7 +159,8 @@ def test_a_seed_gives_the_same_start_and_another_one_another(env):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ({"observations": ["cabin/colour"]}, r"given 'cabin/colour'; allowed, with \* for any text: time, cabin/arc_"),
+        ({"observations": ["cabn/speed"]}, r"observations: given 'cabn/speed'; did you mean 'cabin/speed', 'cabin/r"),
+        ({"observations": ["xyz"]}, r"given 'xyz'; allowed, with \* for any text: cabin/\*, cabin/running_carriage/\*"),
         ({"command": "torque"}, "command of 'cabin': given 'torque'; allowed: speed or force"),
         ({"command": {"bus": "speed"}}, "command: given 'bus'; allowed: cabin"),
         ({"period": 0.0123}, "period: given 0.0123 s; allowed: a whole number of solver steps of 0.005 s"),

@@ -18,7 +18,7 @@ from cable_twin.ensemble.columns import MemberColumns, figure_columns
 from cable_twin.ensemble.members import MemberStates, looks_of
 from cable_twin.ensemble.threads import Threads
 from cable_twin.ensemble.values import Source, Values, values_of, with_values
-from cable_twin.frame.quantities import chosen, quantities
+from cable_twin.frame.quantities import Reader, chosen, quantities
 from cable_twin.frame.records import AppliedCommand, Command, CommandError
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.key_figures import KeyFigures
@@ -312,14 +312,13 @@ class Ensemble:
             names: of quantities, with * for any text, such as ["cabin/*", "end/tension"]; None for all.
 
         Raises:
-            ValueError: a name matches no quantity; the message lists the known names.
+            ValueError: a name matches no quantity; the message has names like it.
         """
         numbers = self.numbers()
         known = quantities(self.scenario, self.layout)
         first = Snapshot(self.layout, numbers[0], self._states.report(0))
         seen = chosen(known, ["*"] if names is None else names, first)
-        columns = np.array([one.column for one in seen.values()], dtype=np.intp)
-        return MemberColumns(list(seen), [one.unit for one in seen.values()], numbers[:, columns])
+        return MemberColumns(list(seen), [one.unit for one in seen.values()], Reader(seen.values()).read(numbers))
 
     def numbers(self) -> FloatArray:
         """Values (members, n) of the present snapshots of all members, in the order of `layout`."""

@@ -2,24 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from math import inf
 from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.frame.records import FloatArray
 from cable_twin.frame.snapshot import Layout, Snapshot
 from cable_twin.scenario import Scenario
+from cable_twin.scenario.checks.fault import listed
+
+NEAR, LIKE = 3, 0.5  # most names that a message proposes, and how like a wrong one they are, from 0 to 1
 
 
 class Quantity(NamedTuple):
-    """Observable quantity of the twin: unit, index in the row of a frame, and bounds."""
+    """Observable quantity of the twin: unit, index in the row of a frame, and bounds.
+
+    Of several indices the quantity is the largest absolute value.
+    """
 
     unit: str
-    column: float  # a whole number
+    column: float | FloatArray  # whole numbers
     low: float = -inf
     high: float = inf
+
+
+class Reader:
+    """Reader of quantities from rows of frames.
+
+    Args:
+        seen: the n quantities.
+    """
+
+    def __init__(self, seen: Iterable[Quantity]) -> None:
+        columns = [np.atleast_1d(one.column).astype(np.intp) for one in seen]
+        self._first = np.array([one[0] for one in columns], dtype=np.intp)
+        self._several = [(number, one) for number, one in enumerate(columns) if one.size > 1]
+
+    def read(self, numbers: FloatArray) -> FloatArray:
+        """Values (..., n) of the quantities in rows (..., size) of frames."""
+        found: FloatArray = numbers[..., self._first]
+        for number, columns in self._several:
+            found[..., number] = np.fmax.reduce(np.abs(numbers[..., columns]), axis=-1)
+        return found
 
 
 def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
@@ -43,6 +71,12 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
             f"{name}/z": Quantity("m", columns.body_position[row, 2]),
             f"{name}/pitch": Quantity("rad", columns.body_angles[row, 1]),
             f"{name}/pitch_rate": Quantity("rad/s", columns.body_angular_velocity[row, 1]),
+        }
+    if layout.carriers:
+        hanging = [row for row, name in enumerate(layout.bodies) if name.partition("/")[0] in layout.carriers]
+        found |= {
+            "carriers/largest_pitch": Quantity("rad", columns.body_angles[hanging, 1], 0.0),
+            "carriers/largest_pitch_rate": Quantity("rad/s", columns.body_angular_velocity[hanging, 1], 0.0),
         }
     for row, name in enumerate(layout.drives):
         found |= {
@@ -81,10 +115,17 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
     return found
 
 
-def by_default(layout: Layout) -> tuple[str, ...]:
-    """Names of the default observations: motion of drives and carriages, pitch and pitch rate of carriages' bodies."""
+def by_default(scenario: Scenario, layout: Layout) -> tuple[str, ...]:
+    """Names of the default observations.
+
+    Of drives place, speed, force and the tensions at their bullwheels; of carriers the largest pitch and pitch rate; of
+    carriages place, speed, and pitch and pitch rate of each body.
+    """
+    bullwheels = [one.sheave for one in scenario.drives.values() if one.sheave]
     return (
-        *(f"{name}/{signal}" for name in layout.drives for signal in ("position", "speed")),
+        *(f"{name}/{signal}" for name in layout.drives for signal in ("position", "speed", "force")),
+        *(f"{name}/{signal}" for name in bullwheels for signal in ("tension_on", "tension_off")),
+        *(f"carriers/{signal}" for signal in ("largest_pitch", "largest_pitch_rate") if layout.carriers),
         *(f"{name}/{signal}" for name in layout.carriages for signal in ("arc_length", "speed")),
         *(
             f"{name}/{body}/{signal}"
@@ -101,13 +142,24 @@ def chosen(known: Mapping[str, Quantity], patterns: Sequence[str], start: Snapsh
     Raises:
         ValueError: a pattern matches no quantity of this scenario.
     """
-    has = {name: one for name, one in known.items() if np.isfinite(start.numbers[int(one.column)])}
+    there = np.isfinite(Reader(known.values()).read(start.numbers))
+    has = {name: one for (name, one), is_there in zip(known.items(), there.tolist(), strict=True) if is_there}
     found: dict[str, Quantity] = {}
     for pattern in patterns:
         fitting = {name: one for name, one in has.items() if fnmatchcase(name, pattern)}
         if not fitting:
-            raise ValueError(f"observations: given {pattern!r}; allowed, with * for any text: {', '.join(has)}")
+            raise ValueError(f"observations: given {pattern!r}; {_allowed(pattern, has)}")
         found |= {name: one for name, one in fitting.items() if name not in found}
     if not found:
-        raise ValueError(f"observations: given none; allowed, with * for any text: {', '.join(has)}")
+        raise ValueError(f"observations: given none; {_allowed('', has)}")
     return found
+
+
+def _allowed(pattern: str, names: Iterable[str]) -> str:
+    """Text of a message about a pattern without a match: names or patterns like it, else what has observations."""
+    names = [*names]
+    owners = [f"{owner}/*" for owner in dict.fromkeys(name.rpartition("/")[0] for name in names) if owner]
+    near = get_close_matches(pattern, [*names, *owners], n=NEAR, cutoff=LIKE)
+    if near:
+        return f"did you mean {', '.join(map(repr, near))}?"
+    return f"allowed, with * for any text: {listed([*owners, *names], 'nothing')}"

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 
 from cable_twin.frame.commands import KINDS
-from cable_twin.frame.quantities import by_default, chosen, quantities
+from cable_twin.frame.quantities import Reader, by_default, chosen, quantities
 from cable_twin.frame.records import Command, FloatArray
 from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation, SolverError
@@ -59,7 +59,8 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         scenario: name, path, mapping, or loaded scenario.
         overrides: values of the scenario by dotted key.
         command: kind of the actions, "speed" (m/s) or "force" (N); or a mapping of carriages or drives to their kind.
-        observations: names, with * for any text, such as ("cabin/*", "end/tension"); None for motion and pitch.
+        observations: names, with * for any text, such as ("cabin/*", "end/tension"); None for motion, pitch, and
+            force and tensions at the drive of a lift.
         period: simulated time (s) of a step, a whole number of solver steps.
         duration: simulated time (s) of an episode.
         reward: takes the observation before, the action and the observation after; without it rewards are 0.
@@ -71,7 +72,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         action_names: names of the numbers of an action.
         observation_names: names of the numbers of an observation.
         observation_units: units of the numbers of an observation.
-        columns: columns of the observed numbers in the numbers of a snapshot.
+        reader: reader of the observed numbers from those of a snapshot.
         period: simulated time (s) of a step.
         steps: number of steps in an episode.
 
@@ -112,12 +113,12 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         kinds = [kind for kind, _ in limits.values()]
         self._by_kind = [(kind, [i for i, one in enumerate(kinds) if one == kind]) for kind in dict.fromkeys(kinds)]
         self._highest = high.tolist()
-        layout = self.simulation.layout
-        patterns = by_default(layout) if observations is None else observations
-        seen = chosen(quantities(self.simulation.scenario, layout), patterns, self.simulation.snapshot)
+        own, layout = self.simulation.scenario, self.simulation.layout
+        patterns = by_default(own, layout) if observations is None else observations
+        seen = chosen(quantities(own, layout), patterns, self.simulation.snapshot)
         self.observation_names = tuple(seen)
         self.observation_units = tuple(one.unit for one in seen.values())
-        self.columns = np.array([one.column for one in seen.values()], dtype=np.intp)
+        self.reader = Reader(seen.values())
         self._numbers = {name: number for number, name in enumerate(seen)}
         bounds = np.array([(one.low, one.high) for one in seen.values()])
         self.observation_space = spaces.Box(bounds[:, 0], bounds[:, 1], dtype=np.float64)
@@ -197,7 +198,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         return after.array.copy(), float(self.reward(before, np.array(numbers), after)), terminated, truncated, info
 
     def _observed(self) -> Observed:
-        return Observed(self._numbers, self.simulation.snapshot.numbers[self.columns])
+        return Observed(self._numbers, self.reader.read(self.simulation.snapshot.numbers))
 
 
 def _is_finite(value: object) -> bool:

@@ -116,7 +116,7 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
             self._steps_left[row], self._over[row] = one.steps, False
 
     def _observe(self) -> FloatArray:
-        return self.ensemble.numbers()[:, self.environment.columns]
+        return self.environment.reader.read(self.ensemble.numbers())
 
     def _times(self) -> dict[str, Any]:
         return {"time": self.ensemble.times, "_time": np.ones(self.num_envs, dtype=np.bool_)}
