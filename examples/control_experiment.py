@@ -1,5 +1,8 @@
 """Common parts of the control experiments: a link to the running twin, speed plans, and the swing modes of a vehicle.
 
+What is driven is a carriage with a drive of its own or, where an experiment can do with it, the drive of a lift, whose
+place is the travel of its rope.
+
 A controller is a function from what `joint_states` says to a speed. It is called at the times of the stamps, so that an
 experiment gives the same whatever the pacing of the twin is (`sim --real-time-factor 4`).
 """
@@ -20,6 +23,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from cable_twin.ros.startup import Ending, prepare_middleware, print_hint
+from cable_twin.scenario import Scenario, command_limits, load_scenario
+from cable_twin.scenario.command_limits import places_of
+from cable_twin.scenario.sections.drives import Limits
 from cable_twin.terminal.command_line import OneLineParser
 
 COMMAND_PERIOD = 0.02  # s of simulated time between two commands
@@ -30,12 +36,12 @@ REST = 1e-3  # m/s
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Motion of one carriage as the twin publishes it."""
+    """Motion of one carriage or drive as the twin publishes it."""
 
     time: float  # s of simulated time since the experiment began
-    arc_length: float  # m
+    arc_length: float  # m, of a drive the travel of its rope
     speed: float  # m/s
-    pitches: Mapping[str, tuple[float, float]]  # rad and rad/s of each body, from the rope down
+    pitches: Mapping[str, tuple[float, float]]  # rad and rad/s of each body of a carriage, from the rope down
 
 
 Law = Callable[[Motion], "float | None"]  # speed (m/s) along the rope, None when the experiment is over
@@ -46,19 +52,20 @@ class ExperimentError(Exception):
 
 
 class Link:
-    """Connection to one carriage of a running twin.
+    """Connection to one carriage or drive of a running twin.
 
     Args:
-        name: of the carriage.
+        name: of the carriage or drive.
         twin: full name of the node.
         wait: s of the clock to find it.
         ending: a signal ends the experiment.
+        drives: whether the drive of a lift will do.
 
     Raises:
-        ExperimentError: no twin answers, or it has no such carriage.
+        ExperimentError: no twin answers, or it has no such carriage or drive.
     """
 
-    def __init__(self, name: str, twin: str, wait: float, ending: Ending) -> None:
+    def __init__(self, name: str, twin: str, wait: float, ending: Ending, *, drives: bool = False) -> None:
         import rclpy  # noqa: PLC0415 - the hint stands for the traceback
         from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: PLC0415
         from sensor_msgs.msg import JointState  # noqa: PLC0415
@@ -85,8 +92,8 @@ class Link:
         deadline = time.monotonic() + wait
         while (missing := self._missing()) and not ending.is_set():
             self._spin_once(self._node, timeout_sec=0.05)
-            if self.scenario and name not in (known := self.scenario["carriages"]):
-                raise ExperimentError(f"the twin has no carriage '{name}'; it has: {', '.join(known) or 'none'}")
+            if self.scenario:
+                check_name(load_scenario(self.scenario), name, drives=drives)
             if time.monotonic() > deadline:
                 raise ExperimentError(
                     f"no twin that moves on answers as {twin} after {wait:g} s ({', '.join(missing)}): "
@@ -134,7 +141,7 @@ class Link:
         self._node.create_subscription(message_type, f"{self._twin}/{topic}", take, 50)
 
     def close(self) -> None:
-        """Stop the carriage and end the connection."""
+        """Stop the carriage or drive and end the connection."""
         from rclpy.duration import Duration  # noqa: PLC0415
 
         if self._law is not None:
@@ -166,7 +173,7 @@ class Link:
     def _pitches(self, states: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
         """Pitch and pitch rate of each body, summed over the joints from the rope down."""
         pitches, pitch, rate = {}, 0.0, 0.0
-        for body in self.scenario["carriages"][self.name]["bodies"] if self.scenario else ():
+        for body in self.scenario.get("carriages", {}).get(self.name, {}).get("bodies", ()):
             joint = states[f"{self.name}_{body}"]
             pitch, rate = pitch + joint[0], rate + joint[1]
             pitches[body] = (pitch, rate)
@@ -256,10 +263,12 @@ def swing_frequencies(bodies: Mapping[str, Mapping[str, Any]], gravity: float) -
     return np.sqrt(eigh(stiffness, mass, eigvals_only=True))
 
 
-def parser(name: str, description: str, epilog: str) -> OneLineParser:
-    """Parser of the options common to all experiments."""
+def parser(name: str, description: str, epilog: str, *, drives: bool = False) -> OneLineParser:
+    """Parser of the options common to all experiments; `drives`: whether the drive of a lift will do."""
     result = OneLineParser(name, description, epilog)
-    result.add_argument("name", nargs="?", default="cabin", help="carriage to drive; default: cabin")
+    result.set_defaults(drives=drives)
+    what = "carriage with a drive of its own, or drive of a lift" if drives else "carriage with a drive of its own"
+    result.add_argument("name", nargs="?", default="cabin", help=f"{what}; default: cabin")
     result.add_argument("--node", default="/cable_twin", help="name of the twin; default: /cable_twin")
     result.add_argument(
         "--wait", type=positive("s"), default=DISCOVERY, metavar="S", help=f"s to find it; default: {DISCOVERY:g}"
@@ -286,27 +295,42 @@ def positive(unit: str) -> Callable[[str], float]:
     return convert
 
 
+def check_name(scenario: Scenario, name: str, *, drives: bool) -> None:
+    """Raise ExperimentError where a name is not of a carriage with a drive of its own, or of a drive if one will do."""
+    known = [one for one in command_limits(scenario) if drives or one not in scenario.drives]
+    if name not in known:
+        what = "carriage or drive" if drives else "carriage with a drive of its own"
+        raise ExperimentError(f"{what}: given '{name}'; allowed: {', '.join(known) or 'none of this twin'}")
+
+
+def drive_limits(link: Link) -> Limits:
+    """Limits of the drive, be it that of a carriage or of a lift."""
+    scenario = load_scenario(link.scenario)
+    drive = scenario.drives.get(link.name)
+    return scenario.carriages[link.name].drive.limits if drive is None else drive.limits
+
+
 def limits_of(link: Link, options: argparse.Namespace) -> tuple[float, float]:
     """Acceleration (m/s^2) and jerk (m/s^3, or infinite) of the drive.
 
     Raises:
         ExperimentError: the speed is over the limit, or the drive has no limit of acceleration.
     """
-    limits = link.scenario["carriages"][link.name].get("drive", {}).get("limits", {})
-    if limits.get("speed") is not None and options.speed > limits["speed"]:
+    limits = drive_limits(link)
+    if limits.speed is not None and options.speed > limits.speed:
         raise ExperimentError(
-            f"--speed {options.speed:g} m/s given; the drive of '{link.name}' allows {limits['speed']:g} m/s"
+            f"--speed {options.speed:g} m/s given; the drive of '{link.name}' allows {limits.speed:g} m/s"
         )
-    if limits.get("acceleration") is None:
+    if limits.acceleration is None:
         raise ExperimentError(f"the drive of '{link.name}' has no limit of acceleration to plan with")
-    return limits["acceleration"], limits.get("jerk") or math.inf
+    return limits.acceleration, limits.jerk or math.inf
 
 
 def distance_to(link: Link, destination: float) -> float:
-    """Distance (m) from the present place of the carriage to an arc length (m).
+    """Distance (m) from the present place of the carriage to an arc length (m), or of a drive to a travel (m).
 
     Raises:
-        ExperimentError: it does not stand, or the place is not on the rope.
+        ExperimentError: it does not stand, or the place is not on the rope, or beyond the travel.
     """
     assert link.motion is not None
     check_place(link, destination)
@@ -316,8 +340,14 @@ def distance_to(link: Link, destination: float) -> float:
 
 
 def check_place(link: Link, place: float) -> None:
-    """Raise ExperimentError where an arc length (m) is not on the rope."""
-    length = link.scenario["cable"]["unstrained_length"]
+    """Raise ExperimentError where an arc length (m) is not on the rope, or a travel (m) not one of the drive."""
+    scenario = load_scenario(link.scenario)
+    if link.name in scenario.drives:
+        low, high = places_of(scenario, link.name)
+        if not low <= place <= high:
+            raise ExperimentError(f"travel {place:g} m given; allowed: {low:g} to {high:g} m")
+        return
+    length = scenario.cables[scenario.rope_of(scenario.carriages[link.name])].unstrained_length
     if not 0.0 < place < length:
         raise ExperimentError(f"arc length {place:g} m given; allowed: more than 0 and less than {length:g} m")
 
@@ -342,7 +372,7 @@ def main(options: argparse.Namespace, command: str, experiment: Callable[[Link, 
     rclpy.init(args=[command], signal_handler_options=SignalHandlerOptions.NO)
     link = None
     try:
-        link = Link(options.name, options.node, options.wait, ending)
+        link = Link(options.name, options.node, options.wait, ending, drives=options.drives)
         law = None if link.ended else experiment(link, options)
         if law is None or link.ended:
             print(f"{command}: ended before it had begun")

@@ -43,6 +43,8 @@ exit codes: 0 done or ended by Ctrl-C, 1 it cannot be done
 
 example, with `sim` running in another terminal:
   python examples/swing_damping.py cabin --to 160 --speed 5
+
+It needs a carriage with a drive of its own; lifts are driven by trapezoid_driver.py and wind_speed.py.
 """
 
 

@@ -49,6 +49,8 @@ examples, with `sim` running in another terminal:
   python examples/tower_pass.py cabin --at 200 --speed 8
   python examples/tower_pass.py cabin --at lower_tower          where the scenario has a tower of that name
   python examples/tower_pass.py cabin --at 200 --speed 8 --unshaped --swing-limit 2
+
+It needs a carriage with a drive of its own; lifts are driven by trapezoid_driver.py and wind_speed.py.
 """
 
 

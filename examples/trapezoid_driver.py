@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Control experiment (a): trip of a carriage to a place with a trapezoidal speed, as fast as its drive allows.
+"""Control experiment (a): trip of a carriage or lift to a place with a trapezoidal speed, as fast as its drive allows.
 
 The law: speed over time is a ramp, a cruise and a ramp, v(t), planned from the distance. Nothing is measured on the
-way, so the vehicle swings as the ramps leave it.
+way, so vehicles swing as the ramps leave them.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from control_experiment import Law, Link, Motion, SpeedPlan, distance_to, limits
 EPILOG = """\
 exit codes: 0 done or ended by Ctrl-C, 1 it cannot be done
 
-example, with `sim` running in another terminal:
+examples, with `sim`, or `sim gondola`, running in another terminal:
   python examples/trapezoid_driver.py cabin --to 160 --speed 5
+  python examples/trapezoid_driver.py haul_rope --to 100          m of travel of the rope of a lift
 """
 
 
@@ -33,8 +34,13 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
 
 
 if __name__ == "__main__":
-    arguments = parser("trapezoid_driver.py", "Drive a carriage to a place with a trapezoid of speed.", EPILOG)
+    what = "Drive a carriage or lift to a place with a trapezoid of speed."
+    arguments = parser("trapezoid_driver.py", what, EPILOG, drives=True)
     arguments.add_argument(
-        "--to", type=positive("m"), default=160.0, metavar="M", help="arc length (m) to go to; default: 160"
+        "--to",
+        type=positive("m"),
+        default=160.0,
+        metavar="M",
+        help="arc length (m), or travel of a lift's rope (m), to go to; default: 160",
     )
     sys.exit(main(arguments.parse_args(), "trapezoid_driver.py", experiment))

@@ -2,14 +2,15 @@
 """Control experiment (d): trip at a speed reduced with the wind, and stopped in too strong a wind.
 
 The law, with the horizontal wind w (m/s) of the topic `air/wind`, the highest of the last 10 s, and the roll of the
-vehicle from its pose, likewise:
+vehicle (of a lift the largest of all) from its pose, likewise:
 
     v(w) = v                          up to the wind of full speed
     v(w) = v + (v_slow - v) (w - w_full) / (w_stop - w_full)    up to the wind at which the ropeway stops
     v(w) = 0                          from there on, or with more roll than is allowed, until it was calmer for 20 s
 
 At the end of the way it is no faster than sqrt(2 0.5 a s) and 0.3 s, with s (m) to go. `key_figures` are the twin's own
-judgement: where one of its figures of the swing of this vehicle comes to 0.8 of its limit, the trip goes on at v_slow.
+judgement: where one of its figures of the swing of this vehicle, or of any on a lift, comes to 0.8 of its limit, the
+trip goes on at v_slow.
 A ropeway has such speeds and winds in its permit; those that are the defaults here are assumed, of a usual size.
 """
 
@@ -19,6 +20,7 @@ import argparse
 import math
 import sys
 from collections import deque
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from control_experiment import (
@@ -27,11 +29,14 @@ from control_experiment import (
     Link,
     Motion,
     check_place,
+    drive_limits,
     limits_of,
     main,
     parser,
     positive,
 )
+
+from cable_twin.scenario import load_scenario
 
 NAME = "wind_speed.py"
 HELD = 10.0  # s, for which a gust is remembered
@@ -46,8 +51,10 @@ SAID = 0.5  # m/s, by which the speed changes before it is said
 EPILOG = """\
 exit codes: 0 done or ended by Ctrl-C, 1 it cannot be done
 
-example, with `sim windy_tramway` running in another terminal, and `drive --wind 0 0 18` in a third:
+examples, with `sim windy_tramway`, or `sim gondola --set space=3`, running in another terminal, and
+`drive --wind 0 0 18` in a third:
   python examples/wind_speed.py cabin --to 500 --speed 7
+  python examples/wind_speed.py haul_rope --to 100         m of travel of the rope of a lift
 """
 
 
@@ -80,7 +87,7 @@ class WindLaw:
 
     Args:
         options: as given.
-        target: m, arc length to go to.
+        target: m, arc length, or travel of a lift's rope, to go to.
         deceleration: m/s^2, that the drive is capable of.
     """
 
@@ -130,12 +137,12 @@ class WindLaw:
         ending = min(math.sqrt(2.0 * SHARE * self._deceleration * abs(left)), ENDING * abs(left))
         return math.copysign(min(allowed, ending), left)
 
-    def judged(self, name: str, message: Any) -> None:
-        """Take in key figures of the twin: swing of this vehicle near its limit."""
+    def judged(self, subjects: Collection[str], message: Any) -> None:
+        """Take in key figures of the twin: swing of vehicles, by their subjects, near its limit."""
         for status in message.status:
             values = {item.key: item.value for item in status.values}
             quantity, _, rest = values["id"].partition("/")  # quantity/subject/statistic
-            swings = quantity in SWINGS and rest.startswith(f"carriages.{name}/")
+            swings = quantity in SWINGS and rest.rpartition("/")[0] in subjects
             if not swings or "limit" not in values or self.careful:
                 continue
             if float(values["value"]) > NEAR * float(values["limit"]):
@@ -152,10 +159,15 @@ class WindLaw:
             self._said = allowed
 
 
+def roll_of(q: Any) -> float:
+    """Roll (rad) of an orientation, a quaternion."""
+    return math.atan2(2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
+
+
 def experiment(link: Link, options: argparse.Namespace) -> Law:
     """Subscribe to wind, roll and key figures, which the control law follows."""
     from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - as rclpy in control_experiment
-    from geometry_msgs.msg import PoseStamped, Vector3Stamped  # noqa: PLC0415
+    from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped  # noqa: PLC0415
 
     acceleration, _ = limits_of(link, options)
     check_place(link, options.to)
@@ -164,23 +176,31 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
             f"--stop-wind {options.stop_wind:g} m/s given; allowed: more than that of full speed, "
             f"{options.full_speed_wind:g} m/s"
         )
-    if link.scenario["space"] != 3 and len(link.scenario["cable"]["start"]["position"]) < 3:
-        name = link.scenario["name"]
-        raise ExperimentError(f"scenario '{name}' is one in a plane; needed is one in space, as windy_tramway")
-    deceleration = link.scenario["carriages"][link.name]["drive"]["limits"].get("deceleration") or acceleration
-    law = WindLaw(options, options.to, deceleration)
+    scenario = load_scenario(link.scenario)
+    if scenario.dim != 3:
+        raise ExperimentError(f"scenario '{scenario.name}' is one in a plane; needed is one in space, as windy_tramway")
+    law = WindLaw(options, options.to, drive_limits(link).deceleration or acceleration)
 
     def measure_wind(message: Any) -> None:
         law.wind.take(law.now, math.hypot(message.vector.x, message.vector.y))
 
-    def measure_roll(message: Any) -> None:
-        q = message.pose.orientation
-        law.roll.take(law.now, abs(math.atan2(2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))))
+    def measure_roll(poses: Iterable[Any]) -> None:
+        # a carrier in a station has none
+        rolls = [abs(roll_of(pose.orientation)) for pose in poses]
+        law.roll.take(law.now, max((roll for roll in rolls if math.isfinite(roll)), default=0.0))
 
-    body = [*link.scenario["carriages"][link.name]["bodies"]][-1]
+    vehicles = [link.name] if link.name in scenario.carriages else [*scenario.carriages]
+    subjects = {f"carriages.{name}" for name in vehicles} | ({"carriers"} if link.name in scenario.drives else set())
     link.listen(Vector3Stamped, "air/wind", measure_wind)
-    link.listen(PoseStamped, f"carriages/{link.name}/{body}/pose", measure_roll)
-    link.listen(DiagnosticArray, "key_figures", lambda message: law.judged(link.name, message))
+    for name in vehicles:
+        link.listen(
+            PoseStamped,
+            f"carriages/{name}/{[*scenario.carriages[name].bodies][-1]}/pose",
+            lambda message: measure_roll([message.pose]),
+        )
+    if link.name in scenario.drives and scenario.carriers is not None:
+        link.listen(PoseArray, "carriers/poses", lambda message: measure_roll(message.poses))
+    link.listen(DiagnosticArray, "key_figures", lambda message: law.judged(subjects, message))
 
     def drive(motion: Motion) -> float | None:
         speed = law(motion)
@@ -196,9 +216,10 @@ def experiment(link: Link, options: argparse.Namespace) -> Law:
 
 
 if __name__ == "__main__":
-    arguments = parser(NAME, "Drive a carriage to a place, slower in wind and not at all in a storm.", EPILOG)
+    what = "Drive a carriage or lift to a place, slower in wind and not at all in a storm."
+    arguments = parser(NAME, what, EPILOG, drives=True)
     for option, unit, default, what in (
-        ("--to", "m", 500.0, "arc length (m) to go to"),
+        ("--to", "m", 500.0, "arc length (m), or travel of a lift's rope (m), to go to"),
         ("--full-speed-wind", "m/s", 10.0, "wind (m/s) up to which it goes at full speed"),
         ("--stop-wind", "m/s", 20.0, "wind (m/s) in which it stands"),
         ("--slow-speed", "m/s", 2.0, "speed (m/s) just below that wind"),

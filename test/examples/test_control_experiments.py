@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import signal
 import sys
 from argparse import Namespace
@@ -154,9 +155,10 @@ def test_roll_and_key_figures_count_and_the_way_has_an_end(plans, wind_law):
         texts = {"value": str(value), "limit": "0.2", "id": f"{quantity}/carriages.cabin/highest"}
         return SimpleNamespace(name=quantity, values=[SimpleNamespace(key=k, value=v) for k, v in texts.items()])
 
-    law.judged("cabin", SimpleNamespace(status=[status("speed", 9.0), status("lateral_swing", 0.15)]))
+    law.judged(["carriers"], SimpleNamespace(status=[status("lateral_swing", 0.19)]))
+    law.judged(["carriages.cabin"], SimpleNamespace(status=[status("speed", 9.0), status("lateral_swing", 0.15)]))
     assert law.allowed(0.0) == 7.0
-    law.judged("cabin", SimpleNamespace(status=[status("lateral_swing", 0.17)]))
+    law.judged(["carriages.cabin"], SimpleNamespace(status=[status("lateral_swing", 0.17)]))
     assert law.allowed(0.0) == 2.0
     law.roll.take(1.0, 0.0)
     place, speed, time = 480.0, 0.0, 50.0
@@ -269,8 +271,9 @@ def twin(tmp_path_factory):
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_what_the_twin_excludes_is_one_line(twin, script):
     place = "--at" if script == "tower_pass.py" else "--to"
+    what = "carriage or drive" if script == SCRIPTS[0] else "carriage with a drive of its own"
     expected = {
-        ("gondola",): "the twin has no carriage 'gondola'; it has: cabin",
+        ("gondola",): f"{what}: given 'gondola'; allowed: cabin",
         ("cabin", "--speed", "11"): "--speed 11 m/s given; the drive of 'cabin' allows 10 m/s",
         ("cabin", place, "2000"): "arc length 2000 m given; allowed: more than 0 and less than 1044.25 m",
     }
@@ -298,6 +301,37 @@ def test_pass_is_predicted_driven_and_compared_and_interrupts_stop_the_twin(twin
         assert process.wait() == 0
         assert "ended" in process.output.splitlines()[-1]
         assert "Traceback" not in process.output
+
+
+@pytest.mark.skipif(not JIT, reason="minutes without compilation")
+def test_a_lift_goes_to_a_place_and_slower_in_the_wind(tmp_path):
+    """Drive of a jig-back; of the other experiments, which need the swing of one carriage, there is a line."""
+    fast = ["--frame-rate", "50", "--real-time-factor", "2", "--command-timeout", "5", "--record", "false"]
+    sim = TwinProcess(tmp_path, "--scenario", "jig_back", "--set", "air.wind=[0, 6, 0]", *fast)
+    calm = ["haul_rope", "--speed", "1", "--settle", "0.5"]
+    wind = ["--full-speed-wind", "4", "--stop-wind", "8", "--slow-speed", "0.5"]
+    started = [sim]
+    try:
+        sim.wait_for("runs at 50 Hz")
+        for script, *arguments in (("trapezoid_driver.py", "--to", "1.5"), (WIND_SPEED, "--to", "3", *wind)):
+            started.append(driver := start(tmp_path, script, *calm, *arguments, domain=sim.domain))
+            assert driver.wait(TRIP_TIMEOUT) == 0, driver.output
+            (place,) = re.findall(r"done after .* m/s at (.*) m", driver.output)
+            assert float(place) == pytest.approx(float(arguments[1]), abs=0.15)
+        assert "wind 6.0 m/s" in driver.output
+        assert ": 0.75 m/s" in driver.output  # half way from 1 to 0.5 m/s
+        own = "carriage with a drive of its own: given 'haul_rope'; allowed: none of this twin"
+        for said, script, *arguments in (
+            *((own, one, "haul_rope") for one in SCRIPTS[1:]),
+            ("carriage or drive: given 'cabin_1'; allowed: haul_rope", WIND_SPEED, "cabin_1"),
+            ("travel 2000 m given; allowed: 0 to 1012 m", "trapezoid_driver.py", "haul_rope", "--to", "2000"),
+        ):
+            started.append(driver := start(tmp_path, script, *arguments, domain=sim.domain))
+            assert driver.wait() == 1
+            assert driver.output.strip() == f"{script}: {said}"
+    finally:
+        for process in started:
+            process.kill()
 
 
 @pytest.mark.parametrize("script", [*SCRIPTS, WIND_SPEED])
