@@ -103,6 +103,7 @@ class Plant:
                     "hold": True,
                     "rate": 50.0,
                 },
+                "mistyped": {**common, "source": "broker", "address": "lift/tilt", "quantity": "pitch", "unit": "deg"},
                 "wrong": {**common, "address": "ns=2;s=speed", "quantity": "payload", "unit": "lb"},
                 "wind": {
                     "source": "broker",
@@ -128,7 +129,7 @@ class Plant:
         self.ros.subscribe("/plant/payload", JointState)
         self.ros.subscribe("/plant/temperature", Temperature)
         self.ros.until(lambda: self.told("plc: connected, 5 of 6 tags"), COMPILING, "the door")
-        self.until_told("broker: connected, 1 of 1 tags")
+        self.until_told("broker: connected, 2 of 2 tags")
 
     def told(self, pattern):
         """Lines of the door that match."""
@@ -219,6 +220,8 @@ def test_what_is_missing_or_wrong_is_one_line_and_the_rest_goes_on(plant):
         len(plant.told(r"map_\d+\.yaml: tags\.wrong\.unit: given 'lb'; a mass or a force; .*this tag is left out")) == 1
     )
     assert len(plant.told(r"tags\.missing: plc has no node ns=2;s=nowhere \(BadNodeIdUnknown\)")) == 1
+    plant.until_told(r"tags\.mistyped: no sample for 5 s; left out until it is right again")
+    assert not plant.told(r"tags\.missing: no sample")
     assert not plant.ros.received["/plant/temperature"]
 
 
@@ -277,7 +280,7 @@ def test_a_killed_broker_is_said_and_followed_again(plant):
     plant.until_told(r"WARN.*broker: connection lost: .*; nothing comes from it, trying again")
     plant.sent("/plant/joint_states", lambda: move(plant, 131.0), lambda one: one.position[0] == 131.0)
     plant.broker.start()
-    plant.until_told(r"broker: connected again after [\d.]+ s, 1 of 1 tags")
+    plant.until_told(r"broker: connected again after [\d.]+ s, 2 of 2 tags")
     plant.sent(
         "/plant/wind",
         lambda: plant.broker.publish("lift/wind", {"gusts": [10.0], "at": time.time(), "state": "good"}),

@@ -152,6 +152,22 @@ def test_silence_is_said_once_and_its_end(judge, told):
     assert told.texts() == ["tags.load: right again, after 0 samples left out"]
 
 
+@pytest.mark.parametrize("hold", [False, True])
+def test_a_tag_that_never_got_a_value_is_named(judge, told, hold):
+    state, take = judge(stale_after=2.0, hold=hold)
+    for tenths in range(20):
+        state.check_age(NOW + tenths * TENTH)
+    assert told.texts() == []
+    for tenths in range(20, 40):
+        state.check_age(NOW + tenths * TENTH)
+    assert told.texts() == ["tags.load: no sample for 2 s; left out until it is right again"]
+    assert take(1.0, after=5.0) == 1000.0
+    told.texts()
+    for tenths in range(60, 300):
+        state.check_age(NOW + tenths * TENTH)
+    assert len(told.texts()) == (not hold)  # a held value stays
+
+
 def test_an_old_sample_after_a_new_connection_is_not_published_again(judge, told):
     state, take = judge()
     assert take(1.0) == 1000.0

@@ -173,7 +173,7 @@ class Door:
     def _look(self, now_ns: int) -> None:
         for link in self._links:
             for name in self._tags_of(link.name):
-                if link.connected and link.since_ns < now_ns:
+                if link.connected and link.since_ns < now_ns and name not in link.refused:
                     self._states[name].check_age(now_ns)
                 else:
                     self._states[name].lose(now_ns)

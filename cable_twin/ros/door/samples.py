@@ -97,10 +97,15 @@ class TagState:
         return self.last
 
     def check_age(self, now_ns: int) -> None:
-        """Check that a sample of the tag came recently, and log pending lines; called while the server is connected."""
+        """Check that a sample of the tag came recently, and log pending lines; called while the server is connected.
+
+        The time to a first sample counts from the first call; a value that is held may be as old as it likes.
+        """
         self._say(now_ns)
+        self._heard_ns = self._heard_ns or now_ns
         age = (now_ns - self._heard_ns) / SECOND
-        if self._heard_ns and age > self.tag.stale_after and not self._reason and not self.tag.hold:
+        held = self.tag.hold and self.last is not None
+        if age > self.tag.stale_after and not self._reason and not held:
             text = f"no sample for {self.tag.stale_after:g} s"
             self._leave_out("stale", text, now_ns, samples=0)
 
