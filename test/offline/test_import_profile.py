@@ -156,6 +156,23 @@ def test_a_jig_back_downwards_rests_with_its_counterweights_inside_their_travel(
     assert rest.columns[0].joint_position[0, 0] == pytest.approx(986.0, abs=2.0)
 
 
+@pytest.mark.parametrize(
+    ("kind", "given", "said"),
+    [
+        ("fixed_grip_chairlift", "carriers.count=abc", "--set carriers.count: given 'abc'; allowed: a number above 0"),
+        ("fixed_grip_chairlift", "carriers.count=0.5", "carriers.count: given 0.5; allowed: a whole number"),
+        ("detachable_gondola", "ropes.up.axial_stiffness=null", "--set ropes.up.axial_stiffness: given None; allowed"),
+        ("detachable_gondola", "sheaves.return.counterweight.mass=0", "weight.mass: given 0; allowed: a number above 0"),
+        ("aerial_tramway", "cable.start.mass=-5", "--set cable.start.mass: given -5; allowed: a number above 0"),
+        ("jig_back", "ropes.haul_1.diameter=[1]", "--set ropes.haul_1.diameter: given [1]; allowed: a number above 0"),
+    ],
+)
+def test_a_given_value_from_which_others_are_derived_is_refused_in_a_line(tmp_path, capsys, kind, given, said):
+    assert imported(tmp_path, f"--type={kind}", f"--set={given}")[1] == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
 def test_a_haul_rope_of_a_jig_back_is_pulled_over_the_ground_as_far_as_its_strength_goes(tmp_path, capsys):
     """A hump under the lower span: with room it is kept, over the shipped one a line says what helps."""
     shipped, towers = (SURVEY / f"tramway_{name}.csv" for name in ("terrain", "towers"))

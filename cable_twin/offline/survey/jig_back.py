@@ -11,7 +11,7 @@ import scipy  # loads `optimize` where it is used
 
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey import tramway
-from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.marked import Marked, assumed, derived, given_number
 from cable_twin.offline.survey.profile import Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, Place, given_rope, lower_first, rope_keys, terrain_along
 from cable_twin.offline.survey.tramway import (
@@ -199,8 +199,9 @@ def jig_back_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) ->
     forward = 1.0 if upwards else -1.0
     rope, haul_rope = given_rope(TRACK_ROPE, "ropes.track_1", changes), given_rope(HAUL_ROPE, "ropes.haul_1", changes)
     load = GRAVITY * (EMPTY + CAPACITY)
-    mass = changes.get("ropes.track_1.start.mass")
-    track = TrackRope(lower_first(survey, ends), rope, load, None if mass is None else float(mass))
+    mass_key = "ropes.track_1.start.mass"
+    mass = given_number(changes, mass_key, 0.0) if mass_key in changes else None
+    track = TrackRope(lower_first(survey, ends), rope, load, mass)
     lower = ends.start if upwards else ends.end
     asked = changes.get("limits.rope_clearance", 0.0)
     clearance = float(asked) if isinstance(asked, int | float) else -np.inf  # null: none; text the scenario refuses

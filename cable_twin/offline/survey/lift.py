@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_twin.basics.units import with_unit
 from cable_twin.frame.records import FloatArray
-from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.marked import Marked, assumed, derived, given_number
 from cable_twin.offline.survey.profile import Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, bends, given_rope, lower_first, rope_keys, tower_keys
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
@@ -124,13 +124,14 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
         changes: given values by dotted key, used where other values are derived from them.
 
     Raises:
-        SurveyError: the rope of the kind cannot carry the lift; one line.
+        SurveyError: a given value is no number above 0, or the rope of the kind cannot carry the lift; one line.
     """
     upwards = ends.end[1] >= ends.start[1]
     corner = lower_first(survey, ends)
-    speed = float(changes.get("sheaves.drive.drive.limits.speed", kind.speed))
+    speed = given_number(changes, "sheaves.drive.drive.limits.speed", kind.speed)
     rough = 2.0 * float(np.hypot(*np.diff(corner, axis=0).T).sum() + np.pi * kind.wheel)
-    count = int(changes.get("carriers.count", max(2, round(rough / (speed * kind.interval)))))
+    usual = max(2, round(rough / (speed * kind.interval)))
+    count = max(1, int(given_number(changes, "carriers.count", usual)))
     rope = given_rope(kind.rope, "ropes.up", changes)
     loads = (count / rough * (kind.empty + kind.capacity), count / rough * kind.empty, 0.0)
     weights = [GRAVITY * (rope["mass_per_length"] + load) for load in loads]
@@ -144,7 +145,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
         tension, why = choose_tension(corner, rope, weights, towers)
         mass = derived(round(2.0 * tension / GRAVITY, -2), f"kg, both strands: {why}")
         if mass_key in changes:
-            mass = derived(float(changes[mass_key]), "given")
+            mass = derived(given_number(changes, mass_key, 0.0), "given")
         strands = [
             spans_under_tension(corner, 0.5 * mass.value * GRAVITY, weight, rope["axial_stiffness"])
             for weight in weights[:2]

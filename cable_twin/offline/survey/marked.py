@@ -11,6 +11,7 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from cable_twin.offline.survey.profile import SurveyError
 from cable_twin.scenario import full_key
 
 COLUMN = 52  # of comments behind values
@@ -117,6 +118,18 @@ def dumped(content: CommentedMap) -> str:
     yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.dump(content, text)
     return text.getvalue()
+
+
+def given_number(changes: Mapping[str, Any], key: str, usual: float) -> float:
+    """Number given for a dotted key, from which other values of a scenario are derived; the usual one if none is.
+
+    Raises:
+        SurveyError: what is given is no number above 0; one line.
+    """
+    value = changes.get(key, usual)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
+        raise SurveyError(f"--set {key}: given {value!r}; allowed: a number above 0")
+    return float(value)
 
 
 def with_changes(tree: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_twin.frame.records import FloatArray
-from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.marked import Marked, assumed, derived, given_number
 from cable_twin.offline.survey.profile import Survey, SurveyedTower, SurveyError
 from cable_twin.scenario.spans import Spans
 
@@ -119,8 +119,12 @@ def origin(place: Place, why: Why) -> Marked:
 
 
 def given_rope(usual: Mapping[str, float], path: str, changes: Mapping[str, Any]) -> dict[str, float]:
-    """Properties of a rope by key: usual values, replaced by given changes of dotted keys below `path`."""
-    return {key: float(changes.get(f"{path}.{key}", value)) for key, value in usual.items()}
+    """Properties of a rope by key: usual values, replaced by given numbers of dotted keys below `path`.
+
+    Raises:
+        SurveyError: one of them is no number above 0; one line.
+    """
+    return {key: given_number(changes, f"{path}.{key}", value) for key, value in usual.items()}
 
 
 def rope_keys(rope: Mapping[str, float], usual: Mapping[str, float], why: str) -> dict[str, Marked]:

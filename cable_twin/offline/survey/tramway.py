@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # loads `optimize` where it is used
 
 from cable_twin.frame.records import FloatArray
-from cable_twin.offline.survey.marked import Marked, assumed, derived
+from cable_twin.offline.survey.marked import Marked, assumed, derived, given_number
 from cable_twin.offline.survey.profile import Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, bends, given_rope, lower_first, rope_keys, tower_keys
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
@@ -152,8 +152,9 @@ def tramway_scenario(survey: Survey, ends: Ends, changes: Mapping[str, Any]) -> 
     rope = given_rope(TRACK_ROPE, "cable", changes)
     load = GRAVITY * (EMPTY + CAPACITY)
     weighted = "start" if upwards else "end"
-    mass = changes.get(f"cable.{weighted}.mass")
-    track = TrackRope(lower_first(survey, ends), rope, load, None if mass is None else float(mass))
+    mass_key = f"cable.{weighted}.mass"
+    mass = given_number(changes, mass_key, 0.0) if mass_key in changes else None
+    track = TrackRope(lower_first(survey, ends), rope, load, mass)
     level, rise = (track.corner[-1] - track.corner[0]).tolist()
     tree_ends = track_ends(track, ends, upwards, list)
     holding = load * float(np.sin(track.steepest))
