@@ -162,7 +162,7 @@ def test_a_jig_back_downwards_rests_with_its_counterweights_inside_their_travel(
         ("fixed_grip_chairlift", "carriers.count=abc", "--set carriers.count: given 'abc'; allowed: a number above 0"),
         ("fixed_grip_chairlift", "carriers.count=0.5", "carriers.count: given 0.5; allowed: a whole number"),
         ("detachable_gondola", "ropes.up.axial_stiffness=null", "--set ropes.up.axial_stiffness: given None; allowed"),
-        ("detachable_gondola", "sheaves.return.counterweight.mass=0", "weight.mass: given 0; allowed: a number above 0"),
+        ("detachable_gondola", "sheaves.return.counterweight.mass=0", "mass: given 0; allowed: a number above 0"),
         ("aerial_tramway", "cable.start.mass=-5", "--set cable.start.mass: given -5; allowed: a number above 0"),
         ("jig_back", "ropes.haul_1.diameter=[1]", "--set ropes.haul_1.diameter: given [1]; allowed: a number above 0"),
     ],
