@@ -22,7 +22,7 @@ from cable_twin.key_figures.rules.document import Document
 from cable_twin.offline import envelope, report, reporting, review, simulate, study
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting import german
-from cable_twin.offline.reporting.chart import LOOKS, Chart, Mark, span, ticks
+from cable_twin.offline.reporting.chart import LOOKS, Chart, Mark, labelled_ticks, span, ticks
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.judging import judge_cases, judge_extremes
 from cable_twin.offline.reporting.page import PrintError, find_printer
@@ -368,6 +368,7 @@ def test_lines_differ_without_colours_and_gaps_stay():
     assert 'stroke-dasharray="7 3"' in svg
     assert "a &lt;b&gt;" in svg
     assert ticks(-0.3, 1.1) == pytest.approx([-0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+    assert list(labelled_ticks(1511.2, 1513.9).values()) == ["1511.5", "1512", "1512.5", "1513", "1513.5"]
     assert span([np.array([1.0, 1.0])])[0] < 1.0
 
 

@@ -215,11 +215,11 @@ class Chart:
     def _axes(self) -> list[str]:
         (left, bottom), (right, top) = self._at(self._x[0], self._y[0]), self._at(self._x[1], self._y[1])
         found: list[str] = []
-        for value in ticks(*self._x):
+        for value, named in labelled_ticks(*self._x).items():
             place, _ = self._at(value, 0.0)
             found.append(f'<line x1="{place:.1f}" y1="{bottom:.1f}" x2="{place:.1f}" y2="{top:.1f}" stroke="{GRID}"/>')
-            found.append(_text(place, bottom + 13.0, rounded(value), "middle", QUIET))
-        for value, named in (self._rows or {one: rounded(one) for one in ticks(*self._seen)}).items():
+            found.append(_text(place, bottom + 13.0, named, "middle", QUIET))
+        for value, named in (self._rows or labelled_ticks(*self._seen)).items():
             _, place = self._at(0.0, value)
             found.append(f'<line x1="{left:.1f}" y1="{place:.1f}" x2="{right:.1f}" y2="{place:.1f}" stroke="{GRID}"/>')
             found.append(_text(left - 5.0, place + 3.6, named, "end", QUIET))
@@ -254,6 +254,14 @@ def ticks(low: float, high: float) -> list[float]:
     step = next(one * power for one in STEPS if one * power >= raw * (1.0 - 1e-9))
     first = math.ceil(low / step - 1e-9)
     return [number * step + 0.0 for number in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def labelled_ticks(low: float, high: float) -> dict[float, str]:
+    """Label of each tick within a range, with as many digits as tell it from the next one."""
+    values = ticks(low, high)
+    largest, between = max(map(abs, values), default=1.0), (high - low) / TICKS
+    digits = max(4, math.floor(math.log10(largest or 1.0)) - math.floor(math.log10(between)) + 2)
+    return {value: rounded(value, digits) for value in values}
 
 
 def span(values: Sequence[FloatArray | float], *, zero: bool = False, margin: float = 0.06) -> tuple[float, float]:
