@@ -20,6 +20,7 @@ TENSIONS = 3e5, 4e4  # N, of track and haul ropes by themselves
 EMPTY, FULL = 800.0, 600.0  # kg, of a cabin and of what it carries uphill
 HANGERS = (50.0, 100.0, 150.0)  # m along the track, of slack carriers
 STRANDS = {"haul_up": "track_up", "haul_down": "track_down"}
+CLAMP_BELOW = -0.6  # m, of the clamp of a shipped cabin from its joint
 RAILS = 16.0  # m, at both ends of a track: beyond that nothing is carried by the rails of a station
 
 
@@ -121,6 +122,38 @@ def slack_carriers() -> Iterator[Result]:
         yield Result(
             f"pull of {name} beside weight of a quarter", "N", share, float(pulls[list(rods).index(name)]), share
         )
+
+
+@case("bicable lift at rest, tension along the haul rope", "T - q z of a rope changes by forces along it alone")
+def haul_rope_tension() -> Iterator[Result]:
+    """Slack carriers and sheaves pass no force along the rope, so that it has the weight of rope and cabins alone.
+
+    Between both ends of each strand, over what the clamps pull along it; the nearest carriers are square to the rope.
+    """
+    simulation = Simulation(load_scenario("bicable"))
+    snapshot, scenario = simulation.snapshot, simulation.scenario
+    for name, track_name in STRANDS.items():
+        ends = [snapshot.supports[f"{name}/{end}"].force for end in ("start", "end")]
+        heights = [float(scenario.ropes[name].ends[end].position[-1]) for end in ("start", "end")]
+        weight = scenario.ropes[name].mass_per_length * scenario.gravity * (heights[1] - heights[0])
+        pulled = 0.0
+        places = np.arange(1.0, scenario.ropes[name].unstrained_length - 1.0, 0.25)
+        points = simulation.cable_positions(places, rope=name)
+        for row in np.flatnonzero(snapshot.columns.attached == 1.0).tolist():
+            if track_of(simulation, row) == track_name:
+                apart = np.linalg.norm(points - snapshot.columns.joint_position[row] - [0.0, 0.0, CLAMP_BELOW], axis=1)
+                tangent = slope_of(simulation, name, float(places[np.argmin(apart)]))
+                pulled += float(snapshot.columns.haul_pull[row] @ tangent / np.linalg.norm(tangent))
+        gained = float(np.linalg.norm(ends[1]) - np.linalg.norm(ends[0]))
+        yield Result(f"{name}: tension gained", "N", weight + pulled, gained, 2e-3 * abs(gained))
+    for name, rod in scenario.connectors.items():
+        (track, place), (haul, _) = rod.ends
+        if name in ("up_2", "down_5"):
+            upper = simulation.cable_positions([place], rope=track)[0]
+            along = np.linspace(rod.ends[1][1] - 3.0, rod.ends[1][1] + 3.0, 6001)
+            nearest = float(np.min(np.linalg.norm(simulation.cable_positions(along, rope=haul) - upper, axis=1)))
+            pull = rod.stiffness * (nearest - rod.length)
+            yield Result(f"{name}: pull, of its least distance", "N", pull, snapshot.connectors[name], 1e-2)
 
 
 def sheave_way(simulation: Simulation) -> float:

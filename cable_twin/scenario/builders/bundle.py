@@ -73,6 +73,7 @@ def build_connectors(scenario: Scenario, systems: dict[str, System]) -> tuple[Co
     connectors = Connectors(
         rope=rope.reshape(-1, 2)[order],
         node=node.reshape(-1, 2)[order],
+        rolls=np.array([rod.rolls for rod in rods], dtype=np.int64),
         **columns(Connectors, Connector, rods),
     )
     return connectors, [names[number] for number in order]

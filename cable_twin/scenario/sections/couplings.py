@@ -165,6 +165,14 @@ Connector: Any = create_model(
         "stiffness": (float, quantity("N/m", "stiffness in tension", gt=0)),
         "compression": (float, quantity("N/m", "stiffness in compression", 0.0, ge=0)),
         "damping": (float, quantity("N s/m", "damping in tension", 0.0, ge=0)),
+        "rolls": (
+            bool,
+            Field(
+                default=False,
+                description="whether the lower end is a roller, as of a slack carrier: it is where its rope is nearest "
+                "to the upper end, and carries it without friction; false: both ends are fixed to their ropes",
+            ),
+        ),
     },  # type: ignore[call-overload]
 )
 

@@ -73,7 +73,7 @@ def no_couplings(ropes: int, dim: int) -> Couplings:
         "travel": pair,
     }
     return Couplings(
-        connectors=Connectors(numbers, numbers, none, none, none, none),
+        connectors=Connectors(numbers, numbers, none, none, none, none, number),
         pantographs=Pantographs(number, row, row, row, none, none),
         clamps=Clamps(number, number, vector, np.zeros(1, np.int64), number, none, none),
         wires=Wires(np.zeros(ropes), np.zeros(ropes), False),

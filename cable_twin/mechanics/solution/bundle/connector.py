@@ -5,6 +5,11 @@ taken such a node, that end is at the same arc length on an element beside the l
 left out of the tangent: there a Newton iteration leaves as much of the increment as the stiffness of the connector has
 of that of the ropes, hardly a hundredth in time integration.
 
+The second end of a connector that rolls, as that of a slack carrier, is where its rope is nearest to the first end: its
+energy is that of the least distance, and by the envelope theorem its force is that along this distance, square to the
+rope, at that place. Its tangent has the coupling of both ends by the share of its node in that place, and not how it
+turns with the rope.
+
 The damping is C = α M + β K, K of the static tension: bending has damping of its own already (`damping_time` of the
 elastic model); β adds the stiffness that a string has by its tension T, β T ∫S_xᵀS_x dx. α is in the elements
 (`element`).
@@ -28,14 +33,19 @@ from cable_twin.mechanics.language.vectors import (
     store,
     subtract,
     symmetric,
+    transpose,
 )
 from cable_twin.mechanics.rope.ale import nodal_vectors
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import motion_at_rest
-from cable_twin.mechanics.rope.point import point_at
+from cable_twin.mechanics.rope.point import bend, point_at, slope, value
 from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 from cable_twin.mechanics.rope.shape_functions import SLOPE
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, rope_of
+
+GRADUAL = 1e-3  # m, extension over which damping sets in: a pull that jumps by it would have no place to rest in a step
+MOST_TURNS, ROLLED = 20, 1e-13  # of Newton's method for the place of a roller, and m, from which on it stays
+LEAST_BEND = 0.2  # share of r_x² that its derivative has at least, where the rope bends around the first end
 
 
 @inlined_kernel
@@ -45,16 +55,48 @@ def is_taken(here, node):
 
 
 @inlined_kernel
-def end_of(bundle, connector, end, system, state, like):
-    """Position (dim,) in m and velocity (dim,) in m/s of the rope at one end, 0 or 1, of a connector."""
+def at_end(bundle, connector, end, place, system, state, like):
+    """Position (dim,) in m and velocity (dim,) in m/s of the rope at one end, 0 or 1, of a connector at a place (m)."""
     own = bundle.records[bundle.connectors.rope[connector, end]]
     here, node = record_at(own[STATE], state), bundle.connectors.node[connector, end]
-    if not is_taken(here, node):
+    if not is_off_node(bundle.connectors, connector, end, here):
         return load(here.nodes.position[node, 0], like), load(here.nodes.velocity[node, 0], like)
     cable = record_at(own[SYSTEM], system).cable
-    point = point_at(cable, here, cable.node_arc_length[node])
+    point = point_at(cable, here, place)
     e, v, _ = motion_at_rest(cable, here, point.element, here.nodes.acceleration, here.joints.acceleration)
     return at_place(e, point.shape, point.shape_x)[0], at_place(v, point.shape, point.shape_x)[0]
+
+
+@inlined_kernel
+def is_off_node(connectors, connector, end, here):
+    """Return whether an end of a connector is at a place on an element and not at its node."""
+    return (end == 1 and connectors.rolls[connector] != 0) or is_taken(here, connectors.node[connector, end])
+
+
+@kernel
+def place_of(bundle, connector, system, state, like):
+    """Arc length (m) of the second end of a connector: that of its node, or if it rolls that nearest to the first end.
+
+    Newton's method for the root of (r - r_first)·r_x, from the node on.
+    """
+    connectors = bundle.connectors
+    own = bundle.records[connectors.rope[connector, 1]]
+    cable, here = record_at(own[SYSTEM], system).cable, record_at(own[STATE], state)
+    nodes = cable.node_arc_length
+    place = nodes[connectors.node[connector, 1]]
+    if connectors.rolls[connector] == 0:
+        return place
+    beside = record_at(bundle.records[connectors.rope[connector, 0], SYSTEM], system).cable
+    first, _ = at_end(bundle, connector, 0, beside.node_arc_length[connectors.node[connector, 0]], system, state, like)
+    for _ in range(MOST_TURNS):
+        point = point_at(cable, here, place)
+        apart = subtract(value(here.nodes.position, point, like), first)
+        r_x, r_xx = slope(here.nodes.position, point, like), bend(here.nodes.position, point, like)
+        change = dot(apart, r_x) / max(dot(r_x, r_x) + dot(apart, r_xx), LEAST_BEND * dot(r_x, r_x))
+        place = min(max(place - change, nodes[0]), nodes[nodes.size - 1])
+        if abs(change) < ROLLED:
+            break
+    return place
 
 
 @inlined_kernel
@@ -62,12 +104,18 @@ def connector_force(bundle, connector, system, state, like):
     """Pull (N) of a connector, its tangent, its direction from first to second end, and its length (m).
 
     Returns:
-        Pull, its derivatives by distance (N/m) and by the rate of that (N s/m), unit vector (dim,), distance, and the
-        part (dim,) across of the velocity of the second end, as the first one sees it, in m/s.
+        Pull, its derivatives by distance (N/m) and by the rate of that (N s/m), unit vector (dim,), distance, the part
+        (dim,) across of the velocity of the second end, as the first one sees it, in m/s, and the arc lengths (m) of
+        both ends.
     """
     connectors = bundle.connectors
-    first, first_speed = end_of(bundle, connector, 0, system, state, like)
-    second, second_speed = end_of(bundle, connector, 1, system, state, like)
+    own = record_at(bundle.records[connectors.rope[connector, 0], SYSTEM], system)
+    places = (
+        own.cable.node_arc_length[connectors.node[connector, 0]],
+        place_of(bundle, connector, system, state, like),
+    )
+    first, first_speed = at_end(bundle, connector, 0, places[0], system, state, like)
+    second, second_speed = at_end(bundle, connector, 1, places[1], system, state, like)
     apart = subtract(second, first)
     distance = sqrt(dot(apart, apart))
     along = scale(1.0 / distance, apart)
@@ -76,10 +124,14 @@ def connector_force(bundle, connector, system, state, like):
     across = add_scaled(-rate, along, moving)
     longer = distance - connectors.length[connector]
     if longer > 0.0:
-        stiffness, damping = connectors.stiffness[connector], connectors.damping[connector]
-        return stiffness * longer + damping * rate, stiffness, damping, along, distance, across
+        share = min(longer / GRADUAL, 1.0)
+        stiffness, damping = connectors.stiffness[connector], share * connectors.damping[connector]
+        pull = stiffness * longer + damping * rate
+        if share < 1.0:
+            stiffness = max(stiffness + connectors.damping[connector] / GRADUAL * rate, 0.0)
+        return pull, stiffness, damping, along, distance, across, places
     stiffness = connectors.compression[connector]
-    return stiffness * longer, stiffness, 0.0, along, distance, across
+    return stiffness * longer, stiffness, 0.0, along, distance, across, places
 
 
 @kernel
@@ -91,28 +143,58 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
     """
     connectors, changed = bundle.connectors, 0
     for connector in range(connectors.length.size):
-        pull, stiffness, damping, along, distance, across = connector_force(bundle, connector, system, state, like)
+        pull, stiffness, damping, along, distance, across, places = connector_force(
+            bundle, connector, system, state, like
+        )
         radial = stiffness_factor * stiffness + rate_factor * damping
         turned = stiffness_factor * pull / distance
         matrix = full(1.0, symmetric(turned, radial - turned, along), 0.0)
         matrix = add_scaled(1.0, outer(stiffness_factor * damping / distance, along, across), matrix)
-        store(scale(-1.0, matrix), scratch.cross[connector])
+        nothing = scale(0.0, matrix)
+        by_turn, of_turn = nothing, nothing
+        if connectors.rolls[connector] != 0:  # d(F e) = ... - F / d r_x dX, dX = -(r_x·dr + d e·dr_x) / G
+            own, here, _ = rope_of(bundle, connectors.rope[connector, 1], system, state, work)
+            point = point_at(own.cable, here, places[1])
+            r_x, r_xx = slope(here.nodes.position, point, like), bend(here.nodes.position, point, like)
+            rolled = stiffness_factor * pull / (dot(r_x, r_x) + distance * dot(along, r_xx))
+            matrix = add_scaled(1.0, outer(-rolled / distance, r_x, r_x), matrix)
+            by_turn, of_turn = outer(-rolled, r_x, along), outer(-rolled * distance, along, along)
+        coupled, moves, turns_by = 1.0, (1.0, 0.0), (0.0, 0.0)  # of both nodes; share of r and r_x in the second end
         for end in range(2):
             own, here, room = rope_of(bundle, connectors.rope[connector, end], system, state, work)
             node, force = connectors.node[connector, end], scale(pull if end == 0 else -pull, along)
-            if is_taken(here, node):
-                point = point_at(own.cable, here, own.cable.node_arc_length[node])
-                nothing = scale(0.0, matrix)
+            if is_off_node(connectors, connector, end, here):
+                point, turned_to = point_at(own.cable, here, places[end]), by_turn if end == 1 else nothing
+                turns = (transpose(turned_to), of_turn if end == 1 else nothing)
                 add_point_load(force, point, here, room)
-                add_point_tangent(force, (matrix, nothing), (nothing, nothing), point, stiffness_factor, here, room)
-                store(nothing, scratch.cross[connector])
+                add_point_tangent(force, (matrix, turned_to), turns, point, stiffness_factor, here, room)
+                if end == 0 or is_taken(here, node):
+                    coupled = 0.0
+                else:
+                    moves, turns_by = shares_of_node(node, point)
             else:
                 accumulate(force, room.right_side[node, 0])
                 accumulate(matrix, room.diagonal[node, 0, 0])
+        for row in range(2):
+            by_second = add_scaled(turns_by[row], by_turn, scale(moves[row], matrix))
+            by_first = add_scaled(turns_by[row], transpose(by_turn), scale(moves[row], matrix))
+            store(scale(-coupled, by_second), scratch.cross[connector, row, 0])
+            store(scale(-coupled, by_first), scratch.cross[connector, row, 1])
         tight = 1 if distance > connectors.length[connector] else 0
         changed += abs(tight - moving.tight[connector])
         moving.tight[connector] = tight
     return changed
+
+
+@inlined_kernel
+def shares_of_node(node, point):
+    """Shares of r and r_x of a node in those of a point; 0 on an element that is not beside the node."""
+    s, s_x = point.shape, point.shape_x
+    if point.element == node:
+        return (s[0], s[1]), (s_x[0], s_x[1])
+    if point.element == node - 1:
+        return (s[2], s[3]), (s_x[2], s_x[3])
+    return (0.0, 0.0), (0.0, 0.0)
 
 
 @kernel

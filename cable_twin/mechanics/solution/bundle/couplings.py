@@ -123,13 +123,11 @@ def give_forces(bundle, moving, system, state, sections):
             pull = scale(-1.0, add_scaled(moving.rail_mass[clamp], like, force))  # as `add_clamps` has it
             give(record_at(bundle.records[other, SECTIONS], sections), moving.clamp_place[clamp], pull)
     for connector in range(bundle.connectors.length.size):
-        pull, _, _, along, _, _ = connector_force(bundle, connector, system, state, like)
+        pull, _, _, along, _, _, places = connector_force(bundle, connector, system, state, like)
         for end in range(2):
             rope = bundle.connectors.rope[connector, end]
-            cable = record_at(bundle.records[rope, SYSTEM], system).cable
-            place = cable.node_arc_length[bundle.connectors.node[connector, end]]
             sign = 1.0 if end == 0 else -1.0
-            give(record_at(bundle.records[rope, SECTIONS], sections), place, scale(sign * pull, along))
+            give(record_at(bundle.records[rope, SECTIONS], sections), places[end], scale(sign * pull, along))
     for pantograph in range(bundle.pantographs.rope.size):
         rope, place = bundle.pantographs.rope[pantograph], moving.arc_length[pantograph]
         cable = record_at(bundle.records[rope, SYSTEM], system).cable

@@ -353,11 +353,12 @@ def note_coupled(order, scratch, rope, node):
 def link(connectors, connector, scratch, like):
     """Add the coupling by a connector to the front nodes of its two ropes."""
     a, b = connectors.rope[connector, 0], connectors.rope[connector, 1]
-    cross = load(scratch.cross[connector], outer(0.0, like, like))
+    square = outer(0.0, like, like)
     if not scratch.linked[a, b]:
         connect(a, b, scratch, like)
-    accumulate(cross, scratch.fill[a, b, 0, 0])
-    accumulate(cross, scratch.fill[b, a, 0, 0])  # either end feels the other one alike
+    for row in range(2):
+        accumulate(load(scratch.cross[connector, row, 0], square), scratch.fill[a, b, 0, row])
+        accumulate(load(scratch.cross[connector, row, 1], square), scratch.fill[b, a, row, 0])
 
 
 @inlined_kernel

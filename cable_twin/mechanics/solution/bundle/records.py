@@ -33,6 +33,7 @@ class Connectors(NamedTuple):
     stiffness: FloatArray  # (connectors,) N/m, when longer than that
     compression: FloatArray  # (connectors,) N/m, when shorter
     damping: FloatArray  # (connectors,) N s/m, while it pulls
+    rolls: IntArray  # (connectors,) 1 where the second end rolls along its rope
 
 
 @by_reference
@@ -234,7 +235,7 @@ class BundleWork(NamedTuple):
     clamp_right: Annotated[FloatArray, Of("clamp", 2, "dim")]  # then their increments
     clamp_out: Annotated[FloatArray, Of("clamp", 4, 2, 2, "dim²")]  # nodes of both elements by them
     clamp_in: Annotated[FloatArray, Of("clamp", 4, 2, 2, "dim²")]  # them by the nodes
-    cross: Annotated[FloatArray, Of("connector", "dim²")]  # N/m: either node by the other
+    cross: Annotated[FloatArray, Of("connector", 2, 2, "dim²")]  # first end by r, r_x of the second; back
     elimination: Annotated[FloatArray, Of("pantograph", "stage", 3)]  # matrix row, and what stands right of it
     increment: Annotated[FloatArray, Of("pantograph", "stage")]  # m
     by_rope: Annotated[FloatArray, Of("pantograph", "stage")]  # of each stage by the rope above the head
