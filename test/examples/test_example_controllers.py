@@ -136,3 +136,15 @@ def test_lockstep_says_why_it_cannot(domain, processes):
     process = processes("cabin", "--to", "1", "--wait", "0.5", module=str(EXAMPLES / "lockstep.py"), domain=domain)
     assert process.wait(LONGEST) == 1
     assert process.output == "lockstep.py: a twin that listens: not within 0.5 s\n"
+
+
+def test_key_figures_of_several_ropes_are_printed_and_bad_arguments_refused_in_a_line(capsys):
+    example = runpy.run_path(str(EXAMPLES / "key_figures.py"))["main"]
+    example(["chairlift"])
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("drive: adhesion used of available: ") for line in lines)
+    assert sum(" m: up: " in line and ", down: " in line for line in lines) == 5
+    for arguments, said in ((["chairlift", "cabin"], "drive: given cabin; allowed: haul_rope"), (["x"], "given 'x'")):
+        with pytest.raises(SystemExit, match="2"):
+            example(arguments)
+        assert said in capsys.readouterr().err.splitlines()[-1]
