@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Any, NamedTuple, cast, get_args
 
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
@@ -42,6 +43,24 @@ class FigureId(NamedTuple):
         if not (quantity and subject and statistic):
             raise ValueError(f"id: given {text!r}; allowed: quantity/subject/statistic")
         return cls(quantity, subject, statistic)
+
+    @classmethod
+    def of_known(cls, text: str) -> FigureId:
+        """Identity of a key figure from its text, with a quantity of `QUANTITIES` and one of its statistics.
+
+        Raises:
+            ValueError: another form, quantity or statistic; one line.
+        """
+        found = cls.of_text(text)
+        row = QUANTITIES.get(found.quantity)
+        if row is None:
+            near = get_close_matches(found.quantity, QUANTITIES, n=1)
+            hint = f"did you mean {near[0]}?" if near else "allowed: those of `rules --vocabulary`"
+            raise ValueError(f"quantity: given {found.quantity!r}; {hint}")
+        if found.statistic not in row.statistics:
+            own = f"{found.quantity}/{found.subject}"
+            raise ValueError(f"id: given {text!r}; allowed: {' or '.join(f'{own}/{one}' for one in row.statistics)}")
+        return found
 
 
 class Subject(NamedTuple):

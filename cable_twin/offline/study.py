@@ -6,7 +6,8 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from difflib import get_close_matches
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,7 +19,8 @@ from rich.table import Table
 
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.ensemble import usable_cores
-from cable_twin.key_figures import compile_figures
+from cable_twin.frame.snapshot import Snapshot
+from cable_twin.key_figures import FigureId, KeyFigures
 from cable_twin.offline.figure_table import table_console
 from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, add_changes
@@ -44,7 +46,7 @@ from cable_twin.offline.studies.record import (
     write_tables,
 )
 from cable_twin.offline.sweep import is_whole
-from cable_twin.scenario import ScenarioError, load_scenario, scenario_lines
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_lines
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import count_shown, start_shown
 from cable_twin.terminal.command_line import INTERRUPTED, OneLineParser, fail, left_at_once, number, tell, whole_number
@@ -67,7 +69,7 @@ was ended, and runs only cases that are missing or whose inputs or program have 
 any number of workers. Needs dask.distributed.
 
 exit codes: 0 done, 1 a case failed, the cluster was lost or a file cannot be written, 2 wrong scenario, design, script,
-scheduler or option, 130 ended by Ctrl-C
+scheduler or option, or no case has a key figure of --figure, 130 ended by Ctrl-C
 
 examples:
   study seed_example --vary cable.mass_per_length=1:3 --vary gravity=9:10 \\
@@ -129,9 +131,22 @@ def parser() -> OneLineParser:
     )
     result.add_argument("--out", type=Path, required=True, metavar="DIR", help="directory of the study")
     result.add_argument(
-        "--figure", action="append", default=[], metavar="ID", help="key figure of table and plots; can be repeated"
+        "--figure",
+        action="append",
+        type=_figure_id,
+        default=[],
+        metavar="ID",
+        help="key figure of table and plots, as rope_tension/ropes.up/highest; can be repeated",
     )
     return result
+
+
+def _figure_id(text: str) -> str:
+    """Id of a key figure as given; refused where there is no such quantity or statistic."""
+    try:
+        return str(FigureId.of_known(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -150,7 +165,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         with left_at_once("study"):
             study = plan(options, source)
         with start_shown("study", console):
-            _compile(study)
+            subjects = _compile(study)
+        for id_ in options.figure:
+            if fault := _subject_fault(id_, subjects):
+                arguments.error(fault)
         with kept_in(options.out) as kept:
             try:
                 faults = _run(study, kept, options, console)
@@ -193,12 +211,34 @@ def plan(options: argparse.Namespace, source: str) -> Study:
     return Study(base.name, common, made, cases)
 
 
-def _compile(study: Study) -> None:
-    """Compile all kernels of a study once in this process, so that workers do not each compile them."""
+def _compile(study: Study) -> set[str]:
+    """Compile all kernels of a study once, not in each worker; returns the subjects of the first case's key figures.
+
+    They are empty where that case has no equilibrium.
+    """
+    found: set[str] = set()
+
+    def begin(scenario: Scenario, first: Snapshot) -> None:
+        figures = KeyFigures(scenario)
+        figures.update(first)
+        found.update(one.id.subject for one in figures.figures())
+
     try:
-        Simulation(scenario_of(study.common, study.cases[0].values), meanwhile=compile_figures)
+        Simulation(scenario_of(study.common, study.cases[0].values), meanwhile=begin)
     except (EquilibriumError, ScenarioError):  # the fault of its case
-        return
+        found.clear()
+    return found
+
+
+def _subject_fault(id_: str, subjects: Collection[str]) -> str:
+    """Error line about the subject of a key figure that no case can have; empty without a fault."""
+    subject = FigureId.of_text(id_).subject
+    known = {*subjects, "air"}  # wind and pairs of vehicles have figures only later
+    if not subjects or subject in known or {*subject.split("+")} <= known:
+        return ""
+    near = get_close_matches(subject, known, n=1)
+    hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(sorted(known))}"
+    return f"--figure: given {id_}; {hint}"
 
 
 def _run(study: Study, kept: Kept, options: argparse.Namespace, console: Console) -> list[str]:
@@ -219,10 +259,19 @@ def _run(study: Study, kept: Kept, options: argparse.Namespace, console: Console
 
 
 class Shown(NamedTuple):
-    """Results of a study for its report: all results, shown key figures, Sobol indices, figures without indices."""
+    """Results of a study for its report.
+
+    Attributes:
+        results: of all cases.
+        figures: ids of the shown key figures.
+        missing: wanted ids that no case has.
+        indices: Sobol indices, by id.
+        without: ids of figures without indices, as some case lacks them.
+    """
 
     results: Results
     figures: Sequence[str]
+    missing: Sequence[str]
     indices: dict[str, Indices]
     without: Sequence[str]
 
@@ -236,10 +285,10 @@ def _write(study: Study, kept: Kept, options: argparse.Namespace) -> Shown:
     results = Results(study.cases, kept)
     files = write_tables(options.out, results)
     wanted = [one for one in options.figure if one in results.figures]
-    for one in options.figure:
-        if one not in results.figures and results.figures:
-            tell("study", f"--figure: given {one}, which no case has; allowed: ids in results.csv")
-    shown = shown_figures(results, wanted, SHOWN)
+    missing = [one for one in options.figure if one not in results.figures and results.figures]
+    for one in missing:
+        tell("study", f"--figure: given {one}, which no case has; allowed: ids that results.csv has as columns")
+    shown = wanted if options.figure else shown_figures(results, SHOWN)
     found, without = indices_of(study.design, results) if study.design.method == "sobol" else ({}, [])
     if found:
         files.append(options.out / "indices.csv")
@@ -257,7 +306,7 @@ def _write(study: Study, kept: Kept, options: argparse.Namespace) -> Shown:
         "program": json.loads(program()),
     }  # fmt: skip
     write_manifest(options.out, described, results, files)
-    return Shown(results, shown, found, without)
+    return Shown(results, shown, missing, found, without)
 
 
 def _plots(
@@ -303,7 +352,9 @@ def _report(study: Study, kept: Kept, shown: Shown, faults: Sequence[str]) -> in
         tell("study", f"{len(bad)} cases in all have a fault; results.csv has them")
     if refused := sum(map(bool, results.refused)):
         tell("study", f"{refused} cases refused a command; cases.jsonl has the reasons")
-    return FAILED if bad or faults or refused else DONE
+    if bad or faults or refused:
+        return FAILED
+    return UNUSABLE if shown.missing else DONE
 
 
 if __name__ == "__main__":

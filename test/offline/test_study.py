@@ -59,12 +59,19 @@ def test_designs_cover_ranges_and_lists():
             "allowed: at least 3, for both ends and all",
         ),
         (["--vary", "script=nowhere.yaml"], "nowhere.yaml"),
+        (["--vary", "gravity=8:9", "--figure", "nothing"], "allowed: quantity/subject/statistic"),
+        (["--vary", "gravity=8:9", "--figure", "rope_tensio/ropes.cable/highest"], "did you mean rope_tension?"),
+        (
+            ["--vary", "gravity=8:9", "--figure", "rope_tension/ropes.cable/mean"],
+            "allowed: rope_tension/ropes.cable/highest or rope_tension/ropes.cable/lowest",
+        ),
+        (["--vary", "gravity=8:9", "--figure", "rope_tension/ropes.cabel/highest"], "did you mean ropes.cable?"),
         (["--vary", "gravity=8:9", "--scheduler", "tcp://127.0.0.1:9"], "there is none (Timed out trying to connect"),
     ],
 )
 def test_what_cannot_be_used_is_a_line(options, told, tmp_path, refusal, monkeypatch):
     monkeypatch.setattr("cable_twin.offline.studies.cluster.PATIENCE", 0.5)
-    monkeypatch.setattr(study, "_compile", lambda _: None)
+    monkeypatch.setattr(study, "_compile", lambda _: {"ropes.cable"})
     if not told:
         assert study.parser().parse_args([*options, "--out", "x"]).vary == [Factor("gravity", values=(9,))]
         return

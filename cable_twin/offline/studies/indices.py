@@ -96,13 +96,11 @@ def write_indices(file: Path, found: Mapping[str, Indices]) -> None:
                 writer.writerow([figure, key, *first, *one.total[key]])
 
 
-def shown_figures(results: Results, wanted: Sequence[str], most: int) -> list[str]:
-    """Ids of the key figures of a study to show: wanted ones, else those that vary most in relation to their size.
+def shown_figures(results: Results, most: int) -> list[str]:
+    """Ids of the key figures of a study that vary most in relation to their size.
 
     For each quantity and statistic, the figure of the subject that varies most is taken.
     """
-    if wanted:
-        return list(wanted)
     spread, seen = {}, set()
     for key, values in results.figures.items():
         if varies(results, key) and values.tobytes() not in seen:  # at rest the lowest is the highest
