@@ -204,6 +204,8 @@ def test_a_study_has_its_ranges_and_indices(tmp_path):
         indices = [float(row[key]) for row in csv.DictReader(file) for key in ("first", "total")]
     assert [float(one) for one in re.findall(r'<data class="index" value="([^"]*)">', text)] == indices
     assert "pennsylvania: USA, Pennsylvania: 34 Pa. Code chapter 7" in text
+    broken = sum(row["limits_not_kept"] != "0" for row in rows)
+    assert f"hier nicht beurteilt: {broken} von 8 Fällen halten einen Grenzwert nicht ein" in text
     (out / "manifest.json").write_text("{}")
     assert report.main([str(out)]) == 2
 

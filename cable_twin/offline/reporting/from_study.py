@@ -96,9 +96,9 @@ def _rows(file: Path) -> Iterator[dict[str, str]]:
 
 
 def _case(row: Mapping[str, str], vary: Mapping[str, Any]) -> Case:
-    broken = row["limits_not_kept"]
-    name = f"limits not kept: {broken}" if broken not in ("", "0") else ""
-    return Case(row["case"], name, {key: _number(row[key]) for key in vary}, row["fault"])
+    broken = int(row["limits_not_kept"] or 0)
+    name = f"limits not kept: {broken}" if broken else ""
+    return Case(row["case"], name, {key: _number(row[key]) for key in vary}, row["fault"], not_kept=broken)
 
 
 def _number(text: str) -> object:

@@ -53,6 +53,8 @@ TEXTS: Mapping[str, str] = {
     "Made": "Erstellt",
     "limits are kept": "Grenzwerten sind eingehalten",
     "no limit is given": "kein Grenzwert gegeben",
+    "not judged here": "hier nicht beurteilt",
+    "cases miss a limit": "Fällen halten einen Grenzwert nicht ein",
     "of": "von",
     "The command that made this page:": "Befehl, mit dem diese Seite erstellt wurde:",
     # tables

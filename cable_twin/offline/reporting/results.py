@@ -69,6 +69,7 @@ class Case:
         changes: values by dotted key.
         fault: reason why the case has no result; empty with a result.
         moves: whether the case is a run, and not a line at rest.
+        not_kept: number of limits that a case of a study does not keep; 0 for a load case.
     """
 
     id: str
@@ -76,6 +77,7 @@ class Case:
     changes: Mapping[str, object] = field(default_factory=dict)
     fault: str = ""
     moves: bool = False
+    not_kept: int = 0
 
 
 class StudyRange(NamedTuple):

@@ -21,7 +21,14 @@ def key_figure_table(results: Results, texts: Texts) -> Mapping[str, Any] | None
 
 
 def limits_summary(results: Results, texts: Texts) -> tuple[str, list[str]]:
-    """Text with the count of kept limits, and lines with the key figures that do not keep theirs."""
+    """Text with the count of kept limits, and lines with the key figures that do not keep theirs.
+
+    For a study, whose table of results has no limits, text with the count of cases that do not keep one.
+    """
+    if results.ranges:
+        broken = sum(one.not_kept > 0 for one in results.cases)
+        told = f"{broken} {texts('of')} {len(results.cases)} {texts('cases miss a limit')}"
+        return f"{texts('not judged here')}: {told}", []
     limited = [one for one in results.figures if one.limit is not None]
     passed = [one for one in limited if one.verdict != "kept"]
     if not limited:
