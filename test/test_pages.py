@@ -10,6 +10,7 @@ import pytest
 
 from cable_twin.offline import (
     calibrate,
+    design,
     envelope,
     follow,
     import_profile,
@@ -37,6 +38,7 @@ TOOLS = {"simulate": simulate, "review": review, "replay": replay, "line": line,
 COMMANDS = {
     "sim": sim,
     "drive": drive,
+    "design": design,
     "envelope": envelope,
     "study": study,
     "import_profile": import_profile,
@@ -94,6 +96,9 @@ def test_commands_have_the_options_they_are_given(page):
         assert not [option for option in re.findall(r"(?<= )--[a-z][a-z-]+", arguments) if option not in known], (
             arguments
         )
+        for option, value in re.findall(r"(?<= )(--[a-z][a-z-]+) (?!-)('[^']*'|[^\s']+)", arguments):
+            if known[option].type is not None and not value.isupper():
+                known[option].type(value.strip("'"))  # raises where the command refuses it
 
 
 def is_there(name):
