@@ -13,9 +13,9 @@ import pytest
 from rich.console import Console
 from twin_process import environment, run_python, write_quick_scenario
 
-from benchmarks.command import main
+from benchmarks.command import PARTS, main
 from benchmarks.live import Result, Second, faults, unexplained
-from benchmarks.report import Part, Table, print_part
+from benchmarks.report import HEAD, Part, Table, print_part
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -207,6 +207,11 @@ def test_refuses_what_it_does_not_know(monkeypatch, capsys, arguments, said):
         main()
     assert ended.value.code == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_page_names_all_parts_in_order():
+    named = re.findall(r"`(?:python -m benchmarks )?(\w+)(?: --quick)?`", HEAD.partition("```")[0])
+    assert named == list(PARTS)
 
 
 def test_refuses_results_that_are_not_its_own_before_it_measures(tmp_path, monkeypatch, capsys):
