@@ -64,6 +64,10 @@ STYLE = {
 }
 ASIDE = 0.01  # m across the track, from which on a rope is drawn from above
 MOST_USED = 1.6  # share of a limit at which the bars of verdicts end
+MOST_COLUMNS = 5  # of the legend of a plot over time
+LONG_NAME = 60  # letters of the name of a run, of which two do not fit beside each other
+MARGIN = 1.2  # inches beside such a legend, for the names of the vertical axis
+LEGENDS = 0.3  # inches, height of a legend for which panels have room
 HEIGHT, WIDTH = 0.34, 11.0  # inches, of such a bar and of its picture
 SCALED = ("N", "W", "N m")  # units that may get a prefix
 
@@ -171,10 +175,11 @@ def _panels(runs: Sequence[PlottedRun], signal: Signal) -> list[Panel]:
 
 
 def _title(figure: Figure, runs: Sequence[PlottedRun], title: str, right: float = 1.0) -> None:
-    """Write title and names of runs, two in a row, above a plot; axes fill the rest, up to `right` of the width."""
+    """Write title and names of runs, two in a row unless long, above a plot; axes fill the rest, up to `right`."""
     figure.suptitle(title, x=0.012, ha="left", fontweight="bold", fontsize=13.0)
     names = [f"{run.label}: {run.scenario}, {run.run}" if run.label else f"{run.scenario}, {run.run}" for run in runs]
-    rows = ["     ".join(names[first : first + 2]) for first in range(0, len(names), 2)]
+    beside = 2 if max(map(len, names)) < LONG_NAME else 1
+    rows = ["     ".join(names[first : first + beside]) for first in range(0, len(names), beside)]
     figure.text(0.012, 1.0 - 0.5 / figure.get_figheight(), "\n".join(rows), color=QUIET, va="top", fontsize=9.0)
     top = 0.2 + 0.18 * (len(rows) - 1)  # inches
     figure.tight_layout(rect=(0.0, 0.0, right, 1.0 - top / figure.get_figheight()))
@@ -186,6 +191,9 @@ def _time_plot(runs: Sequence[PlottedRun], title: str, panels: Sequence[Panel]) 
     figure, rows = plt.subplots(len(panels), 1, figsize=(10.0, height + 0.9), sharex=True, squeeze=False)
     for axes, panel in zip(rows[:, 0], panels, strict=True):
         _panel(axes, runs, panel)
+    legends = [legend for axes in rows[:, 0] if (legend := axes.get_legend()) is not None]
+    taken = sum(legend.get_window_extent().height for legend in legends) / figure.dpi
+    figure.set_figheight(height + 0.9 + max(taken - LEGENDS * len(legends), 0.0))
     rows[-1, 0].set_xlabel("simulated time [s]")
     _title(figure, runs, title)
     return figure
@@ -219,7 +227,18 @@ def _panel(axes: Axes, runs: Sequence[PlottedRun], panel: Panel) -> None:
         axes.set_ylim(low - 0.05 * max(abs(low), 1.0), high + 0.05 * max(abs(high), 1.0))
     axes.margins(x=0.01)
     if len(lines) > 1:
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(lines), 5), borderaxespad=0.0)
+        legend_above(axes, MOST_COLUMNS)
+
+
+def legend_above(axes: Axes, most: int) -> None:
+    """Write the legend above the axes, in as many columns, at most `most`, as fit beside each other in the figure."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    room = figure.bbox.width - MARGIN * figure.dpi
+    for columns in range(min(len(axes.get_legend_handles_labels()[0]), most), 0, -1):
+        legend = axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0)
+        if legend.get_window_extent().width <= room:
+            return
 
 
 def _bands(axes: Axes, runs: Sequence[PlottedRun], lines: Sequence[tuple[int, str]]) -> None:

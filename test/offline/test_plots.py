@@ -7,7 +7,7 @@ pytest.importorskip("matplotlib")
 import matplotlib.pyplot as plt
 
 from cable_twin.frame.plotted_signals import SIGNALS
-from cable_twin.offline.plots import MANY, PlottedRun, _panel, _panels
+from cable_twin.offline.plots import MANY, PlottedRun, _panel, _panels, _time_plot
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
 
@@ -61,6 +61,21 @@ def test_many_lines_are_a_band_with_those_by_name_that_reach_farthest():
     heights = band.get_paths()[0].vertices[:, 1]
     assert heights.max() == pytest.approx(len(names), rel=1e-3)
     assert len(axes.get_lines()) == 2
+    plt.close()
+
+
+def test_long_names_of_several_runs_leave_the_axes_their_width_and_stay_in_the_picture():
+    names = [f"contact_force/cabin_{number}" for number in range(1, MANY + 4)]
+    runs = []
+    for label in ("runs_of_the_gondola", "emergency_stop_from_there"):
+        run = Run(*names)
+        run.signals.series = {name: Wave(float(size)) for size, name in enumerate(names, start=1)}
+        runs.append(PlottedRun(label, "gondola", "2026-11-28_17-07-14", run.signals))
+    figure = _time_plot(runs, "Forces", _panels(runs, SIGNALS["contact_force"]))
+    (axes,) = figure.axes
+    figure.draw_without_rendering()
+    assert axes.get_position().width > 0.8
+    assert axes.get_legend().get_window_extent().x1 < figure.bbox.x1
     plt.close()
 
 
