@@ -38,6 +38,7 @@ from cable_twin.offline.studies.design import (
 )
 from cable_twin.offline.studies.indices import Indices, indices_of, shown_figures, write_indices
 from cable_twin.offline.studies.record import (
+    ENDS,
     Kept,
     Results,
     StudyInUseError,
@@ -300,7 +301,8 @@ def _write(study: Study, kept: Kept, options: argparse.Namespace) -> Shown:
                     for name, script in study.common.scripts.items()},
         "duration": study.common.duration,
         "frame_rate": study.common.frame_rate,
-        "vary": {one.key: one.range or one.values for one in study.design.factors},
+        "vary": {one.key: dict(zip(ENDS, one.range, strict=True)) if one.range else one.values
+                 for one in study.design.factors},
         "method": study.design.method,
         "seed": options.seed,
         "program": json.loads(program()),

@@ -6,6 +6,7 @@ python -m cable_twin.scenario.reference        writes both into docs/ anew
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterator
 from difflib import get_close_matches
@@ -109,6 +110,15 @@ def explained(key: str) -> list[Entry]:
         hint = f"did you mean {', '.join(near[:NEAREST])}?" if near else f"sections: {', '.join(Scenario.model_fields)}"
         raise KeyError(f"{key}: this key does not exist; {hint}")
     return found
+
+
+def unit_of(key: str) -> str:
+    """Unit of a scenario key, of an item of a list that of the list; empty where there is none."""
+    try:
+        unit = explained(re.sub(r"\.([xyz]|\d+)$", "", key))[0].unit
+    except KeyError:
+        return ""
+    return "" if unit == "-" else unit
 
 
 def page() -> str:

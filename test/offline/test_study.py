@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
 import re
 import subprocess
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from cable_twin.offline import study
+from cable_twin.offline.reporting.from_study import _factor
 from cable_twin.offline.studies import case
 from cable_twin.offline.studies.design import Factor, design, factor_of
 from cable_twin.offline.studies.indices import indices_of
@@ -90,6 +92,28 @@ def test_indices_have_the_closed_form_of_ishigami():
         for index, value in zip(getattr(found["f"], order).values(), expected, strict=True):
             assert index.value == pytest.approx(value, abs=0.03)
             assert index.low - 0.01 < value < index.high + 0.01
+
+
+def test_axes_of_keys_have_units_and_a_key_of_one_value_has_none(tmp_path):
+    mpl = pytest.importorskip("matplotlib")
+    plot = importlib.import_module("cable_twin.offline.studies.plot")
+    factors = [Factor("sheaves.return.counterweight.mass", (44e3, 52e3)), Factor("script", values=("only.yaml",))]
+    made = design(factors, "latin", 4, 0)
+    cases = [case.Case(id_, values, "") for id_, values in made.cases()]
+    results = SimpleNamespace(
+        figures={"f": np.arange(4.0)},
+        names={"f": ("sag", "m")},
+        columns=lambda: {one.key: [each.values[one.key] for each in cases] for one in factors},
+    )
+    with mpl.rc_context({"svg.fonttype": "none"}):
+        plot.write_scatter("study", made, results, ["f"], tmp_path / "f.svg")
+    texts = re.findall(r">([^<>]+)</(?:text|tspan)>", (tmp_path / "f.svg").read_text())
+    assert {"sheaves.return.counterweight.mass", "[kg]", "[m]"} <= {*texts}
+    assert "script" not in texts
+    numbers = [one for one in texts if re.fullmatch(r"\d{5}", one)]
+    assert 2 <= len(numbers) <= plot.TICKS + 1
+    assert _factor("air.temperature", {"from": -20.0, "to": 40.0}) == ("air.temperature", "-20 to 40 degC")
+    assert _factor("script", ["a.yaml", "b.yaml"]) == ("script", "a.yaml, b.yaml")
 
 
 @pytest.fixture

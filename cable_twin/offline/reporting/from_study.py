@@ -9,13 +9,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cable_twin.basics.units import rounded
 from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
 from cable_twin.offline.reporting.judging import judge_cases, with_rules
-from cable_twin.offline.reporting.remarks import inputs_of
+from cable_twin.offline.reporting.remarks import DIGITS, inputs_of
 from cable_twin.offline.reporting.results import Case, Results, ResultsError, SobolIndex, StudyRange
 from cable_twin.offline.studies.design import SCRIPT
-from cable_twin.offline.studies.record import MANIFEST, TABLE
+from cable_twin.offline.studies.record import ENDS, MANIFEST, TABLE
 from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario.reference import unit_of
 
 INDICES = "indices.csv"
 EXPECTED = "allowed: a directory that `study --out` has written"
@@ -82,7 +84,7 @@ def read_study(
         cases=cases,
         ranges=found,
         indices=indices,
-        factors=[(key, _factor(values)) for key, values in vary.items()],
+        factors=[_factor(key, values) for key, values in vary.items()],
         sources=[("study", f"{directory}: {design}"), ("study made by", made)],
     )
 
@@ -149,5 +151,8 @@ def _index(row: Mapping[str, str], figures: Mapping[str, Any]) -> SobolIndex:
     return SobolIndex(row["figure"], str(figures[row["figure"]]["name"]), row["key"], *numbers)
 
 
-def _factor(values: Any) -> str:
-    return ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in values)
+def _factor(key: str, values: Mapping[str, float] | Sequence[Any]) -> tuple[str, str]:
+    """Varied key, and its range or list of values as text with unit."""
+    said, joined = ([values[end] for end in ENDS], " to ") if isinstance(values, Mapping) else (values, ", ")
+    texts = [str(one) if isinstance(one, str | bool) else rounded(one, DIGITS) for one in said]
+    return key, f"{joined.join(texts)} {unit_of(key)}".rstrip()

@@ -13,7 +13,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from cable_twin.basics.limited_yaml import limited_text, read_yaml
 from cable_twin.basics.units import rounded
 from cable_twin.scenario import Scenario, load_scenario, parse_scenario, scenario_file, scenario_names
-from cable_twin.scenario.reference import explained
+from cable_twin.scenario.reference import explained, unit_of
 
 DIGITS = 6  # of an input
 REMARK = re.compile(r"^[\s}\],]*#\s*(.*)$")  # behind a value
@@ -103,12 +103,12 @@ def inputs_of(scenario: Scenario, file: Path | None, kept: ScenarioText | None =
 def _input(key: str, value: Any, remark: str, *, assumed: bool = False) -> Input:
     """Make an input of a scenario with its unit and remark."""
     remark = remark or NONE
-    return Input(key, _shown(value), _unit(key), remark, assumed or "assumed" in remark or remark == NONE)
+    return Input(key, _shown(value), unit_of(key), remark, assumed or "assumed" in remark or remark == NONE)
 
 
 def change_text(key: str, value: Any) -> str:
     """Text of a change of a scenario: dotted key, and value with unit; `none` for null."""
-    unit = f" {_unit(key)}" if _unit(key) not in ("", "-") and _has_number(value) else ""
+    unit = f" {unit_of(key)}" if unit_of(key) and _has_number(value) else ""
     return f"{key}: {'none' if value is None else _shown(value)}{unit}"
 
 
@@ -131,14 +131,6 @@ def _shown(value: Any) -> str:
 
 def _is_number(text: str) -> bool:
     return re.fullmatch(r"[-\[\]\d., e+]*\d[-\[\]\d., e+]*", text) is not None
-
-
-def _unit(key: str) -> str:
-    """Unit of a scenario key; of an item of a list that of the list."""
-    try:
-        return explained(re.sub(r"\.([xyz]|\d+)$", "", key))[0].unit
-    except KeyError:
-        return ""
 
 
 def _is_default(key: str, value: Any) -> bool:
@@ -187,7 +179,7 @@ def _remarks(text: str) -> Iterator[tuple[str, tuple[Any, str, bool]]]:
             continue
         key, heads = ".".join(map(str, path)), list(_heads(lines, node.start_mark.line))
         said = (*_own_remarks(lines, node), *heads[:1])
-        remark = next((one for one in said if one.strip(",:; ") not in ("", _unit(key))), "")
+        remark = next((one for one in said if one.strip(",:; ") not in ("", "-", unit_of(key))), "")
         yield key, (value, remark, any("all assumed" in head for head in heads))
 
 

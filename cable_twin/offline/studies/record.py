@@ -20,6 +20,7 @@ from cable_twin.frame.records import FloatArray
 from cable_twin.offline.studies.case import Case, Finished, Names, digest
 
 CASES, MANIFEST, TABLE, PARQUET = "cases.jsonl", "manifest.json", "results.csv", "results.parquet"
+ENDS = "from", "to"  # of the range of a key in the manifest; a list of values is one there, too
 ROWS = 10_000  # that are written at once
 RESULT = ("fault", "refused", "exceeded", "figures")  # what is the same on any host
 
