@@ -240,12 +240,30 @@ def test_a_line_without_a_vehicle_has_its_loads_over_its_towers():
     _, (profile, loads) = plt.subplots(2)
     _profile(profile, line)
     _towers(loads, line)
-    down, along = loads.get_lines()
-    assert (down.get_marker(), along.get_marker(), loads.get_xlabel()) == ("o", "x", "x, along the track [m]")
-    assert down.get_xdata().tolist() == [100.0, 200.0, 300.0]
-    assert down.get_ydata() == pytest.approx([1e-3 * line.rows[f"{name}: load downwards [N]"][0] for name in towers])
+    down = [one for one in loads.get_lines() if one.get_marker() == "_" and len(one.get_xdata())]
+    assert loads.get_xlabel() == "x, along the track [m]"
+    assert [one.get_xdata().tolist() for one in down] == [[100.0] * 2, [200.0] * 2, [300.0] * 2]
+    for name, one in zip(towers, down, strict=True):
+        assert one.get_ydata() == pytest.approx(1e-3 * line.rows[f"{name}: load downwards [N]"][0])
     heights = np.concatenate([one.get_ydata() for one in profile.get_lines()])
     assert np.ptp(heights) < 1.5 * np.ptp(line.columns[0].rope_position[:, 2])
+    plt.close()
+
+
+def test_many_towers_have_the_range_of_their_loads_above_their_places():
+    """Bars in the colour of their rope, instead of two lines for each tower in neighbouring shades."""
+    line = plan_line(load_scenario("gondola"), 3, None)
+    calculate(line)
+    _, axes = plt.subplots()
+    _towers(axes, line)
+    assert [one.get_text() for one in axes.get_legend().get_texts()] == ["up", "down", "downwards", "along the track"]
+    bars = [one for one in axes.get_lines() if one.get_marker() == "_" and len(one.get_xdata())]
+    places = line.scenario.tower_places
+    for tower, bar in zip(line.scenario.of_rope("up").towers, bars, strict=False):
+        loads = 1e-3 * line.rows[f"{tower}: load downwards [N]"]
+        assert bar.get_xdata()[0] == places[tower][0]
+        assert bar.get_ydata() == pytest.approx([loads.min(), loads.max()])
+    assert len({one.get_color() for one in bars}) == 2
     plt.close()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from textwrap import wrap
@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from cable_twin.frame.records import FloatArray, Place
@@ -22,6 +23,12 @@ from cable_twin.offline.plots import ASIDE, COLORS, INK, MANY, QUIET, save, styl
 from cable_twin.view.labels import above_line, highest_line, shared_names
 
 LIMIT = "#C0392B"
+X_LABEL = "x, along the track [m]"
+BARS: tuple[dict[str, Any], ...] = (  # of the ranges of loads downwards and along the track
+    {"linewidth": 4.0, "marker": "_", "markersize": 5.0},
+    {"linewidth": 1.2, "marker": "x", "markersize": 3.0},
+)
+BESIDE = 6.0  # points between such bars of one place
 SAMPLES = 400  # of x, at which the clearance of ropes is drawn
 MOST_NAMES, LONGEST_NAME = 24, 24  # of towers, above which none is written, and letters in a line of a name
 LETTER, ROW = 0.008, 0.06  # mean width of a letter of these names and height of a line, over those of the panel
@@ -71,7 +78,7 @@ def _profile(axes: Axes, line: Line) -> None:
         foot = tower_foot(line.scenario, x, top, ropes[:, :, 2])
         axes.plot([x, x], [foot, top], color=QUIET, linewidth=2.5, label="" if number else "towers")
     _name_towers(axes, line, [rope[part][:, [0, 2]] for rope in ropes for part in _layout(line).ropes.values()])
-    axes.set_xlabel("x, along the track [m]")
+    axes.set_xlabel(X_LABEL)
     axes.set_ylabel("z, height [m]")
     axes.legend(ncols=4, **HEAD)
 
@@ -119,7 +126,7 @@ def _plan(axes: Axes, line: Line) -> None:
         axes.plot(places[:, 0], places[:, 1], ".", color=COLORS[1], markersize=2.5, label="" if number else "vehicles")
     towers = np.array(list(line.scenario.tower_places.values())).reshape(-1, 3)
     axes.plot(towers[:, 0], towers[:, 1], "s", color=QUIET, markersize=5.0, label="towers")
-    axes.set_xlabel("x, along the track [m]")
+    axes.set_xlabel(X_LABEL)
     axes.set_ylabel("y, to the left [m]")
     axes.legend(ncols=3, **HEAD)
 
@@ -241,44 +248,63 @@ def _clearance(axes: Axes, line: Line) -> None:
         if limit is not None:
             axes.axhline(limit, color=LIMIT, linewidth=1.0, linestyle=dashes)
     axes.plot([], [], color=LIMIT, linewidth=1.0, label="limit")
-    axes.set_xlabel("x, along the track [m]")
+    axes.set_xlabel(X_LABEL)
     axes.set_ylabel("clearance over\nthe terrain [m]")
     axes.legend(ncols=4, **HEAD)
 
 
 def _towers(axes: Axes, line: Line) -> None:
-    """Draw both load components of each tower of a line over the place of the vehicle; without one, of the towers."""
+    """Draw both load components of each tower of a line over the place of the vehicle, or over the towers.
+
+    They stand over the towers, as ranges over all places, where there are many towers or no vehicle.
+    """
     towers = list(line.scenario.towers)
     down, along = (
         {name: 1e-3 * line.rows[f"{name}: load {part} [N]"] for name in towers}
         for part in ("downwards", "along the track")
     )
-    if line.moved:
-        for number, name in enumerate(towers):
-            color = COLORS[number] if len(towers) <= len(COLORS) else plt.get_cmap("viridis")(number / len(towers))
+    over_places = line.moved and len(towers) <= MANY
+    if over_places:
+        for color, name in zip(COLORS, towers, strict=False):
             axes.plot(line.places, down[name], color=color, label=f"{name}, downwards")
             axes.plot(line.places, along[name], color=color, linestyle="--")
         axes.plot([], [], color=QUIET, linestyle="--", label="along the track")
     else:
-        at = [line.scenario.tower_places[name][0] for name in towers]
-        axes.plot(at, [down[name][0] for name in towers], "o", color=COLORS[0], label="downwards")
-        axes.plot(at, [along[name][0] for name in towers], "x", color=COLORS[1], label="along the track")
-        rope = line.columns[0].rope_position[:, 0]
-        axes.update_datalim([(rope.min(), 0.0), (rope.max(), 0.0)])  # to stand below the profile
+        _tower_ranges(axes, line, (down, along))
     if line.scenario.limits.support_load is not None:
         axes.axhline(1e-3 * line.scenario.limits.support_load, color=LIMIT, linewidth=1.0, label="limit")
-    axes.set_xlabel(_where(line))
+    axes.set_xlabel(_where(line) if over_places else X_LABEL)
     axes.set_ylabel("load of the rope\non towers [kN]")
-    if line.moved and len(towers) > MANY:
-        axes.legend(loc="lower left", bbox_to_anchor=(1.0, 0.0), fontsize=5.5)
-    else:
-        axes.legend(ncols=4, **HEAD)
+    axes.legend(ncols=4, **HEAD)
+
+
+def _tower_ranges(axes: Axes, line: Line, loads: Sequence[Mapping[str, FloatArray]]) -> None:
+    """Draw the range of the loads (kN) downwards and along the track of each tower as bars at the towers, by rope."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    ropes = [name for name in line.scenario.cables if line.scenario.of_rope(name).towers]
+    colors = {name: COLORS[number % len(COLORS)] for number, name in enumerate(ropes)}
+    looks = [(rope, part) for rope in ropes for part in range(len(loads))]
+    for place, (rope, part) in enumerate(looks):
+        aside = BESIDE * (place - 0.5 * (len(looks) - 1)) / 72.0  # inches, bars stand beside each other
+        moved, color = ScaledTranslation(aside, 0.0, figure.dpi_scale_trans), colors[rope]
+        for tower in line.scenario.of_rope(rope).towers:
+            x, values = line.scenario.tower_places[tower][0], loads[part][tower]
+            ends = np.array([values.min(), values.max()])
+            axes.update_datalim([(x, end) for end in ends])
+            axes.plot([x, x], ends, transform=axes.transData + moved, color=color, solid_capstyle="butt", **BARS[part])
+    if line.scenario.ropes:
+        for name, color in colors.items():
+            axes.plot([], [], color=color, linewidth=BARS[0]["linewidth"], label=name)
+    for name, look in zip(("downwards", "along the track"), BARS, strict=True):
+        axes.plot([], [], color=INK, label=name, **look)
+    x = line.columns[0].rope_position[:, 0]
+    axes.update_datalim([(x.min(), 0.0), (x.max(), 0.0)])  # to stand below the profile
+    axes.autoscale_view()
 
 
 def _where(line: Line) -> str:
-    """Axis label for the places of the vehicle; without a vehicle for those of the towers."""
-    if not line.moved:
-        return "x, along the track [m]"
+    """Axis label for the places of the vehicle."""
     carriers = line.scenario.carriers
     if line.moved in line.scenario.drives or (carriers is not None and line.moved == carriers.name):
         return "rope travel [m]"
