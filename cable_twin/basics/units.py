@@ -37,6 +37,11 @@ def rounded(value: float, digits: int = 4) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def counted(count: int, noun: str) -> str:
+    """Text of a count with its noun, which gets an s but for 1."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def with_unit(value: float, unit: str, digits: int = 4) -> str:
     """Text of an SI value in a readable unit."""
     shown, scale = shown_unit(unit, value)

@@ -17,6 +17,7 @@ from typing import Any
 
 from rich.console import Console
 
+from cable_twin.basics.units import counted
 from cable_twin.ensemble import usable_cores
 from cable_twin.key_figures import FigureId, KeyFigure, compile_figures, figure_from_values, values_of
 from cable_twin.key_figures.rules import STATES, RuleVerdict, judge, profiles_of
@@ -132,9 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         extremes = envelope(results)
         with redirect_stdout(sys.stderr if STDOUT in (options.csv, options.json) else sys.stdout):
-            moving = sum(case.moves for case in cases)
-            print(f"{cases[0].scenario.name} at rest, {len(cases) - moving} load cases, {options.places} places of the "
-                  f"vehicle{f', and {moving} load cases in motion' if moving else ''}")  # fmt: skip
+            print(f"{_title(cases)}; {counted(options.places, 'place')} of the vehicle")
             shown = [replace(one, place=", ".join(filter(None, (f"case {case}", one.place)))) for case, one in extremes]
             print_figures(table_console(), [shown], at="vehicle at", unit_at="m")
             print_verdicts(table_console(), profiles, verdicts)
@@ -182,6 +181,14 @@ def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> lis
         else:
             run_side_by_side(parts, on_part)
     return [found[job.case.id] for job in jobs]
+
+
+def _title(cases: Sequence[LoadCase]) -> str:
+    """Name of the scenario, and numbers of its load cases at rest and in motion."""
+    moving = sum(case.moves for case in cases)
+    counts = {"at rest": len(cases) - moving, "in motion": moving}
+    told = " and ".join(f"{counted(count, 'load case')} {how}" for how, count in counts.items() if count)
+    return f"{cases[0].scenario.name}, {told}"
 
 
 def _file(kept: Path, job: Job) -> Path:
@@ -299,8 +306,7 @@ def _write(
     if options.plot is not None:
         from cable_twin.offline.envelopes.plot import write_envelope_plot  # noqa: PLC0415 - matplotlib takes a second
 
-        name = cases[0].scenario.name
-        if not write_envelope_plot(f"{name} at rest, {len(cases)} load cases", extremes, options.plot):
+        if not write_envelope_plot(_title(cases), extremes, options.plot):
             tell("envelope", f"--plot {options.plot}: nothing is drawn, as there is no tower and no sag")
     if options.parquet is not None:
         import pyarrow  # noqa: PLC0415 - not always installed

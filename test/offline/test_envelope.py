@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -396,3 +398,26 @@ def test_adhesion_and_travel_are_those_of_capstan_and_counterweight(calculated, 
     heavy = "cases: [{id: heavy, set: {sheaves.return.counterweight.travel: [-0.01, 0.01]}}]"
     (case,) = read_cases(cases_in(tmp_path, heavy), "chairlift", {})
     assert "counterweight.travel: given -0.01 to 0.01 m, but it rests at" in run_case(Job(case, 1)).fault
+
+
+def test_the_picture_says_how_many_cases_move_and_its_axis_begins_at_zero(tmp_path, monkeypatch):
+    plots = pytest.importorskip("matplotlib.pyplot")
+    plot = importlib.import_module("cable_twin.offline.envelopes.plot")
+    cases = [SimpleNamespace(scenario=SimpleNamespace(name="lift"), moves=one) for one in (False, True)]
+    assert envelope._title(cases) == "lift, 1 load case at rest and 1 load case in motion"
+    assert envelope._title(cases[:1] * 2) == "lift, 2 load cases at rest"
+    subjects = Subject("towers.t1", "t1"), Subject("towers.t2", "t2")
+    extremes = [
+        (f"both+cold+{statistic}", figure("support_load", one, statistic, value, 0.0))
+        for one in subjects
+        for statistic, value in (("lowest", 9.9e3), ("highest", 149e3))
+    ]
+    shown = []
+    monkeypatch.setattr(plot, "save", lambda figure, *_: shown.append(figure))
+    assert plot.write_envelope_plot(envelope._title(cases), extremes, tmp_path / "e.png")
+    (axes,) = shown[0].axes  # no panel of sags without one
+    shown[0].tight_layout()
+    shown[0].draw_without_rendering()
+    assert axes.get_xlim()[0] == 0.0
+    assert all(text.get_window_extent().x1 <= axes.bbox.x1 for text in axes.texts)
+    plots.close()
