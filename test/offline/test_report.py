@@ -22,14 +22,15 @@ from cable_twin.key_figures.rules.document import Document
 from cable_twin.offline import envelope, report, reporting, review, simulate, study
 from cable_twin.offline.figure_table import shown
 from cable_twin.offline.reporting import german
-from cable_twin.offline.reporting.chart import LOOKS, Chart, Mark, labelled_ticks, span, ticks
+from cable_twin.offline.reporting.chart import BOTTOM, LEFT, LOOKS, Chart, Mark, labelled_ticks, span, ticks
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.judging import judge_cases, judge_extremes
 from cable_twin.offline.reporting.page import PrintError, find_printer
 from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
-from cable_twin.offline.reporting.results import Results, RopeCourse
+from cable_twin.offline.reporting.results import Results, RopeCourse, TowerLoad
 from cable_twin.offline.reporting.sections import SECTIONS
 from cable_twin.offline.reporting.sections.profile import line_profile
+from cable_twin.offline.reporting.sections.tower_loads import tower_loads
 from cable_twin.offline.reporting.texts import Texts
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.files import config_directory
@@ -420,6 +421,33 @@ def test_a_profile_names_all_ropes_and_towers(name, towers):
         left = x - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor]
         assert (np.interp(np.linspace(left, left + width, 20), *rope_px.T) > y).all()  # the rope is below the name
     assert all(f"{rope}: rope, least" in drawn["clearance"] for rope in scenario.cables)
+
+
+@pytest.mark.parametrize("name", ["bicable", "gondola", "jig_back", "aerial_tramway"])
+def test_tower_loads_stand_below_each_other_and_no_text_on_another_or_the_axis(name):
+    scenario = load_scenario(name)
+    towers = [
+        TowerLoad(f"towers.{tower}", tower, np.array(place), np.array([-2e3, 0.0, 4e4 if number == 1 else -1e5]))
+        for number, (tower, place) in enumerate(scenario.tower_places.items())
+    ]
+    figures = [figure("support_load", Subject(one.subject), "highest", 1e5, 0.0) for one in towers]
+    found = Results("", scenario, figures, inputs_of(scenario, None), ropes=list(_ropes(scenario)), towers=towers)
+    dots = set()
+    for svg in tower_loads(found, Texts("en"))["charts"]:
+        texts = re.findall(
+            r'<text x="([-\d.]+)" y="([-\d.]+)" text-anchor="middle"[^>]* fill="#1b2730">([^<]*)</text>', svg
+        )
+        (height,) = re.findall(r'viewBox="0 0 760 ([\d.]+)"', svg)
+        boxes = [(float(x) - 3.2 * len(text), float(y), 6.4 * len(text)) for x, y, text in texts if "[m]" not in text]
+        for left, y, width in boxes:
+            assert left > LEFT
+            assert left + width <= 760.0
+            assert 8.0 < y < float(height) - BOTTOM
+        for one, (left, y, width) in enumerate(boxes):
+            for other_left, other_y, other_width in boxes[:one]:
+                assert abs(y - other_y) >= 12.0 or left >= other_left + other_width or other_left >= left + width
+        dots |= {float(x) for x in re.findall(r'<circle cx="([\d.]+)"', svg)}
+    assert len(dots) == len({one.place[0] for one in towers})
 
 
 @pytest.mark.parametrize(("value", "below"), [(1.0, False), (9.0, True), (9.5, True)])

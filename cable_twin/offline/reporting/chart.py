@@ -107,7 +107,7 @@ class Chart:
         self.floor = low - room / (height - TOP - BOTTOM) * (high - low)
         self._y = self.floor, high
         self._parts: list[str] = []
-        self._taken: list[Box] = []  # by levels and their labels
+        self._taken: list[Box] = []  # by levels and their labels, arrows and stacked texts
         self._legend: list[tuple[str, Look]] = []
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
@@ -151,6 +151,7 @@ class Chart:
         size = math.hypot(along, up)
         if not size >= 1.0:  # NaN, too
             return
+        self._taken.append(Box(*sorted((left, right)), *sorted((top, bottom))))
         self._parts.append(f'<line x1="{left:.1f}" y1="{top:.1f}" x2="{right:.1f}" y2="{bottom:.1f}"{_stroke(look)}/>')
         cos, sin = along / size, -up / size
         corners = ((0.0, 0.0), (-7.0, 2.6), (-7.0, -2.6))
@@ -168,6 +169,27 @@ class Chart:
         sides = [top - up for up in (mark.up, -mark.up - 7.0)]
         free = [y for y in sides if not any(map(_box(left, y, mark.text, mark.anchor).covers, self._taken))]
         self._parts.append(_text(left, (free or sides)[0], mark.text, mark.anchor, halo=True))
+
+    def stacked(self, x: float, y: float, text: str, up: float) -> float:
+        """Add a text above a point of the chart, or below it, farther from it until it covers no text or arrow.
+
+        Args:
+            x: of the point.
+            y: of the point.
+            text: within the width of the axes.
+            up: px, least distance of its base line above the point; negative below it.
+
+        Returns:
+            The distance (px) at which it stands.
+        """
+        left, top = self._at(x, y)
+        half = 0.5 * LETTER * len(text)
+        left = min(max(left, self._left + half + 2.0), max(WIDTH - half, self._left + half + 2.0))
+        while any(map(_box(left, top - up, text, "middle").covers, self._taken)):
+            up += math.copysign(ROW, up)
+        self._taken.append(_box(left, top - up, text, "middle"))
+        self._parts.append(_text(left, top - up, text, "middle", halo=True))
+        return up
 
     def name(self, x: float, y: float, name: str, curve: FloatArray) -> None:
         """Add a name above a point of the chart, so that a curve (n, 2) does not run through it."""

@@ -135,9 +135,10 @@ TEXTS: Mapping[str, str] = {
         "Seile ausgezogen: im Zustand, der das meiste Gezeichnete bestimmt; gestrichelt: tiefste Lage aller "
         "gezeichneten Zustände."
     ),
-    "Arrows: force of the rope on each tower when it was highest, all drawn to one scale, along the track and "
-    "upright.": (
-        "Pfeile: größte Kraft des Seils auf jede Stütze, alle in einem Maßstab, in Bahnrichtung und lotrecht."
+    "Arrows: force of the rope on each tower when it was highest, those of one rope drawn to one scale, along the "
+    "track and upright.": (
+        "Pfeile: größte Kraft des Seils auf jede Stütze, die eines Seils in einem Maßstab, in Bahnrichtung "
+        "und lotrecht."
     ),
     "Components are those of the frame with the highest load.": "Komponenten im Augenblick der größten Last.",
     "Components are those of the governing case with the highest load; of a case in motion there are none.": (
