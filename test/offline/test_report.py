@@ -26,9 +26,10 @@ from cable_twin.offline.reporting.chart import BOTTOM, LEFT, LOOKS, Chart, Mark,
 from cable_twin.offline.reporting.from_envelope import read_envelope
 from cable_twin.offline.reporting.judging import judge_cases, judge_extremes
 from cable_twin.offline.reporting.page import PrintError, find_printer
-from cable_twin.offline.reporting.remarks import CHANGED, NONE, inputs_of
+from cable_twin.offline.reporting.remarks import CHANGED, NONE, Input, inputs_of
 from cable_twin.offline.reporting.results import Results, RopeCourse, TowerLoad
 from cable_twin.offline.reporting.sections import SECTIONS
+from cable_twin.offline.reporting.sections.assumptions import grouped
 from cable_twin.offline.reporting.sections.profile import line_profile
 from cable_twin.offline.reporting.sections.tower_loads import tower_loads
 from cable_twin.offline.reporting.texts import Texts
@@ -421,6 +422,19 @@ def test_a_profile_names_all_ropes_and_towers(name, towers):
         left = x - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor]
         assert (np.interp(np.linspace(left, left + width, 20), *rope_px.T) > y).all()  # the rope is below the name
     assert all(f"{rope}: rope, least" in drawn["clearance"] for rope in scenario.cables)
+
+
+def test_inputs_have_points_without_numbers_and_a_common_remark_once():
+    rows = [Input(f"terrain.{number}", f"[{number}, 0]", "m", "surveyed", False) for number in range(3)]
+    rows += [Input(f"connectors.up_{one}.{key}", "0.6", "m", "slack carriers", True) for one in (1, 2) for key in "ab"]
+    rows += [Input(f"gravity{one}", "9.81", "m/s^2", NONE, True) for one in (1, 2)]
+    found = grouped(rows, Texts("en"))
+    assert found[0] == ("terrain", [("", "[0, 0], [1, 0], [2, 0] m")], "surveyed")
+    assert found[1:3] == [
+        ("connectors.up_1", [("a", "0.6 m"), ("b", "0.6 m")], "slack carriers"),
+        ("connectors.up_2", [("a", "0.6 m"), ("b", "0.6 m")], "as above"),
+    ]
+    assert [one.remark for one in grouped(rows[-2:], Texts("de"))] == ["keine Quelle angegeben"]
 
 
 @pytest.mark.parametrize("name", ["bicable", "gondola", "jig_back", "aerial_tramway"])

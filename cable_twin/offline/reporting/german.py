@@ -61,6 +61,7 @@ TEXTS: Mapping[str, str] = {
     "key figure": "Kennwert",
     "value": "Wert",
     "values": "Werte",
+    "as above": "wie oben",
     "unit": "Einheit",
     "limit": "Grenzwert",
     "verdict": "Urteil",
