@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, Protocol
 
+from cable_twin.basics.units import counted
 from cable_twin.frame.records import AppliedCommand, RefusedCommand
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigure, KeyFigures
@@ -148,11 +149,12 @@ class Reading:
             raise LogError(f"{self.log.path}: key figures at {recorded.time:.6f} s are unreadable: {error}") from error
 
     def summary(self) -> str:
-        """Summary of the run in one line: condition of the log, scenario, duration, frames, commands."""
+        """Summary of the run in one line: condition of the log, scenario, duration or part, frames, commands."""
+        part = f"{self.first.time:.2f} to " if self.first.time > SAME else ""
         whole = self._recorded is None or self.end - self._figures_time < FIGURES_AGE
         return (
-            f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {self.end:.2f} s, "
-            f"{self.frames} frames, {self.commands} commands"
+            f"{self.log.path}: {self.log.condition}; scenario {self.scenario.name}, {part}{self.end:.2f} s, "
+            f"{counted(self.frames, 'frame')}, {counted(self.commands, 'command')}"
             + (f", {self.refused.count} refused, the last {self.refused}" if self.refused else "")
             + ("" if whole else f"; key figures as of {self._figures_time:.2f} s, their last record")
         )

@@ -305,6 +305,7 @@ def _compare(a: Log, b: Log, start: float, options: argparse.Namespace, export: 
             reading.table.figures, reading.table.verdicts = reading.figures, reading.verdicts
             reading.table.responses = reading.responses.rows()
     with export.words():
+        print(f"both runs from {start:.2f} s on, where the branch begins")
         print_review(readings, comparisons)
         if not differs(comparisons[0]):
             print("no sample differs: the branch has the bits of the run")

@@ -63,6 +63,9 @@ def test_a_branch_has_the_other_commands_and_values(run, tmp_path, capsys):
     assert log.scenario["carriages"]["cabin"]["drive"]["emergency_brake"]["force"] == 450.0
     said = capsys.readouterr().out
     assert "cabin: stopping distance" in said
+    assert said.startswith("both runs from 2.00 s on, where the branch begins\n")
+    assert "small_tramway, 2.00 to 4.00 s, 201 frames, " in said
+    assert "small_tramway, 2.00 to 5.00 s, 301 frames, 2 commands" in said
     assert "no sample differs" not in said
 
 
