@@ -114,9 +114,9 @@ def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
     return text if brief else ", ".join(filter(None, (text, f"{at} {figure.time:.2f} {unit_at}", figure.place)))
 
 
-def shown(value: float, scale: float) -> str:
+def shown(value: float, scale: float, digits: int = 4) -> str:
     """Text of an SI value, scaled to its shown unit; a value within rounding error is shown as 0."""
-    return "0" if abs(value * scale) < NOISE else rounded(value * scale)
+    return "0" if abs(value * scale) < NOISE else rounded(value * scale, digits)
 
 
 def _uncertainty(figure: KeyFigure, scale: float) -> str:

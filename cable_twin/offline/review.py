@@ -23,9 +23,9 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.basics.units import shown_unit
 from cable_twin.offline.export import Export, add_export, export_fault
-from cable_twin.offline.figure_table import LABELS, print_figures, table_console
+from cable_twin.offline.figure_table import LABELS, print_figures, shown, table_console
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.repair import repair
 from cable_twin.offline.responses import print_responses
@@ -40,6 +40,7 @@ from cable_twin.terminal.command_line import OneLineParser, fail, print_line, te
 from cable_twin.view.web_view import why_not
 
 LONGEST_TITLE = 24  # letters of what --output called a run, in a legend
+DIGITS = 6  # of both values beside their difference
 WIDE = 110  # characters that the whole table of differences needs
 RUNS = Path("cable_twin_logs")  # where runs are that nobody names
 SHOWN, NOT_WRITTEN, CANNOT = 0, 1, 2  # exit codes
@@ -257,7 +258,8 @@ def print_review(readings: Sequence[Reading], comparisons: Sequence[Comparison])
 def print_differences(console: Console, a: Reading, b: Reading, comparison: Comparison, label: str = "b") -> None:
     """Print the differences of the signals of two runs as a table; `label` names the second run.
 
-    On a narrow terminal, time and values of the largest difference of each signal go to a line below.
+    Differences below the digits of both values, and of places below the tolerance of the solver, are 0. On a narrow
+    terminal, time and values of the largest difference of each signal go to a line below.
     """
     wide = console.width >= WIDE
     table = Table("signal", box=box.SIMPLE_HEAD, pad_edge=False)
@@ -267,8 +269,11 @@ def print_differences(console: Console, a: Reading, b: Reading, comparison: Comp
     for name, difference in _worst_of_each(comparison.differences, carriers).items():
         if difference.count:
             unit, scale = shown_unit(unit_of(name), max(map(abs, difference.values)))
-            numbers = [rounded(value * scale) for value in (difference.largest, difference.rms)]
-            there = [rounded(value * scale, 6) for value in difference.values]
+            least = 0.5 * 10.0**-DIGITS * max(map(abs, difference.values))  # what the values beside it do not show
+            if unit_of(name) == "m":
+                least = max(least, a.scenario.solver.tolerance)
+            numbers = [shown(value if value > least else 0.0, scale) for value in (difference.largest, difference.rms)]
+            there = [shown(value, scale, DIGITS) for value in difference.values]
             when = f"{difference.time:.2f} s"
             if wide:
                 table.add_row(name, *numbers, unit, when, *there)

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,8 +24,9 @@ from cable_twin.offline import simulate
 from cable_twin.offline.figure_table import print_figures
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.review import main, print_differences
-from cable_twin.offline.thinned_series import POINTS, Series, compare
+from cable_twin.offline.thinned_series import POINTS, Comparison, Series, compare
 from cable_twin.recording.log_reader import read_log
+from cable_twin.scenario import load_scenario
 
 SCRIPT = "- {time: 0, name: cabin, speed: 6}\n- {time: 4, event: emergency_stop}\n"
 PLOTS = {"rope.png", "tension.png", "speed.png", "swing.png", "drive.png", "contact_forces.png"}
@@ -225,6 +227,22 @@ def test_what_is_below_the_resolution_of_its_unit_is_zero(capsys):
     told = capsys.readouterr().out
     assert re.search(r"drive power +0 +kW +at most 900 +kept, ± 0 ", told)
     assert re.search(r"speed +2.5e-06 +m/s", told)
+
+
+def test_differences_that_neither_digits_nor_solver_resolve_are_zero(capsys):
+    scenario = load_scenario("gondola", {"solver.tolerance": 1e-4})
+    reading = SimpleNamespace(scenario=scenario, end=1.0)
+    comparison = Comparison()
+    slips, tensions, speeds, travels = (-4.1e-12, 2.9e-12), (3.1e5, 3.1e5 + 0.1), (2.0, 2.001), (0.1, 0.10005)
+    names = "slip/drive", "tension/up_highest", "speed/haul_rope", "sheave_travel/return"
+    pairs = dict(zip(names, (slips, tensions, speeds, travels), strict=True))
+    comparison.take(0.5, *({name: pair[run] for name, pair in pairs.items()} for run in range(2)))
+    print_differences(Console(width=160), reading, reading, comparison)
+    told = capsys.readouterr().out
+    assert re.search(r"slip/drive +0 +0 +m +0.50 s +0 +0", told)
+    assert re.search(r"tension/up_highest +0 +0 +kN +0.50 s +310 +310", told)
+    assert re.search(r"speed/haul_rope +0.001 +0.001 +m/s +0.50 s +2 +2.001", told)
+    assert re.search(r"sheave_travel/return +0 +0 +m +0.50 s +0.1 +0.10005", told)
 
 
 def test_notes_are_filled_below_their_text(capsys):
