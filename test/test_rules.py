@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from cable_twin.basics.limited_yaml import as_yaml
+from cable_twin.basics.units import counted
 from cable_twin.key_figures import KeyFigures, Subject, figure
-from cable_twin.key_figures.rules import RuleError, judge, load_profile, profiles_of
+from cable_twin.key_figures.rules import RuleError, counts_text, judge, load_profile, profiles_of
 from cable_twin.key_figures.rules.derived import derived_figures
 from cable_twin.key_figures.rules.document import counts_of
 from cable_twin.offline.rules import markdown, reasons
@@ -258,3 +259,10 @@ def test_the_wind_is_a_figure_and_its_pressure_follows():
     figures.update(Simulation(scenario).snapshot)
     found = {one.id.quantity: one.value for one in derived_figures(scenario, figures.figures())}
     assert found["wind_pressure"] == pytest.approx(0.5 * scenario.air.density * 45.0)
+
+
+def test_counts_of_states_have_the_grammar_of_one_and_of_several():
+    states = ["does not apply", "kept", "does not apply", "can be decided"]
+    assert counts_text(states) == "1 kept, 2 do not apply, 1 can be decided"
+    assert counts_text(states[:1]) == "1 does not apply"
+    assert (counted(1, "check"), counted(0, "check")) == ("1 check", "0 checks")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from cable_twin.basics.printable import printable
-from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.basics.units import counted, rounded, shown_unit
 from cable_twin.key_figures import KeyFigure, figure_from_values, values_of
 from cable_twin.key_figures.outlook import Outlook
 from cable_twin.messages import Status, diagnostics_message
@@ -42,7 +42,7 @@ def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
         "took_s": f"{outlook.effort:.3f}",
     }
     values |= {one.name: one.fault or one.assumed for one in outlook.futures}
-    count = f"{len(warnings)} limit{'s' if len(warnings) > 1 else ''}"
+    count = counted(len(warnings), "limit")
     whole = f"{count} would be passed" if warnings else "no limit would be passed"
     found = [Status(WARNING if warnings else OK, "outlook", whole, values)]
     for future in outlook.futures:
@@ -62,7 +62,7 @@ def estimate_message(estimates: Mapping[str, tuple[float, float, str]], alarms: 
         alarms: new alarms, a line each.
         stamp_ns: ns.
     """
-    count = f"{len(alarms)} alarm{'s' if len(alarms) > 1 else ''}"
+    count = counted(len(alarms), "alarm")
     whole = Status(
         WARNING if alarms else OK,
         "estimate",

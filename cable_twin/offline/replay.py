@@ -21,6 +21,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from cable_twin.basics.units import counted
 from cable_twin.frame.records import AppliedCommand, CommandError
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.messages import APPLIED_COMMANDS, CLOCK, SECOND, FrameNames, MessageEncoder
@@ -390,7 +391,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return CANNOT
     print_line(
         f"{log.path}: {log.condition}, cable_twin {log.metadata.get('package_version')}, "
-        f"scenario {log.scenario.get('name')}, {result.end:.2f} s, {result.commands.kinds.total()} commands"
+        f"scenario {log.scenario.get('name')}, {result.end:.2f} s, {counted(result.commands.kinds.total(), 'command')}"
     )
     for line in (*origin(log, result.commands), *result.restarts):
         print_line(f"  {line}")

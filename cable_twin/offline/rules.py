@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,8 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cable_twin.basics.units import counted
 from cable_twin.key_figures import QUANTITIES, KeyFigures, compile_figures
-from cable_twin.key_figures.rules import Profile, RuleError, judge, load_profile, profiles_of
+from cable_twin.key_figures.rules import Profile, RuleError, counts_text, judge, load_profile, profiles_of
 from cable_twin.key_figures.rules.conditions import CHOICES, OF_SCENARIO, SYSTEMS, VARIABLES
 from cable_twin.key_figures.rules.document import UNITS, Check, Counts, counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
@@ -186,7 +186,6 @@ def _print_decidable(console: Console, scenario: Scenario, profiles: Sequence[Pr
     verdicts = judge(scenario, figures.figures(), profiles)
     for profile in profiles:
         own = [one for one in verdicts if one.profile == profile.name]
-        counts = Counter(_kind(one.state, bool(one.limits)) for one in own)
         table = Table("rule", "clause", "what", "", box=box.SIMPLE_HEAD, pad_edge=False)
         for one in own:
             kind = _kind(one.state, bool(one.limits))
@@ -194,8 +193,8 @@ def _print_decidable(console: Console, scenario: Scenario, profiles: Sequence[Pr
             table.add_row(one.check, escape(one.clause), escape(one.text), escape(why))
         say(console, f"{profile.name} for {scenario.name} at its start")
         console.print(table)
-        told = ", ".join(f"{number} {kind}" for kind, number in counts.items())
-        say(console, f"  {len(own)} checks with a figure: {told}")
+        told = counts_text(_kind(one.state, bool(one.limits)) for one in own)
+        say(console, f"  {counted(len(own), 'check')} with a figure: {told}")
 
 
 def _kind(state: str, compared: bool) -> str:

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from cable_twin.basics.units import counted
 from cable_twin.key_figures import KeyFigure, KeyFigures, compile_figures, not_judged
 from cable_twin.key_figures.rules import judge, profiles_of
 from cable_twin.messages import nanoseconds
@@ -343,13 +344,13 @@ def report(
     lines += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     lines += [*faults]
     lines += (
-        [f"not carried out, because their time is at or after the end of the run: {_count(outcome.left)}"]
+        [f"not carried out, because their time is at or after the end of the run: {counted(outcome.left, 'command')}"]
         if outcome.left
         else []
     )
     lines += [f"not carried out: {line}" for line in outcome.not_reached]
     lines += (
-        [f"not carried out, because their time is before that of the snapshot: {_count(outcome.past)}"]
+        [f"not carried out, because their time is before that of the snapshot: {counted(outcome.past, 'command')}"]
         if outcome.past
         else []
     )
@@ -364,7 +365,7 @@ def report(
         tell("simulate", line)
     print(
         f"{scenario.name}: {simulated:.2f} s{since} in {outcome.wall_time:.2f} s, {factor:.1f} times real time; "
-        + _count(outcome.applied)
+        + counted(outcome.applied, "command")
         + (f", {len(outcome.refused)} refused" if outcome.refused else "")
     )
     if _idle(scenario, outcome):
@@ -372,10 +373,6 @@ def report(
     if run is not None:
         print(f"log: {run.directory}\nto view it: {typed('review')} {shlex.quote(str(run.directory))}")
     return bool(faults or outcome.refused)
-
-
-def _count(commands: int) -> str:
-    return f"{commands} command{'' if commands == 1 else 's'}"
 
 
 def _idle(scenario: Scenario, outcome: Outcome) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.basics.units import counted, rounded, shown_unit
 from cable_twin.ensemble import usable_cores
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigures
@@ -319,7 +319,7 @@ def _plots(
         return []
     from cable_twin.offline.studies import plot  # noqa: PLC0415 - matplotlib takes a second
 
-    title = f"{study.name}, {len(study.cases)} cases, {study.design.method}"
+    title = f"{study.name}, {counted(len(study.cases), 'case')}, {study.design.method}"
     files = [directory / "figures.png"]
     plot.write_scatter(title, study.design, results, shown, files[0])
     if drawn := {one: found[one] for one in shown if one in found}:
@@ -332,7 +332,7 @@ def _plots(
 def _report(study: Study, kept: Kept, shown: Shown, faults: Sequence[str]) -> int:
     """Print the table of the shown key figures of a study, and its errors; returns the exit code."""
     results = shown.results
-    print(f"{study.name}: {len(study.cases)} cases, {study.design.method}, in {kept.directory}")
+    print(f"{study.name}: {counted(len(study.cases), 'case')}, {study.design.method}, in {kept.directory}")
     keys = [one.key for one in study.design.factors] if shown.indices else []
     table = Table("key figure", "lowest", "highest", "unit", *[f"{key}\nfirst, total" for key in keys], box=None)
     for one in shown.figures:
@@ -346,14 +346,14 @@ def _report(study: Study, kept: Kept, shown: Shown, faults: Sequence[str]) -> in
     if shown.figures:
         table_console().print(table)
     if shown.without:
-        print(f"{len(shown.without)} figures have no indices, as some case lacks them")
+        print(f"without indices, as some case lacks them: {counted(len(shown.without), 'figure')}")
     bad = [f"{case.id}: {fault}" for case, fault in zip(study.cases, results.faults, strict=True) if fault]
     for line in [*faults, *bad][:SHOWN]:
         tell("study", line)
     if len(bad) > SHOWN:
         tell("study", f"{len(bad)} cases in all have a fault; results.csv has them")
     if refused := sum(map(bool, results.refused)):
-        tell("study", f"{refused} cases refused a command; cases.jsonl has the reasons")
+        tell("study", f"{counted(refused, 'case')} refused a command; cases.jsonl has the reasons")
     if bad or faults or refused:
         return FAILED
     return UNUSABLE if shown.missing else DONE

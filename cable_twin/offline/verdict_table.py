@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from textwrap import fill
 from typing import Any
@@ -12,8 +11,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cable_twin.basics.units import counted
 from cable_twin.key_figures import QUANTITIES, FigureId, KeyFigure
-from cable_twin.key_figures.rules import STATES, Asked, Profile, RuleVerdict, asked_by, clashes, differences
+from cable_twin.key_figures.rules import (
+    STATES,
+    Asked,
+    Profile,
+    RuleVerdict,
+    asked_by,
+    clashes,
+    counts_text,
+    differences,
+)
 from cable_twin.key_figures.rules.comparison import topic_of
 from cable_twin.key_figures.rules.document import UNITS, counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
@@ -95,11 +104,9 @@ def _print_profile(console: Console, profile: Profile, verdicts: Sequence[RuleVe
             reasons.setdefault(one.reason, []).append(one.check)
     for reason, checks in reasons.items():
         say(console, f"  not decided, {', '.join(checks)}: {reason}")
-    counts = Counter(one.state for one in verdicts)
-    told = ", ".join(f"{counts[state]} {state}" for state in STATES if counts[state])
+    told = counts_text(one.state for one in verdicts)
     beyond = counts_of(document).not_decidable
-    number = f"{len(verdicts)} {'check' if len(verdicts) == 1 else 'checks'}"
-    say(console, f"  {number}: {told}; {beyond} more no figure decides (rules {profile.name})")
+    say(console, f"  {counted(len(verdicts), 'check')}: {told}; {beyond} more no figure decides (rules {profile.name})")
     console.print()
 
 

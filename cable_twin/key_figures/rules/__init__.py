@@ -2,7 +2,7 @@
 
 from cable_twin.key_figures.rules.comparison import Asked, asked_by, clashes, differences
 from cable_twin.key_figures.rules.document import Profile, RuleError, load_profile, profiles_of
-from cable_twin.key_figures.rules.verdicts import STATES, Judge, RuleVerdict, judge
+from cable_twin.key_figures.rules.verdicts import STATES, Judge, RuleVerdict, counts_text, judge
 
 __all__ = [
     "STATES",
@@ -13,6 +13,7 @@ __all__ = [
     "RuleVerdict",
     "asked_by",
     "clashes",
+    "counts_text",
     "differences",
     "judge",
     "load_profile",

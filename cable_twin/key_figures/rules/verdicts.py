@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot, inf
@@ -22,6 +23,7 @@ WAIVABLE, OUTSIDE = "authority may allow", "does not apply"
 BROKEN = (NOT_KEPT, WAIVABLE)
 LONG = 100.0  # m, chord above which a span is long
 STATES = (NOT_KEPT, WAIVABLE, NOT_DECIDED, KEPT, OUTSIDE)  # the worst first
+OF_SEVERAL = {OUTSIDE: "do not apply"}  # words that differ for several checks
 # what a run needs for figures that not every one has
 NEEDS = {
     "stopping_distance": "a stop in the run",
@@ -59,6 +61,15 @@ LACKS = {
     "drive_bullwheels": "bullwheels",
     "sheave_towers": "sheaves",
 }
+
+
+def counts_text(states: Iterable[str], say: Callable[[str], str] = str) -> str:
+    """Text with the number of rule checks in each state, the worst first; `say` translates the states."""
+    counts = Counter(states)
+    order = [one for one in (*STATES, *counts) if counts[one]]
+    return ", ".join(
+        f"{counts[one]} {say(OF_SEVERAL.get(one, one) if counts[one] > 1 else one)}" for one in dict.fromkeys(order)
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cable_twin.basics.units import counted
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import FigureId, KeyFigure, supports_of
 from cable_twin.offline.envelopes.cases import case_again
@@ -89,8 +90,10 @@ def read_envelope(
     if not states:  # all is governed by cases in motion
         found[Governing("", 0.0)] = at_place(Line(scenario, "", np.zeros(1)), 0.0).snapshot
     ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
-    told = f"{len(cases) - len(moving)} load cases at rest, {places} places of the vehicle, {len(moving)} in motion"
-    drawn = f"{len(states)} states at rest that govern tensions, sags and tower loads" if states else "line at rest"
+    told = f"{counted(len(cases) - len(moving), 'load case')} at rest, {counted(places, 'place')} of the vehicle, "
+    told += f"{len(moving)} in motion"
+    governing_states = f"{counted(len(states), 'state')} at rest, governing tensions, sags and tower loads"
+    drawn = governing_states if states else "line at rest"
     notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
     return Results(
         scenario.name,

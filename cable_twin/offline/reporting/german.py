@@ -114,6 +114,7 @@ TEXTS: Mapping[str, str] = {
     "not given": "nicht angegeben",
     "authority may allow": "Behörde kann zulassen",
     "does not apply": "trifft nicht zu",
+    "do not apply": "treffen nicht zu",
     "at most": "höchstens",
     "at least": "mindestens",
     "below": "unter",

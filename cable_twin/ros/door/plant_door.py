@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from cable_twin.basics.units import counted
 from cable_twin.ros.door.map_file import MapError, Warned, connections, open_to_others, read_map
 from cable_twin.ros.door.plant_map import Mqtt
 from cable_twin.ros.startup import (
@@ -125,7 +126,7 @@ def _announce(node: object, read: Warned) -> None:
     count = len(plan.tags)
     out = f", {len(read.left_out)} left out" if read.left_out else ""
     where = ", ".join([*plan.opcua, *plan.mqtt]) or "no connection"
-    node.get_logger().info(f"{count} tag{'s' if count != 1 else ''} of {where}{out}; Ctrl-C ends the door")  # type: ignore[attr-defined]
+    node.get_logger().info(f"{counted(count, 'tag')} of {where}{out}; Ctrl-C ends the door")  # type: ignore[attr-defined]
 
 
 def _check(read: Warned) -> int:

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from cable_twin.key_figures.rules import STATES, Asked, Profile, RuleVerdict, asked_by, clashes, differences
+from cable_twin.key_figures.rules import (
+    STATES,
+    Asked,
+    Profile,
+    RuleVerdict,
+    asked_by,
+    clashes,
+    counts_text,
+    differences,
+)
 from cable_twin.key_figures.rules.comparison import topic_of
 from cable_twin.key_figures.rules.document import counts_of
 from cable_twin.key_figures.rules.subjects import ROLES
@@ -75,8 +83,7 @@ def _part(profile: Profile, verdicts: Sequence[RuleVerdict], texts: Texts) -> Pr
     for one in own:
         if one.state == NOT_DECIDED and not one.limits:
             reasons.setdefault(one.reason, []).append(one.check)
-    counts = Counter(one.state for one in own)
-    told = ", ".join(f"{counts[state]} {texts(state)}" for state in STATES if counts[state])
+    told = counts_text((one.state for one in own), texts)
     beyond, number = counts_of(document).not_decidable, texts("check" if len(own) == 1 else "checks")
     edition = "" if document.edition in document.document else f", {document.edition}"
     return ProfilePart(
