@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cable_twin.basics.units import rounded
 from cable_twin.offline.import_profile import tell_rest
-from cable_twin.offline.lines.at_rest import plan_line
+from cable_twin.offline.lines.at_rest import Line, plan_line
 from cable_twin.offline.survey.designing import (
     Designed,
     design_rope,
@@ -125,7 +126,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ScenarioError as error:
         return fail("design", error, FAILED)
     print(f"{options.output} at rest:")
-    return tell_rest("design", plan_line(scenario, PLACES, None))
+    line = plan_line(scenario, PLACES, None)
+    code = tell_rest("design", line)
+    if options.factor is not None and (told := _wanted(line, model, options.factor)):
+        print(told)
+    return code
+
+
+def _wanted(line: Line, model: LineModel, factor: float) -> str:
+    """Line with the safety factor that was wanted, and the least of the designed ropes at rest; empty without one."""
+    designed = [f"ropes.{key.rpartition('.')[2]}" for key in model.rope_keys]
+    found = [one for one in line.figures if one.id.quantity == "rope_safety_factor" and one.id.subject in designed]
+    if not found:
+        return ""
+    least = min(found, key=lambda one: one.value).limited(factor, "--factor")
+    return (
+        f"rope safety factor {rounded(least.value)}, wanted by --factor at least {rounded(factor)}: {least.verdict}; "
+        "the table has the limits of the scenario"
+    )
 
 
 def _designed(model: LineModel, options: Any) -> Designed:

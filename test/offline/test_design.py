@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,15 @@ def test_the_rope_is_the_thinnest_with_its_factor():
     assert other.rope["breaking_force"] / other.highest_tension(other.tension()) > 6.0
     assert other.rope["breaking_force"] == pytest.approx(0.96e6 * 1.1**2)
     assert design_rope(model, 5.0).changes == {}  # 40 mm is enough
+
+
+def test_a_thicker_rope_is_told_with_its_bullwheels_and_the_wanted_factor(tmp_path, capsys):
+    """Formerly the result was judged by the limit of the scenario alone, 20.05 at least 4.5."""
+    assert design.main(["gondola", "--for", "rope", "--factor", "20", "--output", str(tmp_path / "thick.yaml")]) == 0
+    told = capsys.readouterr().out
+    assert "sheaves.drive: diameter over that of the rope 40.7, 100 before; radius as it is" in told
+    (factor, verdict), *_ = re.findall(r"rope safety factor ([\d.]+), wanted by --factor at least 20: ([a-z ]+);", told)
+    assert (float(factor) >= 19.98) is (verdict == "kept")
 
 
 def test_a_pinned_rope_gets_the_length_of_its_tension():

@@ -298,8 +298,8 @@ def _tower_ranges(axes: Axes, line: Line, loads: Sequence[Mapping[str, FloatArra
             axes.plot([], [], color=color, linewidth=BARS[0]["linewidth"], label=name)
     for name, look in zip(("downwards", "along the track"), BARS, strict=True):
         axes.plot([], [], color=INK, label=name, **look)
-    x = line.columns[0].rope_position[:, 0]
-    axes.update_datalim([(x.min(), 0.0), (x.max(), 0.0)])  # to stand below the profile
+    rope_x = line.columns[0].rope_position[:, 0]
+    axes.update_datalim([(rope_x.min(), 0.0), (rope_x.max(), 0.0)])  # to stand below the profile
     axes.autoscale_view()
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # loads `optimize` where it is used
 
-from cable_twin.basics.units import with_unit
+from cable_twin.basics.units import rounded, with_unit
 from cable_twin.frame.records import FloatArray
 from cable_twin.offline.survey.lift import LEAST_BARE, MARGIN, choose_tension, tower_margins
 from cable_twin.offline.survey.line_model import DesignError, LineModel
@@ -180,7 +180,12 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
         for name, value in other.rope.items()
     }
     found = for_tension(other, tension, "as before")
-    return Designed(changes | found.changes, [f"{', '.join(model.rope_keys)}: {why}; {construction}", *found.lines])
+    lines = [f"{', '.join(model.rope_keys)}: {why}; {construction}", *found.lines]
+    for name, wheel in model.scenario.sheaves.items():
+        if any(f"ropes.{rope}" in model.rope_keys for rope in wheel.ropes):
+            now, before = (rounded(2.0 * wheel.radius / one, 3) for one in (1e-3 * millimetres, diameter))
+            lines.append(f"sheaves.{name}: diameter over that of the rope {now}, {before} before; radius as it is")
+    return Designed(changes | found.changes, lines)
 
 
 def _scaled(rope: dict[str, float], ratio: float) -> dict[str, float]:
