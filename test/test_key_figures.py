@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from prescribed_frames import (
 )
 from strands import one_strand
 
+from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import FigureId, KeyFigures, figure_from_values, not_judged, values_of
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
@@ -29,6 +31,7 @@ from cable_twin.mechanics.drives.joint_drive import SPEED
 from cable_twin.mechanics.readout.columns import STOPPING
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.builders.vehicles import stop_stroke
+from cable_twin.scenario.files import config_directory
 from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.simulation import Simulation
 
@@ -289,6 +292,20 @@ def test_shipped_scenarios_start_within_their_limits(name):
     figures = KeyFigures(shipped)
     figures.update(Simulation(shipped).snapshot)
     assert [figure.name for figure in figures.figures() if figure.kept is False] == []
+
+
+@pytest.mark.parametrize("name", ["aerial_tramway", "jig_back", "bicable", "chairlift", "gondola"])
+def test_the_source_of_a_limit_is_a_key_of_the_file(name):
+    """Formerly `drives.haul_rope.limits.speed`, where the file has `sheaves.drive.drive.limits.speed`."""
+    content = read_yaml((config_directory() / f"{name}.yaml").read_text(encoding="utf-8")).content
+    found = KeyFigures(load_scenario(name))
+    found.update(Simulation(load_scenario(name)).snapshot)
+    sources = {one.source for one in found.figures() if one.source.startswith("scenario: ")}
+    assert any(".drive.limits.speed" in one for one in sources)
+    for source in sources:
+        part = content
+        for key in re.match(r"scenario: ([\w.]+\w)", source)[1].split("."):
+            part = part[key]  # KeyError without the key
 
 
 def test_clearance_of_rope_and_vehicle_with_place():

@@ -268,7 +268,7 @@ class KeyFigures:
 
     def _of_drive(self, name: str) -> Iterator[KeyFigure]:
         """Key figures of a drive of ropes."""
-        subject, source = Subject(f"drives.{name}", name), f"scenario: drives.{name}.limits"
+        subject, source = Subject(f"drives.{name}", name), f"scenario: {self._scenario.drive_key(name)}.limits"
         row, limits = len(self._vehicles) + self._drives.index(name), self._scenario.drives[name].limits
         yield from self._of_motion(subject, row, limits, source, "rope travel")
         yield from (one.limited_by(self._scenario) for one in self._stops.figures(name))

@@ -114,8 +114,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail("design", error, UNUSABLE)
     except (DesignError, SpanError) as error:
         return fail("design", error, FAILED)
-    for line in found.lines:
-        print(line)
+    for text in found.lines:
+        print(text)
     heading = f"Designed for {options.wanted} from {source}: `design:` beside a value says what decided it."
     try:
         text = scenario_file(source).read_text(encoding="utf-8")

@@ -176,6 +176,11 @@ class Scenario(Section):
         """Key of a rope in the file: `cable`, or `ropes.NAME`."""
         return f"ropes.{name}" if self.ropes else "cable"
 
+    def drive_key(self, name: str) -> str:
+        """Key of a drive of ropes in the file: `drives.NAME`, or that below the bullwheel that it turns."""
+        sheave = self.drives[name].sheave
+        return f"sheaves.{sheave}.drive" if sheave else f"drives.{name}"
+
     def rope_of(self, thing: Carriage | Tower) -> str:
         """Name of the rope on which a carriage is, or which runs over a tower."""
         return thing.rope or next(iter(self.cables))
