@@ -19,6 +19,7 @@ from cable_twin.offline.envelopes.runs import Job, run_case
 from cable_twin.offline.envelopes.search import Search
 from cable_twin.offline.envelopes.tensioning import tensioning
 from cable_twin.scenario import ScenarioError, load_scenario
+from cable_twin.scenario.files import config_directory
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.rests import Rests, differ_in_loads
 from cable_twin.simulation.vehicles import _rooms
@@ -421,3 +422,18 @@ def test_the_picture_says_how_many_cases_move_and_its_axis_begins_at_zero(tmp_pa
     assert axes.get_xlim()[0] == 0.0
     assert all(text.get_window_extent().x1 <= axes.bbox.x1 for text in axes.texts)
     plots.close()
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "count"),
+    [
+        ("load_cases", "chairlift", 25),
+        ("load_cases", "gondola", 25),
+        ("loadings", "chairlift", 61),
+        ("bicable_cases", "bicable", 19),
+        ("stop_cases", "aerial_tramway", 4),
+    ],
+)
+def test_files_of_examples_fit_the_scenarios_that_the_page_names(file, name, count):
+    path = config_directory().parent / "examples" / f"{file}.yaml"
+    assert len(read_cases(path, name, {})) == count
