@@ -1,4 +1,4 @@
-"""Export of key figures and signals of runs as CSV and JSON, in SI units, every frame.
+"""Export of key figures and signals of runs as CSV and JSON, every frame, in SI units but angles of signals in deg.
 
 Frames wait in a temporary file until the run ends, so that memory does not grow with a run.
 """
@@ -174,7 +174,9 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     """Add the options `--csv` and `--json` to a parser."""
     for kind, what in (("csv", f"signals, and beside it NAME{FIGURES}.csv"), ("json", "signals and key figures")):
         parser.add_argument(
-            f"--{kind}", metavar="PATH", help=f"write {what} of every frame, in SI units; '-': to standard output"
+            f"--{kind}",
+            metavar="PATH",
+            help=f"write {what} of every frame, in SI units and deg; '-': to standard output",
         )
 
 

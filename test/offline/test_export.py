@@ -10,6 +10,7 @@ import pytest
 from twin_process import run_module, write_quick_scenario
 
 from cable_twin.frame.plotted_signals import SIGNALS
+from cable_twin.key_figures import QUANTITIES
 from cable_twin.offline import review, simulate
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -114,3 +115,9 @@ def test_what_cannot_be_written_is_a_line_before_anything_runs(made, tmp_path, r
     assert "--csv, --json: given - for both; allowed: standard output for one of them" in line
     line = refusal(command.main, *arguments, "--csv", tmp_path / "a.parquet")
     assert "a.parquet; allowed: a name that ends in .csv, or -" in line
+
+
+def test_angles_are_in_deg_as_signals_and_in_rad_as_key_figures():
+    """As docs/experiments.md says."""
+    units = {signal.unit for signal in SIGNALS.values()}, {row.unit for row in QUANTITIES.values()}
+    assert [{"deg", "rad"} & one for one in units] == [{"deg"}, {"rad"}]
