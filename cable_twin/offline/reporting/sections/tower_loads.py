@@ -15,6 +15,7 @@ from cable_twin.offline.reporting.sections.section import Row, by_id, row_of
 from cable_twin.offline.reporting.texts import Texts
 
 LONGEST = 58.0  # px, of an arrow
+NEGLIGIBLE = 1e-6  # of a force, below which a component is a rounding error
 ROOM = 400.0  # px above and below towers, more than their texts take
 MOST_MARKS = 24  # towers of a rope, above which the numbers are in the table alone
 
@@ -47,8 +48,8 @@ def tower_loads(results: Results, texts: Texts) -> Mapping[str, Any] | None:
 def _row(one: TowerLoad, figures: Mapping[FigureId, KeyFigure], results: Results, texts: Texts) -> TowerRow:
     both = [figures.get(FigureId("support_load", one.subject, statistic)) for statistic in ("highest", "lowest")]
     rows = [None if figure is None else row_of(figure, results, texts) for figure in both]
-    along, left, up = one.force.tolist()
-    return TowerRow(one.tower, rows[0], rows[1], along, left, -up)
+    along, left, up = np.where(np.abs(one.force) < NEGLIGIBLE * np.linalg.norm(one.force), 0.0, one.force).tolist()
+    return TowerRow(one.tower, rows[0], rows[1], along, left, 0.0 - up)
 
 
 def _chart(
