@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from cable_twin import load_scenario
 from cable_twin.ros.startup import Ending, prepare_middleware, print_hint
-from cable_twin.scenario import Scenario, command_limits, load_scenario
+from cable_twin.scenario import Scenario, command_limits
 from cable_twin.scenario.command_limits import places_of
 from cable_twin.scenario.sections.drives import Limits
 from cable_twin.terminal.command_line import OneLineParser

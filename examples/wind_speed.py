@@ -36,7 +36,7 @@ from control_experiment import (
     positive,
 )
 
-from cable_twin.scenario import load_scenario
+from cable_twin import load_scenario
 
 NAME = "wind_speed.py"
 HELD = 10.0  # s, for which a gust is remembered

@@ -217,3 +217,13 @@ def test_cabins_pass_slack_carriers_without_a_jerk():
     np.testing.assert_allclose(tensions[0], tensions[1], rtol=5e-3)
     jerks = [np.abs(np.diff(found, 2)).max() for found in tensions]
     assert jerks[0] < 2.0 * jerks[1]
+
+
+def test_rollers_find_their_places_from_far_away():
+    """With ice on an empty lift, the return bullwheel rests 0.2 m away, and is searched for from a metre away."""
+    ice = {f"ropes.{rope}.ice": 3.0 if rope.startswith("track") else 2.0 for rope in load_scenario("bicable").ropes}
+    simulation = Simulation(
+        load_scenario("bicable", {**ice, "carriers.payload.leaving": {"return": 0.0, "drive": 0.0}})
+    )
+    before = simulation.snapshot.columns.joint_position.copy()
+    np.testing.assert_allclose(simulation.advance_to(0.5).columns.joint_position, before, rtol=0.0, atol=1e-6)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from itertools import chain
 from typing import Any, NamedTuple, cast
 
@@ -285,10 +285,28 @@ class Engine:
         def settle() -> None:
             settle_together(self._ropes, SLACKEST_REST * longest, elements, near=self._near)
 
+        def settle_fixed() -> None:
+            with self._rollers_fixed():
+                settle()
+
+        rolls = self.bundle.connectors.rolls.any() and not self._near
         if self._scenario.sheaves:
-            self.loop.settle(settle, near=self._near)
+            self.loop.settle(settle, settle_fixed if rolls else None, near=self._near)
         else:
+            if rolls:
+                settle_fixed()
             settle()
+
+    @contextmanager
+    def _rollers_fixed(self) -> Iterator[None]:
+        """Fix the rollers of connectors to their nodes: from far away they find their places along the ropes badly."""
+        rolls = self.bundle.connectors.rolls
+        rolling = rolls.copy()
+        rolls[:] = 0
+        try:
+            yield
+        finally:
+            rolls[:] = rolling
 
     def _raise_pantographs(self) -> None:
         """Raise pantograph heads to their ropes, with the uplift force at their height."""

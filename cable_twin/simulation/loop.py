@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,11 +65,12 @@ class Loop:
         self._slopes: FloatArray | None = None
         motion.drives.mode[driven] = SPEED
 
-    def settle(self, relax: Any, *, near: bool = False) -> None:
+    def settle(self, relax: Any, roughly: Any = None, *, near: bool = False) -> None:
         """Find the equilibrium of a loop of strands; `relax` finds the equilibrium of all ropes between given ends.
 
         Args:
             relax: finds the equilibrium of all ropes between their given ends.
+            roughly: does so for a system that is nearly the same and comes to rest from far away; None for none.
             near: whether the search begins at the equilibrium of similar strands.
 
         Raises:
@@ -77,9 +79,9 @@ class Loop:
         first = next(iter(self._parts.values()))
         lengths = np.array([part.system.cable.unstrained_length for part in self._parts.values()])
 
-        def rest() -> None:
+        def rest(found: Any = relax) -> None:
             self._lay(along=near)
-            relax()
+            found()
             update_end_tensions(self._bundle, self.motion, first.system, first.state)
 
         laid = Kept(first.state)
@@ -87,6 +89,8 @@ class Loop:
             if near and self.keeps_slopes:
                 self._slopes = settle_near(self._bundle.sheaves, self.motion, rest, self._slopes)
             else:
+                if roughly is not None:
+                    settle_loop(self._bundle.sheaves, self.motion, lengths, partial(rest, roughly))
                 settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
         except EquilibriumError as error:
             if near:

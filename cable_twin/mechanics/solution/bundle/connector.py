@@ -7,8 +7,7 @@ of that of the ropes, hardly a hundredth in time integration.
 
 The second end of a connector that rolls, as that of a slack carrier, is where its rope is nearest to the first end: its
 energy is that of the least distance, and by the envelope theorem its force is that along this distance, square to the
-rope, at that place. Its tangent has the coupling of both ends by the share of its node in that place, and not how it
-turns with the rope.
+rope, at that place. Its tangent couples both ends as if the rope between node and place were straight and rigid.
 
 The damping is C = α M + β K, K of the static tension: bending has damping of its own already (`damping_time` of the
 elastic model); β adds the stiffness that a string has by its tension T, β T ∫S_xᵀS_x dx. α is in the elements
@@ -159,7 +158,7 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
             rolled = stiffness_factor * pull / (dot(r_x, r_x) + distance * dot(along, r_xx))
             matrix = add_scaled(1.0, outer(-rolled / distance, r_x, r_x), matrix)
             by_turn, of_turn = outer(-rolled, r_x, along), outer(-rolled * distance, along, along)
-        coupled, moves, turns_by = 1.0, (1.0, 0.0), (0.0, 0.0)  # of both nodes; share of r and r_x in the second end
+        coupled, lever = 1.0, 0.0  # of both nodes; m along the rope from that of the second end to its place
         for end in range(2):
             own, here, room = rope_of(bundle, connectors.rope[connector, end], system, state, work)
             node, force = connectors.node[connector, end], scale(pull if end == 0 else -pull, along)
@@ -171,30 +170,18 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
                 if end == 0 or is_taken(here, node):
                     coupled = 0.0
                 else:
-                    moves, turns_by = shares_of_node(node, point)
+                    lever = places[1] - own.cable.node_arc_length[node]
             else:
                 accumulate(force, room.right_side[node, 0])
                 accumulate(matrix, room.diagonal[node, 0, 0])
-        for row in range(2):
-            by_second = add_scaled(turns_by[row], by_turn, scale(moves[row], matrix))
-            by_first = add_scaled(turns_by[row], transpose(by_turn), scale(moves[row], matrix))
-            store(scale(-coupled, by_second), scratch.cross[connector, row, 0])
-            store(scale(-coupled, by_first), scratch.cross[connector, row, 1])
+        store(scale(-coupled, matrix), scratch.cross[connector, 0, 0])
+        store(scale(-coupled, matrix), scratch.cross[connector, 0, 1])
+        store(scale(-coupled, add_scaled(lever, matrix, by_turn)), scratch.cross[connector, 1, 0])
+        store(scale(-coupled, add_scaled(lever, matrix, transpose(by_turn))), scratch.cross[connector, 1, 1])
         tight = 1 if distance > connectors.length[connector] else 0
         changed += abs(tight - moving.tight[connector])
         moving.tight[connector] = tight
     return changed
-
-
-@inlined_kernel
-def shares_of_node(node, point):
-    """Shares of r and r_x of a node in those of a point; 0 on an element that is not beside the node."""
-    s, s_x = point.shape, point.shape_x
-    if point.element == node:
-        return (s[0], s[1]), (s_x[0], s_x[1])
-    if point.element == node - 1:
-        return (s[2], s[3]), (s_x[2], s_x[3])
-    return (0.0, 0.0), (0.0, 0.0)
 
 
 @kernel
