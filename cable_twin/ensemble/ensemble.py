@@ -250,8 +250,11 @@ class Ensemble:
             )
         rows, kind = self._rows(members), "force" if speed is None else "speed"
         given = np.broadcast_to(np.asarray(force if speed is None else speed, dtype=np.float64), (len(rows),))
+        alike = self._drive_alike(rows, name, kind, given)
+        if alike and not self._figures_steps:
+            return
         commands = [Command(kind, {name: value}) for value in given.tolist()]
-        if self._drive_alike(rows, name, kind, given):
+        if alike:
             self._tell_figures(rows, commands)
         else:
             self._apply_each(rows, commands)

@@ -17,6 +17,7 @@ from cable_twin.mechanics.parameters import FORCE, SPEED, FloatArray, System
 from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.mechanics.solution.bundle.bullwheels import observe_bullwheels, stop_wheel, update_end_tensions
 from cable_twin.mechanics.solution.bundle.loop_rest import (
+    CLOSE,
     MOST_ITERATIONS,
     NUDGE,
     TOLERANCE,
@@ -90,7 +91,7 @@ class Loop:
                 self._slopes = settle_near(self._bundle.sheaves, self.motion, rest, self._slopes)
             else:
                 if roughly is not None:
-                    settle_loop(self._bundle.sheaves, self.motion, lengths, partial(rest, roughly))
+                    settle_loop(self._bundle.sheaves, self.motion, lengths, partial(rest, roughly), CLOSE)
                 settle_loop(self._bundle.sheaves, self.motion, lengths, rest)
         except EquilibriumError as error:
             if near:

@@ -36,6 +36,7 @@ from cable_twin.ros.startup import discovery_time
 NODE = "plant_door"
 LOOKS = 1.0  # s between two looks at ages, other publishers and the diagnostics
 MOST_SAMPLES = 100_000  # that wait to be published
+LONGEST_END = 5.0  # s in which connections are closed
 OK, WARNING, ERROR = 0, 1, 2  # levels of a status
 
 
@@ -271,9 +272,6 @@ class Door:
                     logger.error(text)
         except Empty:
             return
-
-
-LONGEST_END = 5.0  # s in which connections are closed
 
 
 class Background:

@@ -43,7 +43,7 @@ from cable_twin.mechanics.rope.shape_functions import SLOPE
 from cable_twin.mechanics.solution.bundle.records import STATE, SYSTEM, rope_of
 
 GRADUAL = 1e-3  # m, extension over which damping sets in: a pull that jumps by it would have no place to rest in a step
-MOST_TURNS, ROLLED = 20, 1e-13  # of Newton's method for the place of a roller, and m, from which on it stays
+MOST_TURNS, ROLLED = 20, 1e-9  # of Newton's method for the place of a roller; m, after which the next is of rounding
 LEAST_BEND = 0.2  # share of r_x² that its derivative has at least, where the rope bends around the first end
 
 
@@ -176,8 +176,9 @@ def add_connectors(bundle, moving, scratch, system, state, work, rate_factor, st
                 accumulate(matrix, room.diagonal[node, 0, 0])
         store(scale(-coupled, matrix), scratch.cross[connector, 0, 0])
         store(scale(-coupled, matrix), scratch.cross[connector, 0, 1])
-        store(scale(-coupled, add_scaled(lever, matrix, by_turn)), scratch.cross[connector, 1, 0])
-        store(scale(-coupled, add_scaled(lever, matrix, transpose(by_turn))), scratch.cross[connector, 1, 1])
+        if connectors.rolls[connector] != 0:
+            store(scale(-coupled, add_scaled(lever, matrix, by_turn)), scratch.cross[connector, 1, 0])
+            store(scale(-coupled, add_scaled(lever, matrix, transpose(by_turn))), scratch.cross[connector, 1, 1])
         tight = 1 if distance > connectors.length[connector] else 0
         changed += abs(tight - moving.tight[connector])
         moving.tight[connector] = tight

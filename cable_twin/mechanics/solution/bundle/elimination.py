@@ -356,7 +356,7 @@ def link(connectors, connector, scratch, like):
     square = outer(0.0, like, like)
     if not scratch.linked[a, b]:
         connect(a, b, scratch, like)
-    for row in range(2):
+    for row in range(2 if connectors.rolls[connector] != 0 else 1):  # one fixed to its node does not feel its slope
         accumulate(load(scratch.cross[connector, row, 0], square), scratch.fill[a, b, 0, row])
         accumulate(load(scratch.cross[connector, row, 1], square), scratch.fill[b, a, row, 0])
 
