@@ -304,10 +304,12 @@ def test_pass_is_predicted_driven_and_compared_and_interrupts_stop_the_twin(twin
 
 
 @pytest.mark.skipif(not JIT, reason="minutes without compilation")
+@pytest.mark.long
 def test_a_lift_goes_to_a_place_and_slower_in_the_wind(tmp_path):
     """Drive of a jig-back; of the other experiments, which need the swing of one carriage, there is a line."""
-    fast = ["--frame-rate", "50", "--real-time-factor", "2", "--command-timeout", "5", "--record", "false"]
-    sim = TwinProcess(tmp_path, "--scenario", "jig_back", "--set", "air.wind=[0, 6, 0]", *fast)
+    # a command that is late by 0.3 s is 0.15 m
+    slow = ["--frame-rate", "50", "--real-time-factor", "0.5", "--command-timeout", "5", "--record", "false"]
+    sim = TwinProcess(tmp_path, "--scenario", "jig_back", "--set", "air.wind=[0, 6, 0]", *slow)
     calm = ["haul_rope", "--speed", "1", "--settle", "0.5"]
     wind = ["--full-speed-wind", "4", "--stop-wind", "8", "--slow-speed", "0.5"]
     started = [sim]
