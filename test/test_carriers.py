@@ -145,7 +145,7 @@ def test_a_cabin_that_leaves_the_rope_leaves_no_ringing_behind():
     assert np.abs(np.diff(after)).max() < 800.0  # N of 326 kN; 7 kN up and down without a step of its own
     assert max(forces) < 1.4 * 1600.0 * 9.81  # N
     assert riding[-1] < simulation.scenario.carriers.count  # some are in a station, where no step begins anew
-    assert all(part.state.newton_curvature[0] > 0.0 for part in simulation.parts.values())
+    assert all(part.state.newton_ratio[0] > 0.0 for part in simulation.parts.values())
 
 
 @pytest.mark.parametrize("backwards", [False, True])

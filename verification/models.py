@@ -164,7 +164,7 @@ def start_moving(simulation: Simulation) -> None:
         assert solve_accelerations(simulation.system, state, 0.0, allocate_workspace(simulation.system))
         state.nodes.algorithmic[:] = state.nodes.acceleration
         state.bodies.algorithmic[:] = state.bodies.acceleration
-        state.newton_curvature[0] = np.inf
+        state.newton_ratio[0] = np.inf
 
 
 def pendulum(

@@ -12,7 +12,7 @@ from cable_twin.mechanics.on_rope.chain import hang_together, top_of
 from cable_twin.mechanics.parameters import FloatArray
 from cable_twin.mechanics.state import State
 
-OWN = ("payload", "wind", "temperature", "clock", "newton_curvature", "deflection")  # in names of what is not blended
+OWN = ("payload", "wind", "temperature", "clock", "newton_ratio", "deflection")  # in names of what is not blended
 TOPOLOGY = (
     "joint_node",
     "joint_element",

@@ -479,7 +479,7 @@ class Ensemble:
         else:
             force = states.block["drives.force"]
             other = (mode[rows, row] != FORCE) | (force[rows, row] != given)
-            states.block["0/newton_curvature"][np.asarray(rows)[other]] = 0.0  # as `Engine.forget_accelerations`
+            states.block["0/newton_ratio"][np.asarray(rows)[other]] = 0.0  # as `Engine.forget_accelerations`
             mode[rows, row], force[rows, row] = FORCE, given
         owner = next(number for number, part in enumerate(states.base.engine.parts) if name in part.rows)
         for member, value in zip(rows, given.tolist(), strict=True):

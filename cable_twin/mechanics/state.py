@@ -170,9 +170,9 @@ class State(NamedTuple):
     temperature: Annotated[
         FloatArray, Of(1, unit="degC"), Range(COLDEST, HOTTEST)
     ]  # of the rope, already in the parameters
-    newton_curvature: Annotated[
-        FloatArray, Of(1, unit="1/m"), Range(0.0, inf)
-    ]  # Newton increment over the square of the one before; 0: not known, nor are accelerations
+    newton_ratio: Annotated[
+        FloatArray, Of(1, unit="-"), Range(0.0, inf)
+    ]  # error that a Newton iteration leaves, over its estimate; 0: not known, nor are accelerations
     clock: Annotated[IntArray, Of(1), CLOCK]  # whole solver steps since the start
     memory: Memory  # all of these
 
@@ -211,6 +211,10 @@ class Workspace(NamedTuple):
     patch_by_length: Annotated[FloatArray, Of("patch length", WIDTH)]  # derivatives of their elastic energy by length
     right_side: Annotated[FloatArray, Of("node", 3, "dim")]  # minus the residual; after the solution the increment of e
     contact_slide: Annotated[FloatArray, Of("contact", unit="N/m")]  # growth of its friction with sliding, over |r_x|
+    contact_element: Annotated[IntArray, Of("contact", first=-1)]  # where the rope touches, or is near; else -1
+    contact_shape: Annotated[FloatArray, Of("contact", 4)]  # shape functions there
+    contact_depth: Annotated[FloatArray, Of("contact", 2, unit="m, m/s")]  # and its rate
+    contact_normal: Annotated[FloatArray, Of("contact", "dim")]  # of the rope
     joint_gap: Annotated[
         FloatArray, Of("body", "dim", unit="m")
     ]  #  (or m/s² at acceleration level): what each joint has to close

@@ -402,7 +402,7 @@ class Engine:
 
     def forget_accelerations(self) -> None:
         """Discard the accelerations of the last step, as forces have changed abruptly before the next one."""
-        self._states[0].newton_curvature[0] = 0.0
+        self._states[0].newton_ratio[0] = 0.0
 
     def drive(self, command: Command) -> None:
         """Apply a speed (m/s) or force (N) command to the bullwheel drives named in the command."""

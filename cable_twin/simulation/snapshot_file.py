@@ -36,7 +36,7 @@ from cable_twin.mechanics.state import FIELDS, RANGES, VEHICLES, State
 from cable_twin.scenario import Scenario, ScenarioError, load_scenario
 
 FORMAT = "cable_twin snapshot"
-FORMAT_VERSION = 12
+FORMAT_VERSION = 13
 OWN_FIELDS = tuple(field.name for field in declared(State) if not is_common(field, VEHICLES))  # of a rope alone
 SUFFIX = ".npz"
 LARGEST = 2**28  # bytes of an array; the largest shipped scenario has 60 kB of them all

@@ -98,7 +98,7 @@ def hang_in_station(system, state, carriage, station):
     if cable.load_nodes and state.joint_node[carriage] >= 0:
         give_back(system, state, state.joint_node[carriage])
     if state.attached[carriage]:
-        state.attached[carriage], state.newton_curvature[0] = False, 0.0
+        state.attached[carriage], state.newton_ratio[0] = False, 0.0
     keep_on(system, state, carriage)
     state.joints.position[carriage], state.joints.velocity[carriage] = station, 0.0
     follow(state.reference, carriage, station, 0.0, 0.0)
@@ -149,7 +149,7 @@ def attach(system, state, carriage, place):
 def put_on(system, state, carriage, place, speed, rate):
     """Attach a vehicle to the cable at an arc length (m): upright, moving along the cable at `speed` (m/s)."""
     cable = system.cable
-    state.attached[carriage], state.newton_curvature[0] = True, 0.0
+    state.attached[carriage], state.newton_ratio[0] = True, 0.0
     keep_on(system, state, carriage)
     state.joints.position[carriage] = place
     state.joints.velocity[carriage] = speed

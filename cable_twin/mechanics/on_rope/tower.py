@@ -25,14 +25,14 @@ from typing import Any
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.rotations import cross
 from cable_twin.mechanics.language.traced import formula, square_root
-from cable_twin.mechanics.language.vectors import Matrix, Vector, add_scaled, dot, load, outer, scale, subtract
+from cable_twin.mechanics.language.vectors import Matrix, Vector, add_scaled, dot, load, outer, scale, store, subtract
 from cable_twin.mechanics.on_rope.buffer import buffer_energy, buffer_force
 from cable_twin.mechanics.on_rope.friction import mobilise
 from cable_twin.mechanics.parameters import IN_GROOVE, LIFTED, NO_RATIO, OUT_LEFT, OUT_RIGHT
 from cable_twin.mechanics.rope.ale import rope_before
 from cable_twin.mechanics.rope.following_nodes import at_place
 from cable_twin.mechanics.rope.patch import beside_load, motion_at_rest
-from cable_twin.mechanics.rope.point import bend, point_at, slope, value
+from cable_twin.mechanics.rope.point import bend, interpolate, point_at, point_on, slope, value
 from cable_twin.mechanics.rope.point_load import add_point_load, add_point_tangent
 
 MAX_MOVES = 30  # Newton iterations for the nearest point
@@ -173,10 +173,16 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
     for contact in range(towers.stiffness.size):
         work.contact_slide[contact] = 0.0
         touching, point = find_contact(cable, towers, state, contact)
+        work.contact_element[contact] = point.element if touching else -1
         if not touching:
             continue
         r_x, apart, normal, depth, moving = frame_at(cable, towers, state, contact, point)
-        n, n_by_depth, n_by_rate = normal_force(towers, contact, depth, -dot(normal, moving))
+        rate = -dot(normal, moving)
+        work.contact_depth[contact, 0], work.contact_depth[contact, 1] = depth, rate
+        store(normal, work.contact_normal[contact])
+        for i in range(4):
+            work.contact_shape[contact, i] = point.shape[i]
+        n, n_by_depth, n_by_rate = normal_force(towers, contact, depth, rate)
         if n == 0.0:
             continue
         norm = sqrt(dot(r_x, r_x))
@@ -213,6 +219,52 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         share = stiffness_factor / pivot
         by_slope = outer(share, force, r_x), outer(share, force, apart)
         add_point_tangent(whole, by_place, by_slope, point, stiffness_factor, state, work)
+
+
+@kernel
+def contacts_left(cable, towers, state, work, mass_factor, rate_factor, least):
+    """Largest estimated error (m) that a Newton iteration leaves at the tower contacts of one rope.
+
+    A normal force is no linear function of depth and rate; what it differs from its tangent moves the rope there. So
+    does friction along the rope, whose growth with sliding falls by the share of the presliding distance.
+
+    Args:
+        cable: of the rope.
+        towers: parameters.
+        state: with the places of the contacts.
+        work: with the increment, and the contacts before it.
+        mass_factor: ∂acceleration/∂coordinate (1/s²).
+        rate_factor: ∂velocity/∂coordinate (1/s).
+        least: an estimate (m); what is less is not looked at closely.
+    """
+    like, worst = cable.gravity, least
+    for contact in range(towers.stiffness.size):
+        element = work.contact_element[contact]
+        if element < 0:
+            continue
+        weights = work.contact_shape[contact]
+        change = interpolate(work.right_side, element, (weights[0], weights[1], weights[2], weights[3]), like)
+        deeper = -dot(load(work.contact_normal[contact], like), change)
+        inertia = 0.5 * mass_factor * cable.mass_per_length * state.mesh.length[element]
+        depth, rate, growth = (
+            work.contact_depth[contact, 0],
+            work.contact_depth[contact, 1],
+            work.contact_slide[contact],
+        )
+        bent = towers.stiffness[contact] * (0.5 / towers.toe[contact] + rate_factor * towers.damping[contact])
+        most = bent * deeper * deeper + growth * dot(change, change) / towers.presliding[contact]
+        if most < worst * inertia:
+            continue
+        before, by_depth, by_rate = normal_force(towers, contact, depth, rate)
+        now, _, _ = normal_force(towers, contact, depth + deeper, rate + rate_factor * deeper)
+        stiff = by_depth + rate_factor * by_rate
+        worst = max(worst, abs(now - before - stiff * deeper) / (inertia + stiff))
+        if growth > 0.0 and before > 0.0:
+            point = point_on(state, element, state.contact_arc_length[contact])
+            slid_more = abs(dot(slope(state.nodes.position, point, like), change))
+            share = 0.5 * slid_more / towers.presliding[contact] + abs(now - before) / before
+            worst = max(worst, growth * slid_more * share / (inertia + growth))
+    return worst
 
 
 @kernel

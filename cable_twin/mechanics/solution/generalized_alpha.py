@@ -28,7 +28,7 @@ from cable_twin.mechanics.solution.bundle.records import (
     take_motion,
 )
 from cable_twin.mechanics.solution.dissipation import EVERY, SECOND, numerical_loss, trapezoidal_error
-from cable_twin.mechanics.solution.newton import iterate, least_curvature, worst_element
+from cable_twin.mechanics.solution.newton import iterate, least_ratio, worst_element
 from cable_twin.mechanics.solution.prediction import coefficients_of_step, predict_rope
 from cable_twin.mechanics.solution.stepping import begin_step, end_step
 
@@ -167,7 +167,7 @@ def advance(bundle, moving, moving_good, moving_before, scratch, system, state, 
                     if part > 0:
                         column = BEFORE
                         copy_ropes(bundle, STATE, BEFORE, state)
-                    c = coefficients_of_step(solver.spectral_radius, least_curvature(bundle, state) > 0.0)
+                    c = coefficients_of_step(solver.spectral_radius, least_ratio(bundle, state) > 0.0)
                     converged, used, increment, gap = step(
                         bundle, moving, moving_before, scratch, system, state, work, column, c, solver.step / parts
                     )

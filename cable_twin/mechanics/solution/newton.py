@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 
 from cable_twin.mechanics.language.addresses import record_at
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
+from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, subtract
 from cable_twin.mechanics.on_rope.buffer import contact_error
+from cable_twin.mechanics.on_rope.tower import contacts_left
+from cable_twin.mechanics.rope.point import AFTER, BEFORE, R
 from cable_twin.mechanics.solution.block_tridiagonal import solve_block_tridiagonal, solve_columns
 from cable_twin.mechanics.solution.bundle.clamp import recover_clamps
 from cable_twin.mechanics.solution.bundle.couplings import add_couplings, add_to_patches, correct_couplings
@@ -18,8 +21,9 @@ from cable_twin.mechanics.solution.equations_of_motion import assemble_open, hol
 from cable_twin.mechanics.solution.patch_elimination import condense_patches, recover_patches
 from cable_twin.mechanics.solution.prediction import correct_rope, factors
 
-REFRESH = 1.03  # growth of the remembered curvature in a step, so that it is measured again now and then
-LEAST_CURVATURE = 1e-3  # 1/m, where rounding leaves nothing to measure
+REFRESH = 1.002  # growth of the remembered ratio in a step, so that it is measured again now and then
+LEAST_RATIO = 0.5  # of the error that an iteration leaves to its estimate, where nothing else is known
+PER_METRE = 1.0  # 1/m, least estimate over the square of the increment: bodies turn by an angle, and joints slide
 BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move the middle of a cubic: counts in motion
 
 
@@ -27,9 +31,10 @@ BULGE = 0.25  # of a length, most by which slopes of 1 and -1 at its ends move t
 def iterate(bundle, moving, scratch, system, state, work, c, h):
     """Solve the equations at the end of a step of `h` (s) by Newton's method, from the predicted motion there.
 
-    An increment of size d leaves an error of C d² (Newton), so that one iteration is enough where d is small. C is
-    measured whenever there is a second iteration, and remembered from step to step. Where a contact has changed in an
-    iteration, there is one more; a response to bullwheels that was kept leaves an error of its own.
+    What an iteration leaves is of second order in its increment (`second_order_error`), so that one iteration is enough
+    where that is small. The ratio of error to estimate is measured whenever there is a second iteration, and remembered
+    from step to step. Where a contact has changed in an iteration, there is one more; a response to bullwheels that was
+    kept leaves an error of its own.
 
     Returns:
         Converged, iterations, last increment (m).
@@ -37,48 +42,88 @@ def iterate(bundle, moving, scratch, system, state, work, c, h):
     solver, ropes = system.solver, bundle.records.shape[0]
     mass_factor, rate_factor = factors(c, h)
 
-    known = least_curvature(bundle, state)
-    curvature = REFRESH * known if known > 0.0 else inf
-    increment, before = 0.0, 0.0
+    known = least_ratio(bundle, state)
+    ratio = max(REFRESH * known, LEAST_RATIO) if known > 0.0 else inf
+    increment, before, estimate = 0.0, 0.0, 0.0
     for iteration in range(1, solver.max_iterations + 1):
         solvable, increment, changed = solve_increments(
             bundle, moving, scratch, system, state, work, mass_factor, rate_factor, 1.0
         )
         if not solvable or not isfinite(increment):
             return False, iteration, increment
+        if iteration == 2 and before > 0.0:
+            ratio = max(increment / estimate, LEAST_RATIO)
+        estimate = PER_METRE * increment * increment
         for rope in range(ropes):
             own, here, room = rope_of(bundle, rope, system, state, work)
             correct_rope(c, h, own, here, room)
+            estimate = second_order_error(own, here, room, mass_factor, rate_factor, estimate)
         if bundle.coupled:
             correct_couplings(bundle, moving, scratch, system, state, c, h)
-        if iteration == 2 and before > 0.0:
-            curvature = max(increment / (before * before), LEAST_CURVATURE)
-        left = max(
-            curvature * increment * increment, contact_error_of_all(bundle, system, state, work, increment, before)
-        )
+        left = max(ratio * estimate, contact_error_of_all(bundle, system, state, work, increment, before))
         if bundle.coupled:
             left = max(left, scratch.lagging[0])
         before = increment
         if (left < solver.tolerance and changed == 0) or increment == 0.0:
-            remember_curvature(bundle, state, curvature)
+            remember_ratio(bundle, state, ratio)
             return True, iteration, increment
     return False, solver.max_iterations, increment
 
 
 @kernel
-def least_curvature(bundle, state):
-    """Least Newton error per squared increment (1/m) of all ropes; 0 if one has no known initial accelerations."""
+def second_order_error(system, state, work, mass_factor, rate_factor, least):
+    """Estimated error (m) of second order that an increment leaves in elements and tower contacts of a rope.
+
+    Where an element of length l turns by θ and stretches by ε, its strain has grown by θ²/2 more, which moves its ends
+    by l θ²/2 along it, and its tension by EA ε, which pulls them across with EA ε θ. What resists that is their inertia
+    ρA l times the mass factor of the integrator.
+
+    Args:
+        system: parameters.
+        state: after the increment.
+        work: with the increment.
+        mass_factor: ∂acceleration/∂coordinate (1/s²).
+        rate_factor: ∂velocity/∂coordinate (1/s).
+        least: an estimate (m); what is less is not looked at closely.
+    """
+    cable, increments, coordinates = system.cable, work.right_side, state.nodes.position
+    like, across, worst = cable.gravity, cable.axial_stiffness / (mass_factor * cable.mass_per_length), least
+    for element in range(cable.element_count):
+        length = state.mesh.length[element]
+        first, middle, second = slopes_in(increments, element, length, like)
+        squares = dot(first, first), dot(middle, middle), dot(second, second)
+        share = across / length
+        if (0.5 * length + share) * max(squares[0], squares[1], squares[2]) > worst:
+            first_x, middle_x, second_x = slopes_in(coordinates, element, length, like)
+            along = dot(first, first_x) ** 2, dot(middle, middle_x) ** 2, dot(second, second_x) ** 2
+            stretched = (along[0] + 4.0 * along[1] + along[2]) / 6.0  # Simpson's rule
+            turned = max((squares[0] + 4.0 * squares[1] + squares[2]) / 6.0 - stretched, 0.0)
+            worst = max(worst, 0.5 * length * turned + share * sqrt(stretched * turned))
+    return contacts_left(cable, system.towers, state, work, mass_factor, rate_factor, worst)
+
+
+@inlined_kernel
+def slopes_in(coordinates, element, length, like):
+    """Slopes (dim,) at the first end, the middle and the second end of an element, or their increments."""
+    first, second = load(coordinates[element, AFTER], like), load(coordinates[element + 1, BEFORE], like)
+    chord = scale(1.5 / length, subtract(load(coordinates[element + 1, R], like), load(coordinates[element, R], like)))
+    return first, add_scaled(-0.25, first, add_scaled(-0.25, second, chord)), second
+
+
+@kernel
+def least_ratio(bundle, state):
+    """Least remembered ratio of error to estimate of all ropes; 0 (not known) where accelerations are not known."""
     least = inf
     for rope in range(bundle.records.shape[0]):
-        least = min(least, record_at(bundle.records[rope, STATE], state).newton_curvature[0])
+        least = min(least, record_at(bundle.records[rope, STATE], state).newton_ratio[0])
     return least
 
 
 @kernel
-def remember_curvature(bundle, state, curvature):
-    """Store the curvature (1/m) of Newton's method, error per increment squared, with all ropes."""
+def remember_ratio(bundle, state, ratio):
+    """Store with all ropes the ratio of the error that an iteration of Newton's method leaves to its estimate."""
     for rope in range(bundle.records.shape[0]):
-        record_at(bundle.records[rope, STATE], state).newton_curvature[0] = curvature
+        record_at(bundle.records[rope, STATE], state).newton_ratio[0] = ratio
 
 
 @kernel
