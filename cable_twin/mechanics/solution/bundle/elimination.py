@@ -155,8 +155,10 @@ def solve_bundle(bundle, scratch, work, like):
     Returns:
         False when a block has no inverse.
     """
-    order, ropes = bundle.order, bundle.records.shape[0]
-    note_touches(bundle, scratch)
+    order, ropes, nodes = bundle.order, bundle.records.shape[0], bundle.order.node.size
+    if has_changed(scratch):
+        note_order(bundle, scratch)
+    clear_front(bundle, scratch)
     for rope in range(ropes):
         if order.joined[rope]:
             own = record_at(bundle.records[rope, WORK], work)
@@ -164,11 +166,9 @@ def solve_bundle(bundle, scratch, work, like):
                 return False
     if not eliminate_runs(bundle, scratch, work, like):
         return False
-    connector, event, nodes = 0, 0, order.node.size
-    for number in range(nodes):
+    connector, event = 0, 0
+    for number in scratch.kept[: scratch.kept_count[0]]:
         rope, node = order.rope[number], order.node[number]
-        if scratch.next_kept[order.first[rope] + node] < 0:
-            continue
         while connector < order.connector_at.size and order.connector_at[connector] <= number:
             link(bundle.connectors, connector, scratch, like)
             connector += 1
@@ -303,42 +303,67 @@ def ends_of(bundle, rope, own, scratch):
     return own.upper, own.lower, own.right_side, columns, scratch.slots[rope], *kept
 
 
+@inlined_kernel
+def has_changed(scratch):
+    """Return whether clamps hold other nodes than those noted for the elimination order, or nothing is noted yet."""
+    changed = scratch.kept_count[0] == 0
+    for clamp in range(scratch.clamp_node.shape[0]):
+        for k in range(CLAMP_NODES):
+            changed = changed or scratch.clamp_node[clamp, k] != scratch.noted[clamp, k]
+    return changed
+
+
 @kernel
-def note_touches(bundle, scratch):
-    """List the clamps coupled to each node, find the coupled nodes of each rope, and clear the elimination front."""
-    nodes, ropes, connectors = bundle.order.node.size, bundle.records.shape[0], bundle.connectors
+def note_order(bundle, scratch):
+    """Find the nodes that something holds to another rope, in order of elimination, and the clamps at each of them."""
+    order, ropes, connectors = bundle.order, bundle.records.shape[0], bundle.connectors
+    nodes = order.node.size
     scratch.next_kept[:] = -1
     for rope in range(ropes):
         scratch.coupled_from[rope], scratch.coupled_to[rope] = bundle.offset[rope + 1] - bundle.offset[rope], -1
     for connector in range(connectors.length.size):
         for end in range(2):
-            note_coupled(bundle.order, scratch, connectors.rope[connector, end], connectors.node[connector, end])
-    scratch.linked[:] = 0
-    scratch.front[ropes:] = -1
-    scratch.width[0] = ropes
+            note_coupled(order, scratch, connectors.rope[connector, end], connectors.node[connector, end])
     scratch.touch[:nodes] = -1
     for clamp in range(scratch.clamp_node.shape[0]):
-        if scratch.clamp_node[clamp, 0] < 0:
-            continue
-        scratch.member[clamp], scratch.nodes_left[clamp] = -1, CLAMP_NODES
         for k in range(CLAMP_NODES):
-            touch, number = CLAMP_NODES * clamp + k, bundle.order.number[scratch.clamp_node[clamp, k]]
-            scratch.touch[nodes + touch] = scratch.touch[number]
-            scratch.touch[number] = touch
-            note_coupled(bundle.order, scratch, bundle.order.rope[number], bundle.order.node[number])
+            scratch.noted[clamp, k] = scratch.clamp_node[clamp, k]
+            if scratch.clamp_node[clamp, 0] >= 0:
+                touch, number = CLAMP_NODES * clamp + k, order.number[scratch.clamp_node[clamp, k]]
+                scratch.touch[nodes + touch] = scratch.touch[number]
+                scratch.touch[number] = touch
+                note_coupled(order, scratch, order.rope[number], order.node[number])
     for rope in range(ropes):
         if scratch.coupled_to[rope] < 0:
             middle = (bundle.offset[rope + 1] - bundle.offset[rope]) // 2
             scratch.coupled_from[rope], scratch.coupled_to[rope] = middle, middle
-            if bundle.order.joined[rope]:
-                scratch.next_kept[bundle.order.first[rope] + middle] = middle
-        scratch.front[rope] = scratch.coupled_from[rope]
-        if bundle.order.joined[rope]:
+            if order.joined[rope]:
+                scratch.next_kept[order.first[rope] + middle] = middle
+        if order.joined[rope]:
             after = scratch.coupled_to[rope]
             for node in range(scratch.coupled_to[rope], scratch.coupled_from[rope] - 1, -1):
-                at = bundle.order.first[rope] + node
+                at = order.first[rope] + node
                 if scratch.next_kept[at] >= 0:
                     scratch.next_kept[at], after = after, node
+    count = 0
+    for number in range(nodes):
+        if scratch.next_kept[order.first[order.rope[number]] + order.node[number]] >= 0:
+            scratch.kept[count] = number
+            count += 1
+    scratch.kept_count[0] = count
+
+
+@inlined_kernel
+def clear_front(bundle, scratch):
+    """Set the elimination front to the first coupled node of each rope, with no clamp."""
+    ropes = bundle.records.shape[0]
+    scratch.linked[:] = 0
+    scratch.front[ropes:] = -1
+    scratch.width[0] = ropes
+    for rope in range(ropes):
+        scratch.front[rope] = scratch.coupled_from[rope]
+    for clamp in range(scratch.clamp_node.shape[0]):
+        scratch.member[clamp], scratch.nodes_left[clamp] = -1, CLAMP_NODES
 
 
 @inlined_kernel

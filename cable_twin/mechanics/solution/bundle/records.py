@@ -215,6 +215,9 @@ class BundleWork(NamedTuple):
     next_kept: Annotated[
         IntArray, Of("ordered")
     ]  # of each node that something holds to another rope now, the next one of its rope, or itself; else -1
+    kept: Annotated[IntArray, Of("ordered")]  # these nodes in order of elimination
+    kept_count: Annotated[IntArray, Of(1)]  # how many they are; 0: not found yet
+    noted: Annotated[IntArray, Of("clamp", 4)]  # `clamp_node` for which these are
     runs: Annotated[
         IntArray, Of(4, 3)
     ]  # kept nodes before and after each of four runs that are eliminated together, and that before among all ropes'
