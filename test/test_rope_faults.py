@@ -23,13 +23,13 @@ def test_several_ropes_go_through_yaml_and_back():
     [
         (
             {"connectors.other.to": ["lower", 66.0]},
-            "connectors.other.to: given 66 m on 'lower', which at rest is 6.006 m aside from 60 m on 'upper' before "
-            "the connector of 1 m pulls; allowed: up to 2.998 m",
+            "connectors.other.to: given 66 m on 'lower', at rest 6.006 m aside from 60 m on 'upper' without this "
+            "connector of 1 m; allowed: a place up to 2.998 m aside",
         ),
         (
             {"ropes.upper.start.position": [0.0, 30.0], "ropes.upper.end.position": [100.0, 30.0]},
-            "connectors.one.to: given 30 m on 'lower', which at rest is 30 m away from 30 m on 'upper' before the "
-            "connector of 1 m pulls; allowed: up to 10.99 m",
+            "connectors.one.to: given 30 m on 'lower', at rest 30 m away from 30 m on 'upper' without this connector "
+            "of 1 m; allowed: a place up to 10.99 m away",
         ),
     ],
 )

@@ -174,7 +174,7 @@ class FrameLoop:
             queue.clear()
 
     def submit(self, command: Command | Goal, source: str, *, urgent: bool = False) -> Future[AppliedCommand | None]:
-        """Queue a command; returns a future of the applied command (None for a goal), which fails with CommandError.
+        """Queue a command; returns a future with the command as applied, with None for a goal, or with CommandError.
 
         Urgent commands are handled before all others at the next frame boundary.
         """

@@ -67,9 +67,9 @@ def check_connectors(scenario: Scenario, parts: list[Ropeway]) -> None:
         for what, apart, share in (("aside", way[:-1], ASIDE), ("away", way, FARTHEST)):
             if (distance := float(np.linalg.norm(apart))) > (allowed := rod.length + share * shorter):
                 raise EquilibriumError(
-                    f"connectors.{name}.to: given {below:g} m on {lower!r}, which at rest is {distance:.4g} m {what} "
-                    f"from {above:g} m on {upper!r} before the connector of {rod.length:g} m pulls; allowed: up to "
-                    f"{allowed:.4g} m"
+                    f"connectors.{name}.to: given {below:g} m on {lower!r}, at rest {distance:.4g} m {what} from "
+                    f"{above:g} m on {upper!r} without this connector of {rod.length:g} m; allowed: a place up to "
+                    f"{allowed:.4g} m {what}"
                 )
 
 

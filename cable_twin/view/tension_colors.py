@@ -44,7 +44,7 @@ class TensionColors:
         return True
 
     def _span(self, low: float, high: float) -> None:
-        """Set the range, rounded outwards to round numbers."""
+        """Set the tensions (N) at both ends of the colour scale, rounded outwards to round numbers."""
         slack = low < 0.0 and self.lowest >= 0.0  # no range for tensions that do not occur
         low = 0.0 if slack else low
         width = max(high - low, 0.1)

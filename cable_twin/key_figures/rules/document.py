@@ -324,7 +324,7 @@ def profiles_of(scenario: Scenario, names: tuple[str, ...] | None = None) -> lis
         raise RuleError(f"{key}: given {wrong[0]!r}: {why}; allowed: profiles for {carried}")
     if len(set(kinds.values())) > 1:
         words = " and ".join(f"{name} is for {kind} alone" for name, kind in kinds.items())
-        raise RuleError(f"{key}: given {', '.join(kinds)}: {words}; allowed: profiles for persons, or for goods")
+        raise RuleError(f"{key}: given {', '.join(kinds)}: {words}; allowed: all for persons, or all for goods")
     cases = {f"{one.name}.{case}" for one in found for case in one.document.load_cases}
     for case in scenario.limits.load_cases if names is None else ():
         if case not in cases:
