@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,11 +74,20 @@ def test_a_thicker_rope_is_told_with_its_bullwheels_and_the_wanted_factor(tmp_pa
     assert (float(factor) >= 19.98) is (verdict == "kept")
 
 
-def test_a_pinned_rope_gets_the_length_of_its_tension():
-    model = line_model(load_scenario("single_span"))
-    found = for_tension(model, 1.2e6, "given")
+@pytest.mark.parametrize(("name", "tension"), [("single_span", 1.2e6), ("seed_example", 5e3), ("seed_example", 1e3)])
+def test_a_pinned_rope_gets_the_length_of_its_tension(name, tension):
+    """Formerly in whole centimetres: the wire of 3.6 m had 3.94 kN for 5 kN, and 45 N for 1 kN."""
+    model = line_model(load_scenario(name))
+    found = for_tension(model, tension, "given")
     assert list(found.changes) == ["cable.unstrained_length"]
-    assert line_model(changed("single_span", found)).tension() == pytest.approx(1.2e6, rel=0.005)
+    assert line_model(changed(name, found)).tension() == pytest.approx(tension, rel=5e-4)
+
+
+def test_a_light_counterweight_is_as_heavy_as_its_tension_asks_for():
+    """Formerly in tens of kilograms: 360 kg for 355 kg."""
+    model = replace(line_model(load_scenario("aerial_tramway")), weights=(0.1, 0.1, 0.1), cabin=100.0)
+    found = for_tension(model, 355.0 * 9.81 / model.pull_per_tension, "given")
+    assert found.changes["cable.start.mass"].value == pytest.approx(355.0, rel=5e-4)
 
 
 def test_both_track_ropes_of_a_jig_back_stay_equal():

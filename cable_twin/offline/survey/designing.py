@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import ceil
+from math import ceil, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -77,19 +77,29 @@ def for_tension(model: LineModel, tension: float, why: str) -> Designed:
     """Design counterweight and unstrained lengths for a tension (N) at the tensioned end, with its reason `why`."""
     scenario, changes, lines = model.scenario, {}, []
     if model.mass_keys:
-        mass = float(round(model.pull_per_tension * tension / scenario.gravity, -1))
+        mass = model.pull_per_tension * tension / scenario.gravity
+        mass = _rounded_within(mass, SAME * mass, -1)
         tension = mass * scenario.gravity / model.pull_per_tension
         if abs(tension / model.tension() - 1.0) > SAME:
             decided = Change(mass, f"kg, design: {with_unit(tension, 'N')} in the rope: {why}")
             changes.update(dict.fromkeys(model.mass_keys, decided))
-        lines.append(f"{', '.join(model.mass_keys)}: {mass:g} kg, {with_unit(tension, 'N')} in the rope: {why}")
-    length = round(model.lengths(tension), 2)
+        lines.append(
+            f"{', '.join(model.mass_keys)}: {rounded(mass, 7)} kg, {with_unit(tension, 'N')} in the rope: {why}"
+        )
+    length = model.lengths(tension)
+    shorter = length if model.mass_keys else length - model.lengths((1.0 + SAME) * tension)
+    length = _rounded_within(length, shorter, 2)
     middle = "the counterweight is then near the middle of its travel"
     reason = middle if model.mass_keys else f"for {with_unit(tension, 'N')} in the rope: {why}"
     for key in model.rope_keys:
         changes[f"{key}.unstrained_length"] = Change(length, f"m, design: {reason}")
-    lines.append(f"{', '.join(model.rope_keys)}: unstrained_length {length:g} m: {reason}")
+    lines.append(f"{', '.join(model.rope_keys)}: unstrained_length {length} m: {reason}")
     return Designed(changes, lines)
+
+
+def _rounded_within(value: float, change: float, decimals: int) -> float:
+    """Round a value to a number of decimals, or to as many more as alter it by at most half of `change`, above 0."""
+    return float(round(value, max(decimals, ceil(-log10(change)))))
 
 
 def design_sag(model: LineModel, span: int, sag: float) -> Designed:
