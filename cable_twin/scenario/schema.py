@@ -405,8 +405,8 @@ class Scenario(Section):
             return None
         if beyond > 0.0:  # it enters the cable at the nearer station
             nearer = 2.0 * beyond < self.loop_length - self.cable.unstrained_length
-            return given.from_end if nearer else given.from_start
-        return given.from_start if given.on_cable is None else given.on_cable
+            return given.entering(at_start=not nearer)
+        return given.entering(at_start=True) if given.on_cable is None else given.on_cable
 
     def _carrier(self, kind: CarrierKind, mass: float | None) -> Carriage:
         """Carrier of a kind with a payload (kg), before it is placed on the loop."""

@@ -263,8 +263,7 @@ class Vehicles:
             for name, room in rooms.items():
                 if own[row := self._rows[name]]:
                     place = float(self._state.joints.position[row])
-                    at_start = 2.0 * place < part.system.cable.unstrained_length
-                    loads[name] = room.from_start if at_start else room.from_end
+                    loads[name] = room.entering(at_start=2.0 * place < part.system.cable.unstrained_length)
         self.note_stations()
         if loads:
             self.put_in(loads)

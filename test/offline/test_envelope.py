@@ -152,6 +152,8 @@ def test_search_finds_what_lies_between_the_points_of_its_grid():
 def test_loading_plans():
     chairs = loading(load_scenario("chairlift"), "up_full")
     assert chairs["carriers.payload.leaving"] == {"drive": 0.0, "return": 300.0}
+    alike = {"carriers.payload.leaving": {}, "carriers.payload.from_start": 100.0}
+    assert load_scenario("chairlift", alike | chairs).carriers.payload.from_start is None
     cabins = loading(load_scenario("jig_back"), "down_full")
     assert cabins == {"carriages.cabin_1.payload.mass": 0.0, "carriages.cabin_2.payload.mass": 6400.0}
     assert loading(load_scenario("jig_back"), "every_second") == {

@@ -183,7 +183,7 @@ def _loops(scenario: Scenario) -> Iterator[Fault]:
 
 
 def _carriers_on_loop(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
-    """Errors in a scenario's carriers: no loop, too many for the loop, or payloads from unknown bullwheels."""
+    """Errors in a scenario's carriers: no loop, or too many for the loop."""
     path: KeyPath = ("carriers",)
     if not scenario.strands:
         yield refuse(path, carriers, "only with sheaves that join ropes to a loop", "the ropes stand still")
@@ -197,13 +197,6 @@ def _carriers_on_loop(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]
             f"at most {int(loop * (1.0 + 1e-9) / spacing)}, for the loop of {loop:.6g} m",
             why,
         )
-    for path, kind in carriers.kinds_by_path.items():
-        for name, mass in (kind.payload.leaving if kind.payload else {}).items():
-            own = (*path, "payload", "leaving", name)
-            if name not in scenario.sheaves:
-                yield refuse(own, name, listed(scenario.sheaves, "none"), "no such bullwheel")
-            elif kind.payload and not 0.0 <= mass <= kind.payload.capacity:
-                yield refuse(own, mass, f"0 to {kind.payload.capacity:g} kg")
 
 
 def _tracks(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:

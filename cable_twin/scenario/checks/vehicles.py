@@ -110,9 +110,24 @@ def carrier_faults(scenario: Scenario, carriers: Carriers) -> Iterator[Fault]:
         yield from name_faults(("carriers", "kinds", name))
     for path, kind in carriers.kinds_by_path.items():
         yield from _bodies(scenario, path, kind.bodies)
-        if kind.payload is not None:  # `leaving` replaces the masses of both ends
-            masses = ("on_cable",) if kind.payload.leaving else ("from_start", "from_end", "on_cable")
-            yield from _payload((*path, "payload"), kind.payload, masses, kind.bodies)
+        if kind.payload is not None:
+            own = (*path, "payload")
+            yield from _payload(own, kind.payload, ("from_start", "from_end", "on_cable"), kind.bodies)
+            yield from _exchanged(scenario, own, kind.payload)
+
+
+def _exchanged(scenario: Scenario, path: KeyPath, payload: CarrierPayload) -> Iterator[Fault]:
+    """Errors in the payloads of carriers after bullwheels: unknown ones, above the capacity, or given a second time."""
+    for name, mass in payload.leaving.items():
+        own = (*path, "leaving", name)
+        if name not in scenario.sheaves:
+            yield refuse(own, name, listed(scenario.sheaves, "none, as there are no sheaves"), "no such bullwheel")
+        elif not 0.0 <= mass <= payload.capacity:
+            yield refuse(own, mass, f"0 to {payload.capacity:g} kg")
+    for key in ("from_start", "from_end") if payload.leaving else ():
+        if (given := getattr(payload, key)) is not None:
+            why = "`leaving` has the payload after each bullwheel"
+            yield refuse((*path, key), given, "null, or no `leaving`", why)
 
 
 def _payload(

@@ -176,8 +176,12 @@ class CarrierPayload(Section):
     """Payload of each carrier, changed in the stations: full up, empty down."""
 
     capacity: float = quantity("kg", "largest payload", gt=0)
-    from_start: float = quantity("kg", "payload of a carrier that enters the cable at its start", 0.0, ge=0)
-    from_end: float = quantity("kg", "payload of a carrier that enters the cable at its end", 0.0, ge=0)
+    from_start: float | None = quantity(
+        "kg", "payload of a carrier that enters the cable at its start; null: 0, or by `leaving`", None, ge=0
+    )
+    from_end: float | None = quantity(
+        "kg", "payload of a carrier that enters the cable at its end; null: 0, or by `leaving`", None, ge=0
+    )
     leaving: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default_factory=dict,
         description="payload of a carrier after a bullwheel, by its name, instead of from_start and from_end (kg)",
@@ -193,6 +197,10 @@ class CarrierPayload(Section):
     position: Vector = quantity(
         "m", "position of the payload from the centre of mass of the empty body, in the axes of the body", (0.0, 0.0)
     )
+
+    def entering(self, *, at_start: bool) -> float:
+        """Payload (kg) of a carrier that enters the cable at its start, or at its end."""
+        return (self.from_start if at_start else self.from_end) or 0.0
 
 
 class CarrierKind(Section):
