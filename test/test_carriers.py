@@ -117,7 +117,7 @@ def test_kinds_come_in_their_order_and_are_logged(tmp_path, capsys):
         ({**LOADED, "payload": {**FULL_UP, "from_start": 400.0}}, "payload.from_start: given 400.0 kg; allowed: 0 to"),
         (
             {**LOADED, "payload": {"capacity": 320.0, "leaving": {"top": 9.0}}},
-            "leaving.top: given 'top': no such bullw",
+            "leaving.top: given 'top': no such bull",
         ),
         ({**LOADED, "payload": {**FULL_UP, "body": "roof"}}, "carriers.payload.body: given 'roof'; allowed: "),
         ({**LOADED, "count": 14, "spacing": 58.47}, "of the loop are not on the cable; allowed: at least 0.25 m"),

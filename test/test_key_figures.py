@@ -397,10 +397,12 @@ def test_limits_by_which_nothing_is_judged_are_told():
     bare = scenario(cable__breaking_force=None, limits__stopping_time=30.0)
     figures = KeyFigures(bare)
     figures.update(snapshot(0.0))
-    assert [one.text for one in not_judged(bare, figures.figures())] == [
-        "limits.rope_safety_factor: cable.breaking_force is not given",
-        "limits.stopping_time: the run has no such key figure",
+    assert [one.told() for one in not_judged(bare, figures.figures())] == [
+        "not judged: limits.rope_safety_factor: cable.breaking_force is not given",
+        "not judged: limits.stopping_time: the run has no such key figure",
     ]
+    recorded = load_scenario(bare.resolved())  # with all defaults, those of space too, as a report reads it
+    assert not_judged(recorded, figures.figures()) == not_judged(bare, figures.figures())
     strong = scenario(cable__breaking_force=4e6)
     figures = KeyFigures(strong)
     figures.update(snapshot(0.0))

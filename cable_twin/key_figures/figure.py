@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple, cast, get_args
 
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.scenario import Scenario
-from cable_twin.scenario.sections.limits import Bound
+from cable_twin.scenario.sections.limits import Bound, limit_row
 
 TOLERANCE = 1e-3  # of a limit
 
@@ -157,23 +157,23 @@ class NotJudged(NamedTuple):
     limit: str
     missing: str = ""
 
-    @property
-    def text(self) -> str:
-        """Limit and reason in words."""
-        reason = f"{self.missing} is not given" if self.missing else "the run has no such key figure"
-        return f"limits.{self.limit}: {reason}"
+    def told(self, say: Callable[[str], str] = str) -> str:
+        """Text of the limit and the reason why it judges nothing; `say` translates its words."""
+        reason = f"{self.missing} {say('is not given')}" if self.missing else say("the run has no such key figure")
+        return f"{say('not judged')}: limits.{self.limit}: {reason}"
 
 
 def not_judged(scenario: Scenario, figures: Iterable[KeyFigure]) -> list[NotJudged]:
-    """Limits by which no key figure of a run is judged: safety factors of ropes, and others that a scenario gives."""
+    """Limits by which no key figure of a run is judged: safety factors of ropes, and others unlike their default."""
     found = []
     for name, cable in scenario.cables.items():
         if limit_of(scenario.of_rope(name), "rope_safety_factor")[0] and cable.breaking_force is None:
             found.append(NotJudged("rope_safety_factor", f"{scenario.rope_key(name)}.breaking_force"))
     judged = {QUANTITIES[one.id.quantity].limit for one in figures if one.limit is not None}
-    given = {key for key in scenario.limits.model_fields_set if getattr(scenario.limits, key)}
     known = {row.limit for row in QUANTITIES.values() if row.limit} - {"rope_safety_factor"}
-    return found + [NotJudged(key) for key in sorted((given & known) - judged)]
+    # by value, as a recorded scenario has all keys
+    given = {key for key in known if getattr(scenario.limits, key) not in (None, 0.0, limit_row(key).default)}
+    return found + [NotJudged(key) for key in sorted(given - judged)]
 
 
 def values_of(figure: KeyFigure) -> dict[str, str]:

@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words.print(f"{line.scenario.name} at rest, {title}", markup=False)
     print_figures(words, [line.figures], at=f"{line.moved} at" if line.moved else "at", unit_at="m")
     for one in not_judged(line.scenario, line.figures):
-        words.print(f"not judged: {one.text}", markup=False)
+        words.print(one.told(), markup=False)
     print_verdicts(words, profiles_of(line.scenario), judge(line.scenario, line.figures, at_rest=True), line.scenario)
     try:
         for path, write in ((options.csv, _write_csv), (options.json, _write_json)):

@@ -339,7 +339,7 @@ def report(
     met = [one for one in figures if one.id.quantity in ("buffer_force", "end_stop_speed")]
     met += [one for one in figures if one.id.quantity == "stopping_distance" and one.unfinished]
     lines = [f"warning: {figure.name}: {describe(figure)}" for figure in (*met, *warned)]
-    lines += [f"not judged: {one.text}" for one in not_judged(scenario, figures)]
+    lines += [one.told() for one in not_judged(scenario, figures)]
     lines += [f"refused: {line}" for line in outcome.refused[:5]]
     lines += [f"{len(outcome.refused) - 5} more refused"] if len(outcome.refused) > 5 else []
     lines += [*faults]

@@ -30,6 +30,7 @@ from cable_twin.offline.reporting.remarks import CHANGED, NONE, Input, inputs_of
 from cable_twin.offline.reporting.results import Results, RopeCourse, TowerLoad
 from cable_twin.offline.reporting.sections import SECTIONS
 from cable_twin.offline.reporting.sections.assumptions import grouped
+from cable_twin.offline.reporting.sections.figures import limits_summary
 from cable_twin.offline.reporting.sections.profile import line_profile
 from cable_twin.offline.reporting.sections.tower_loads import tower_loads
 from cable_twin.offline.reporting.texts import Texts
@@ -241,6 +242,14 @@ def test_faults_of_an_envelope_are_a_line(cases, tmp_path, refusal, change, told
     line = refusal(report.main, file)
     assert line.startswith(f"report: {file}: ")
     assert told in line
+
+
+def test_the_head_tells_why_nothing_is_judged():
+    """Formerly `no limit is given`, without the missing breaking force."""
+    scenario = load_scenario("seed_example")
+    told = limits_summary(Results("", scenario, [], inputs_of(scenario, None)), Texts("en"))
+    missing = "not judged: limits.rope_safety_factor: cable.breaking_force is not given"
+    assert told == ("no key figure has a limit", [missing])
 
 
 def test_the_page_shows_where_profiles_differ(page):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from cable_twin.key_figures import NotJudged, not_judged
+from cable_twin.key_figures import not_judged
 from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.sections.section import row_of
 from cable_twin.offline.reporting.texts import Texts
@@ -31,14 +31,8 @@ def limits_summary(results: Results, texts: Texts) -> tuple[str, list[str]]:
         return f"{texts('not judged here')}: {told}", []
     limited = [one for one in results.figures if one.limit is not None]
     passed = [one for one in limited if one.verdict != "kept"]
+    unjudged = [one.told(texts) for one in not_judged(results.scenario, results.figures)]
     if not limited:
-        return texts("no limit is given"), []
-    unjudged = [_not_judged(one, texts) for one in not_judged(results.scenario, results.figures)]
+        return texts("no key figure has a limit"), unjudged
     told = f"{len(limited) - len(passed)} {texts('of')} {len(limited)} {texts('limits are kept')}"
     return told, [f"{texts.figure(one)}: {texts(one.verdict)}" for one in passed] + unjudged
-
-
-def _not_judged(one: NotJudged, texts: Texts) -> str:
-    """Text of a limit by which nothing is judged, with the missing key."""
-    missing = f" ({one.missing}: {texts('not given')})" if one.missing else ""
-    return f"{texts('not judged')}: limits.{one.limit}{missing}"
