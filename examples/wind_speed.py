@@ -223,7 +223,7 @@ if __name__ == "__main__":
         ("--full-speed-wind", "m/s", 10.0, "wind (m/s) up to which it goes at full speed"),
         ("--stop-wind", "m/s", 20.0, "wind (m/s) in which it stands"),
         ("--slow-speed", "m/s", 2.0, "speed (m/s) just below that wind"),
-        ("--roll-limit", "deg", 11.5, "roll (deg) with which it stands"),
+        ("--roll-limit", "deg", 11.3, "roll (deg) with which it stands"),
     ):
         arguments.add_argument(
             option, type=positive(unit), default=default, metavar=unit.upper(), help=f"{what}; default: {default:g}"

@@ -112,7 +112,12 @@ class KeyFigureLimits(Section):
         gt=0,
     )
     lateral_swing: float | None = limit(
-        "rad", "highest swing across the track, in space", 0.2, source=VORARLBERG, clause="section 6: 20 % across", gt=0
+        "rad",
+        "highest swing across the track, in space",
+        0.1974,  # atan(0.2): inclinations in % are tangents, as France's rules of 1985 say in art. 24
+        source=VORARLBERG,
+        clause="section 6: 20 % across, 11.31 deg",
+        gt=0,
     )
     tower_clearance: float | None = limit(
         "m",
