@@ -300,6 +300,8 @@ def test_the_source_of_a_limit_is_a_key_of_the_file(name):
     content = read_yaml((config_directory() / f"{name}.yaml").read_text(encoding="utf-8")).content
     found = KeyFigures(load_scenario(name))
     found.update(Simulation(load_scenario(name)).snapshot)
+    drives = [one for one in found.figures() if one.id.subject == "drives.haul_rope" and one.place]
+    assert all(one.place == "rim travel 0.0 m" for one in drives)  # formerly `rope travel`, also of a rope that slips
     sources = {one.source for one in found.figures() if one.source.startswith("scenario: ")}
     assert any(".drive.limits.speed" in one for one in sources)
     for source in sources:

@@ -269,8 +269,9 @@ class KeyFigures:
     def _of_drive(self, name: str) -> Iterator[KeyFigure]:
         """Key figures of a drive of ropes."""
         subject, source = Subject(f"drives.{name}", name), f"scenario: {self._scenario.drive_key(name)}.limits"
-        row, limits = len(self._vehicles) + self._drives.index(name), self._scenario.drives[name].limits
-        yield from self._of_motion(subject, row, limits, source, "rope travel")
+        row, drive = len(self._vehicles) + self._drives.index(name), self._scenario.drives[name]
+        at = "rope travel" if drive.sheave is None else "rim travel"  # by which a rope that slips is behind
+        yield from self._of_motion(subject, row, drive.limits, source, at)
         yield from (one.limited_by(self._scenario) for one in self._stops.figures(name))
 
     def _of_motion(

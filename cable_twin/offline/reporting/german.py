@@ -359,6 +359,7 @@ PHRASES: Mapping[str, str] = {
     "carriers and payload": "Fahrzeuge und Nutzlast",
     "no wind": "kein Wind",
     "rope travel": "Seilweg",
+    "rim travel": "Weg am Scheibenumfang",
     "arc length": "Bogenlänge",
     "runs onto it": "läuft auf",
     "runs off it": "läuft ab",
