@@ -133,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         extremes = envelope(results)
         with redirect_stdout(sys.stderr if STDOUT in (options.csv, options.json) else sys.stdout):
-            print(f"{_title(cases)}; {counted(options.places, 'place')} of the vehicle")
+            print(f"{_title(cases, results)}; {counted(options.places, 'place')} of the vehicle")
             shown = [replace(one, place=", ".join(filter(None, (f"case {case}", one.place)))) for case, one in extremes]
             print_figures(table_console(), [shown], at="vehicle at", unit_at="m")
             print_verdicts(table_console(), profiles, verdicts)
@@ -183,12 +183,14 @@ def _calculated(jobs: Sequence[Job], kept: Path | None, console: Console) -> lis
     return [found[job.case.id] for job in jobs]
 
 
-def _title(cases: Sequence[LoadCase]) -> str:
-    """Name of the scenario, and numbers of its load cases at rest and in motion."""
-    moving = sum(case.moves for case in cases)
-    counts = {"at rest": len(cases) - moving, "in motion": moving}
+def _title(cases: Sequence[LoadCase], results: Sequence[CaseResult]) -> str:
+    """Name of the scenario, and numbers of its load cases with results, at rest and in motion, and of those without."""
+    moves = [case.moves for case, result in zip(cases, results, strict=True) if result.figures]
+    counts = {"at rest": moves.count(False), "in motion": moves.count(True)}
     told = " and ".join(f"{counted(count, 'load case')} {how}" for how, count in counts.items() if count)
-    return f"{cases[0].scenario.name}, {told}"
+    lost = len(cases) - len(moves)
+    without = f"{counted(lost, 'load case')} without a result" if lost else ""
+    return ", ".join(filter(None, (cases[0].scenario.name, told, without)))
 
 
 def _file(kept: Path, job: Job) -> Path:
@@ -306,7 +308,7 @@ def _write(
     if options.plot is not None:
         from cable_twin.offline.envelopes.plot import write_envelope_plot  # noqa: PLC0415 - matplotlib takes a second
 
-        if not write_envelope_plot(_title(cases), extremes, options.plot):
+        if not write_envelope_plot(_title(cases, results), extremes, options.plot):
             tell("envelope", f"--plot {options.plot}: nothing is drawn, as there is no tower and no sag")
     if options.parquet is not None:
         import pyarrow  # noqa: PLC0415 - not always installed

@@ -15,7 +15,7 @@ from cable_twin.key_figures import KeyFigures, Subject, figure
 from cable_twin.offline import envelope
 from cable_twin.offline.envelopes.cases import CaseError, loading, read_cases
 from cable_twin.offline.envelopes.motion import StopSearch, run_dynamic
-from cable_twin.offline.envelopes.runs import Job, run_case
+from cable_twin.offline.envelopes.runs import CaseResult, Job, run_case
 from cable_twin.offline.envelopes.search import Search
 from cable_twin.offline.envelopes.tensioning import tensioning
 from cable_twin.scenario import ScenarioError, load_scenario
@@ -407,8 +407,12 @@ def test_the_picture_says_how_many_cases_move_and_its_axis_begins_at_zero(tmp_pa
     plots = pytest.importorskip("matplotlib.pyplot")
     plot = importlib.import_module("cable_twin.offline.envelopes.plot")
     cases = [SimpleNamespace(scenario=SimpleNamespace(name="lift"), moves=one) for one in (False, True)]
-    assert envelope._title(cases) == "lift, 1 load case at rest and 1 load case in motion"
-    assert envelope._title(cases[:1] * 2) == "lift, 2 load cases at rest"
+    sag = figure("sag", Subject("ropes.up.0"), "highest", 7.0, 0.0)
+    found, lost = CaseResult("found", (sag,)), CaseResult("lost", ())
+    assert envelope._title(cases, [found] * 2) == "lift, 1 load case at rest and 1 load case in motion"
+    assert envelope._title(cases[:1] * 2, [found] * 2) == "lift, 2 load cases at rest"
+    some = envelope._title(cases[:1] * 3, [lost, found, lost])  # formerly 3 load cases at rest
+    assert some == "lift, 1 load case at rest, 2 load cases without a result"
     subjects = Subject("towers.t1", "t1"), Subject("towers.t2", "t2")
     extremes = [
         (f"both+cold+{statistic}", figure("support_load", one, statistic, value, 0.0))
@@ -417,7 +421,7 @@ def test_the_picture_says_how_many_cases_move_and_its_axis_begins_at_zero(tmp_pa
     ]
     shown = []
     monkeypatch.setattr(plot, "save", lambda figure, *_: shown.append(figure))
-    assert plot.write_envelope_plot(envelope._title(cases), extremes, tmp_path / "e.png")
+    assert plot.write_envelope_plot(envelope._title(cases, [found] * 2), extremes, tmp_path / "e.png")
     (axes,) = shown[0].axes  # no panel of sags without one
     shown[0].tight_layout()
     shown[0].draw_without_rendering()

@@ -90,8 +90,10 @@ def read_envelope(
     if not states:  # all is governed by cases in motion
         found[Governing("", 0.0)] = at_place(Line(scenario, "", np.zeros(1)), 0.0).snapshot
     ropes, towers = _courses(scenario, found), _towers(scenario, figures, governing, found)
-    told = f"{counted(len(cases) - len(moving), 'load case')} at rest, {counted(places, 'place')} of the vehicle, "
-    told += f"{len(moving)} in motion"
+    lost = sum(bool(one.fault) and not one.moves for one in cases)
+    at_rest = counted(len(cases) - len(moving) - lost, "load case")
+    told = f"{at_rest} at rest, {counted(places, 'place')} of the vehicle, {len(moving)} in motion"
+    told += f", {lost} without a result" if lost else ""
     governing_states = f"{counted(len(states), 'state')} at rest, governing tensions, sags and tower loads"
     drawn = governing_states if states else "line at rest"
     notes = [] if towers is not None else ["states at rest differ from those of the envelope: made by another version?"]
