@@ -98,6 +98,22 @@ def test_a_tower_of_several_ropes_is_changed_for_all_or_for_one():
     assert left == {"return": 150.0, "drive": 0.0}
 
 
+def _as_in_a_log(name):
+    return load_scenario(name).resolved()
+
+
+@pytest.mark.parametrize("source", ["chairlift", _as_in_a_log("chairlift")], ids=["file", "log"])
+def test_keys_of_a_file_work_in_the_scenario_of_a_log_too_and_one_rope_goes_before_all(source):
+    for one in ("towers.tower_1.ropes.up.stiffness", "towers.tower_1_up.stiffness"):
+        both = {"towers.tower_1.stiffness": 1e5, one: 2e5}
+        for overrides in (both, dict(reversed(both.items()))):
+            found = load_scenario(source, overrides).towers
+            assert [found[f"tower_1_{rope}"].stiffness for rope in ("up", "down")] == [2e5, 1e5]
+    assert load_scenario(source, {"bullwheels.drive.drive.limits.jerk": 0.2}).drives["haul_rope"].limits.jerk == 0.2
+    assert load_scenario(source, {"towers.tower_1.ropes.up.position.z": 9.0}).towers["tower_1_up"].position[-1] == 9.0
+    assert all("(override)" in fault for fault in faults_of(source, {"towers.tower_1.ropes.up.stiffness": -1.0}))
+
+
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [

@@ -20,7 +20,7 @@ from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import DEFAULT_SCENARIO, DURATION, UNUSABLE, Sweep
 from cable_twin.offline.sweep_limits import SweptRun, limited_figures, unsure_gaps, windows_of
 from cable_twin.offline.sweep_report import print_sweep, window_lines, write_csv, write_json
-from cable_twin.scenario import Scenario, ScenarioError, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError, load_scenario, scenario_keys, value_at
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import EquilibriumError, Simulation
 from cable_twin.terminal.bars import share_shown, start_shown
@@ -168,7 +168,5 @@ def swept_scenarios(sweep: Sweep, source: Any, changes: Mapping[str, Any]) -> li
 
 def is_whole(scenario: Scenario, key: str) -> bool:
     """Whether a scenario key takes integers only."""
-    node: Any = scenario.resolved()
-    for part in key.split("."):
-        node = node.get(part) if isinstance(node, Mapping) else None
-    return isinstance(node, int)
+    resolved = scenario.resolved()
+    return isinstance(value_at(resolved, scenario_keys(resolved, key)[0]), int)

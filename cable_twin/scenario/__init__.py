@@ -21,7 +21,7 @@ from cable_twin.scenario.files import (
     scenario_lines,
     scenario_names,
 )
-from cable_twin.scenario.overrides import assignment, full_key
+from cable_twin.scenario.overrides import Written, assignment, full_key, scenario_keys, value_at
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import Grading
 from cable_twin.scenario.sections.quantities import in_space
@@ -31,6 +31,7 @@ __all__ = [
     "Grading",
     "Scenario",
     "ScenarioError",
+    "Written",
     "assignment",
     "build_payloads",
     "build_system",
@@ -46,10 +47,12 @@ __all__ = [
     "parse_scenario",
     "places_of",
     "scenario_file",
+    "scenario_keys",
     "scenario_lines",
     "scenario_names",
     "tower_axes",
     "unknown_name",
+    "value_at",
     "vehicle_buffer",
     "wind_unfelt",
 ]

@@ -22,7 +22,6 @@ from cable_twin.scenario.overrides import (
     faults_in_file,
     full_key,
     override,
-    without_aliases,
 )
 from cable_twin.scenario.schema import Scenario
 from cable_twin.scenario.sections.line import KINKS, warn_of_kinks
@@ -93,9 +92,9 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         data = _plain(content, (), faults)
         if not isinstance(data, dict):
             raise ScenarioError(f"{label}: {refuse((), data, 'a mapping with the keys of a scenario').text}")
-        data, aliases, both = without_aliases(data)
-        faults += both
-        written = Written(data, aliases)
+        written = Written(data)
+        data = written.data
+        faults += written.faults
         given = dict(_without_kinks({full_key(str(key)): value for key, value in overrides.items()}))
         values = {key: _plain(value, tuple(key.split(".")), faults) for key, value in given.items()}
         # whole sections before keys in them
@@ -108,8 +107,8 @@ def _build(label: str, name: str, content: Any, faults: list[Fault], overrides: 
         if in_file := list(faults_in_file(data)):
             raise ScenarioError(*_lines(label, [*faults, *in_file], written))
         data = expand_bullwheels(data)
-        later = [(own, values[key]) for key in others for own in written.expanded(key)]
-        for key, value in later:
+        for given_key, key in written.expanded(others, data):
+            value = values[given_key]
             if other := _of_other_ropes(data, key, value):
                 faults.append(other)
                 continue

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -15,6 +15,9 @@ from cable_twin.scenario.schema import Scenario
 AXES = ("x", "y", "z")
 OF_AIR = "wind"  # begins a short key
 ALIASES = {"bullwheels": "sheaves"}  # other names of sections, read silently
+
+
+Value = TypeVar("Value")
 
 
 class UnknownKeyError(ValueError):
@@ -51,6 +54,54 @@ def full_key(key: str) -> str:
         return f"{ALIASES.get(first, first)}{dot}{rest}"
     last = rest.partition(".")[0]
     return f"air.{key}" if not rest or last in AXES or last.isdecimal() else f"air.{rest}"
+
+
+def scenario_keys(scenario: Mapping[str, Any], key: str) -> list[str]:
+    """Full keys of a resolved scenario that one key, also one as written in a file, stands for.
+
+    A tower of several ropes, `towers.NAME`, stands for the tower of each of its ropes, `towers.NAME.ropes.ROPE` for one
+    of them, and `sheaves.NAME.drive` for the drive of that bullwheel. Any other key stands for itself.
+
+    Args:
+        scenario: resolved scenario as plain data.
+        key: dotted key; of a short one the full form is returned.
+    """
+    key = full_key(key)
+    section, *below = key.split(".")
+    things = scenario.get(section)
+    if not below or not isinstance(things, Mapping):
+        return [key]
+    name, *rest = below
+    if section == "sheaves" and rest[:1] == ["drive"]:
+        drives = _named(scenario.get("drives"), "sheave")
+        return [".".join(("drives", one, *rest[1:])) for one, sheave in drives.items() if sheave == name] or [key]
+    if section != "towers" or name in things:
+        return [key]
+    ropes = {rope: one for one, rope in _named(things, "rope").items() if one == f"{name}_{rope}"}
+    if rest[:1] == ["ropes"]:
+        return [".".join((section, ropes[rest[1]], *rest[2:]))] if rest[1:] and rest[1] in ropes else [key]
+    return [".".join((section, one, *rest)) for one in ropes.values()] or [key]
+
+
+def _named(things: Any, key: str) -> dict[str, Any]:
+    """Value of one key in each of the named mappings of a scenario section."""
+    found = things.items() if isinstance(things, Mapping) else ()
+    return {name: thing.get(key) for name, thing in found if isinstance(thing, Mapping)}
+
+
+def value_at(scenario: Mapping[str, Any], key: str) -> Any:
+    """Value of a resolved scenario by its dotted key; None for a key without value."""
+    node: Any = scenario
+    for part in key.split("."):
+        if isinstance(node, Mapping):
+            node = node.get(part)
+        elif isinstance(node, list | tuple):
+            row = len(node) - 1 if part == "z" else "xy".find(part) if part in ("x", "y") else -1
+            row = int(part) if part.isdecimal() else row
+            node = node[row] if 0 <= row < len(node) else None
+        else:
+            return None
+    return node
 
 
 def without_aliases(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], list[Fault]]:
@@ -190,18 +241,22 @@ class Written:
     """Keys of a scenario file as written, before `expand_bullwheels` rewrites drives and towers of several ropes.
 
     Args:
-        data: content of the file as plain dicts; overrides of such keys are put into it.
-        aliases: other names of sections in the file, by those of the schema.
+        content: content of the file as plain dicts.
+
+    Attributes:
+        data: content with sections by their names in the schema; overrides of keys of a file are put into it.
+        faults: faults of sections that are given under two names.
     """
 
-    def __init__(self, data: dict[str, Any], aliases: Mapping[str, str]) -> None:
-        self._data, self._aliases = data, aliases
+    def __init__(self, content: dict[str, Any]) -> None:
+        self.data, self._aliases, self.faults = without_aliases(content)
         self._given: set[str] = set()  # keys of overrides, as they are given and as the file has them
 
     def put(self, key: str, value: Any) -> bool:
         """Set a key that exists in the file only; returns whether the key is of this kind.
 
-        Such keys are those below `sheaves.NAME.drive` and `towers.NAME.ropes`, a whole sheave or tower, or all.
+        Such keys are those below `sheaves.NAME.drive`, `towers.NAME.ropes`, `towers.NAME.ropes.ROPE`, a whole sheave or
+        tower, or all. What is below a rope of a tower is set later, as `expanded` says, after what its ropes share.
 
         Raises:
             UnknownKeyError: the key ends in a list without such an index or axis.
@@ -211,7 +266,7 @@ class Written:
         if section not in OWN:
             return False
         if not below:
-            self._data[section] = value
+            self.data[section] = value
             return True
         name, *inner = below
         places = self._places()
@@ -219,8 +274,8 @@ class Written:
             whole = not inner and isinstance(value, dict)
             return whole and self.put(".".join(map(str, places[section, name].own)), value)
         if not inner and isinstance(value, dict):
-            self._data.setdefault(section, {})
-        things = self._data.get(section)
+            self.data.setdefault(section, {})
+        things = self.data.get(section)
         if not isinstance(things, dict):
             return False
         if not inner:
@@ -232,6 +287,8 @@ class Written:
         if inner[0] != OWN[section] or not isinstance(node, dict):
             return False
         if inner[1:] and not isinstance(node.get(inner[0]), dict):
+            return False
+        if inner[2:] and (section, f"{name}_{inner[1]}") in places:
             return False
         *sections, last = inner
         for depth, part in enumerate(sections):
@@ -246,6 +303,35 @@ class Written:
         node[last] = value
         return True
 
+    def by_file(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Sort values of a scenario by the keys with which the file gives them.
+
+        A key of the tower of one rope becomes that of its rope, `towers.NAME.ropes.ROPE`, and one that all ropes of the
+        tower have alike that of the tower, unless the file has it for a rope; such ropes get a value of the tower, too.
+
+        Args:
+            values: by full key of the scenario or of a file, later ones before earlier ones.
+        """
+        found: dict[str, Value] = {}
+        places = self._places()
+        for key, value in values.items():
+            path: KeyPath = tuple(key.split("."))
+            place, rest = places.get(path[:2]), path[2:]
+            of_tower = place.common if place else path[:2]
+            others = {one: where for one, where in places.items() if where.common == of_tower}
+            own = [(*where.own, *rest) for where in others.values() if rest and rest[0] in where.keys]
+            if place is not None:
+                alike = (
+                    rest and not own and all(values.get(".".join(map(str, (*one, *rest)))) == value for one in others)
+                )
+                paths = [(*(place.common if alike else place.own), *rest)]
+            else:
+                paths = [path, *own]
+            found |= {
+                ".".join((self._aliases.get(str(one[0]), str(one[0])), *map(str, one[1:]))): value for one in paths
+            }
+        return found
+
     def give(self, path: KeyPath) -> None:
         """Record a key path as changed by an override."""
         self._given.add(".".join(map(str, path)))
@@ -254,13 +340,17 @@ class Written:
         """Number of dotted parts that a scenario key has in the file."""
         return len(self.path(tuple(key.split("."))))
 
-    def expanded(self, key: str) -> list[str]:
-        """Keys of the scenario that one key of its file stands for: for a tower of several ropes, one key per rope."""
-        parts = tuple(key.split("."))
-        ropes = [place for place, where in self._places().items() if where.common == parts[:2]]
-        keys = [".".join((*map(str, place), *parts[2:])) for place in ropes]
-        self._given |= {".".join(map(str, self.path(tuple(one.split("."))))) for one in keys}
-        return keys or [key]
+    def expanded(self, keys: Iterable[str], scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Pair keys of overrides with the keys of the scenario they stand for, those of single ropes after all others.
+
+        Args:
+            keys: full keys, whole sections before keys in them.
+            scenario: after `expand_bullwheels`.
+        """
+        found = [(key, scenario_keys(scenario, key)) for key in keys]
+        for key, own in sorted(found, key=lambda one: (self.depth(one[0]), len(one[1]) == 1)):
+            self._given |= {".".join(map(str, self.path(tuple(one.split("."))))) for one in own}
+            yield from ((key, one) for one in own)
 
     def path(self, path: KeyPath) -> KeyPath:
         """Convert a key path of the scenario into the key path by which the file or an override gives the value."""
@@ -269,6 +359,8 @@ class Written:
         place, rest = self._places().get(path[:2]), path[2:]
         if place is None or self.is_given(path, by_name=True):
             return path
+        if ".".join(map(str, own := (*place.own, *rest))) in self._given:
+            return own
         return (*(place.own if not rest or rest[0] in place.keys else place.common), *rest)
 
     def shown(self, path: KeyPath) -> str:
@@ -286,7 +378,7 @@ class Written:
         """Key paths of drives and towers in the scenario file, by their section and name in the scenario."""
         found: dict[KeyPath, _Place] = {}
         for section, own in OWN.items():
-            things = self._data.get(section)
+            things = self.data.get(section)
             for name, thing in things.items() if isinstance(things, dict) else ():
                 written = thing.get(own) if isinstance(thing, dict) else None
                 if not isinstance(written, dict):
