@@ -266,7 +266,7 @@ def _print(solution: Solution) -> None:
 def _write(job: Job, solution: Solution, found: Check, options: argparse.Namespace) -> int:
     """Write all files of a calibration: scenario, results, picture; returns the exit code."""
     directory, scenario = options.output.expanduser(), job.simulation.scenario
-    text = scenario_text(options.scenario, dict(options.set), scenario, solution, options.logs)
+    text = scenario_text(options.scenario, dict(options.set), scenario, solution.estimates, options.logs)
     (directory / SCENARIO_FILE).write_text(text, encoding="utf-8")
     said = json.dumps(results(solution, found, [*options.logs, *options.validate]), indent=2, allow_nan=False)
     (directory / RESULTS).write_text(said + "\n", encoding="utf-8")

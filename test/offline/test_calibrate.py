@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.basics.units import NORMAL_95
 from cable_twin.offline import plant
 from cable_twin.offline.calibrate import main
 from cable_twin.offline.calibration.check import check
-from cable_twin.offline.calibration.parameters import Parameter
+from cable_twin.offline.calibration.parameters import CalibrationError, Parameter, Prior, parameters_of
 from cable_twin.offline.calibration.prediction import Evaluation, Rows
-from cable_twin.offline.calibration.solve import solve
-from cable_twin.scenario import load_scenario
+from cable_twin.offline.calibration.solve import Estimate, solve
+from cable_twin.offline.calibration.writing import scenario_text
+from cable_twin.scenario import load_scenario, scenario_file, scenario_keys, value_at
+from cable_twin.simulation import Simulation
 
 PAYLOAD, ROLLING = "carriages.cabin.payload.mass", "carriages.cabin.friction.rolling"
 DAMPING, MASS = "cable.damping_time", "cable.start.mass"
@@ -195,6 +199,51 @@ def test_one_rope_has_one_prior(lift_bag, tmp_path, capsys):
     command = [lift_bag, "--free", "ropes.up.axial_stiffness", *priors, "--output", str(tmp_path / "out")]
     assert main(command) == 2
     assert "and ropes.down.axial_stiffness, of one rope; allowed: one of them" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "keys"),
+    [
+        ("chairlift", {"towers.tower_3.friction": 0.03}, ["towers.tower_3_up.friction"]),
+        ("chairlift", {"towers.tower_3.ropes.up.stiffness": 2e5}, ["towers.tower_3.friction"]),
+        ("gondola", {}, ["drives.haul_rope.limits.jerk", "towers.tower_2_down.position.z"]),
+        ("windy_tramway", {}, ["air.wind.x", "air.wind.y"]),  # not in the file
+        ("bicable", {}, ["ropes.track_up.start.mass"]),  # an alias is of another rope
+        ("jig_back", {}, ["carriages.cabin_1.payload.mass", "ropes.track_1.start.mass"]),  # as is a merged part
+    ],
+)
+def test_a_calibrated_file_keeps_its_comments_and_has_what_was_found_and_nothing_else(name, given, keys):
+    scenario = load_scenario(name, given)
+    resolved = scenario.resolved()
+    estimates, found = [], {}
+    for number, key in enumerate(keys):
+        own = scenario_keys(resolved, key)
+        value = round(0.9 * (value_at(resolved, own[0]) or 0.0) + 0.5 * (number + 1), 3)
+        parameter = Parameter(own[0], "-", value, 1.0, value - 1.0, value + 1.0, joined=(*own[1:],))
+        estimates.append(Estimate(parameter, value, 0.5, told=True, at_bound=False, inflated=1.0))
+        found |= dict.fromkeys(own, value)
+    text = scenario_text(name, given, scenario, estimates, [Path("log")])
+    assert load_scenario(read_yaml(text).content, {"name": name}) == load_scenario(resolved, found)
+    before = scenario_file(name).read_text(encoding="utf-8")
+    assert before.count("#") - len(keys) <= text.count("#")
+    assert before.splitlines()[3] in text
+    assert text.count("calibrated: +-") == len(keys)
+    assert text.count("given by --set") == len(given)
+
+
+def test_a_key_of_a_tower_is_one_parameter_of_all_its_ropes():
+    simulation = Simulation(load_scenario("chairlift", {"towers.tower_2.ropes.up.stiffness": 2e5}))
+    (one,) = parameters_of(simulation, ["towers.tower_3.stiffness"], {"towers.tower_3.stiffness": Prior(3e5, 1e4)}, {})
+    assert one.keys == ("towers.tower_3_up.stiffness", "towers.tower_3_down.stiffness")
+    assert (one.mean, one.deviation, one.given) == (3e5, 1e4, True)
+    (alone,) = parameters_of(simulation, ["towers.tower_2.ropes.up.stiffness"], {}, {})
+    assert (alone.keys, alone.mean) == (("towers.tower_2_up.stiffness",), 2e5)
+    for keys, said in (
+        (["towers.tower_2.stiffness"], "of different values; allowed: each for itself"),
+        (["towers.tower_3_down.stiffness", "towers.tower_3.stiffness"], "given towers.tower_3_down.stiffness twice"),
+    ):
+        with pytest.raises(CalibrationError, match=said):
+            parameters_of(simulation, keys, {}, {})
 
 
 @pytest.mark.parametrize(

@@ -68,9 +68,10 @@ def logs_of(paths: Sequence[Path]) -> list[Log]:
             raise CalibrationError(f"{log.path}: begins in the middle of a run; allowed: logs from a start at rest")
     first = _without_sensors(logs[0].scenario)
     for log in logs[1:]:
-        for key, one, other in _differences(first, _without_sensors(log.scenario), ""):
+        for key, *values in differences(first, _without_sensors(log.scenario)):
+            one, other = ("a section" if isinstance(value, Mapping | list) else repr(value) for value in values)
             raise CalibrationError(
-                f"{log.path}: {key}: given {other!r}, in {logs[0].path} {one!r}; allowed: logs of one scenario"
+                f"{log.path}: {key}: given {other}, in {logs[0].path} {one}; allowed: logs of one scenario"
             )
     return logs
 
@@ -79,14 +80,13 @@ def _without_sensors(scenario: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in scenario.items() if key not in ("sensors", "description")}
 
 
-def _differences(one: Any, other: Any, key: str) -> Iterator[tuple[str, Any, Any]]:
+def differences(one: Any, other: Any, key: str = "") -> Iterator[tuple[str, Any, Any]]:
     """Dotted keys with different values in two resolved scenarios, with both values."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         for name in [*one, *(name for name in other if name not in one)]:
-            yield from _differences(one.get(name), other.get(name), f"{key}.{name}".lstrip("."))
+            yield from differences(one.get(name), other.get(name), f"{key}.{name}".lstrip("."))
     elif one != other:
-        first, second = ("a section" if isinstance(value, Mapping | list) else value for value in (one, other))
-        yield key, first, second
+        yield key, one, other
 
 
 def twin_of(log: Log, source: str | None, values: Mapping[str, Any]) -> Simulation:

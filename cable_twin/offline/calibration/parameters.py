@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from cable_twin.basics.printable import printable
 from cable_twin.basics.units import NORMAL_95, with_unit
-from cable_twin.scenario import Scenario, ScenarioError, full_key, load_scenario
+from cable_twin.scenario import Scenario, ScenarioError, full_key, load_scenario, scenario_keys, value_at
 from cable_twin.scenario.reference import explained
 from cable_twin.simulation import Simulation
 from cable_twin.simulation.same_model import OtherModelError
@@ -54,7 +54,7 @@ class Parameter(NamedTuple):
     sensor: str = ""  # whose error it is; empty for a key of the scenario
     error: str = ""  # of `ERRORS`
     given: bool = False  # whether its prior is given by the user
-    joined: tuple[str, ...] = ()  # keys of other strands of the loop, which have the same value
+    joined: tuple[str, ...] = ()  # keys of other strands of the loop, or of a tower's other ropes, of the same value
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -93,21 +93,6 @@ def prior_of(text: str) -> tuple[str, Prior]:
     return full_key(key.strip()), Prior(mean, deviation)
 
 
-def value_at(scenario: Mapping[str, Any], key: str) -> Any:
-    """Value of a resolved scenario by its dotted key; None for a key without value."""
-    node: Any = scenario
-    for part in key.split("."):
-        if isinstance(node, Mapping):
-            node = node.get(part)
-        elif isinstance(node, list | tuple):
-            row = len(node) - 1 if part == "z" else "xy".find(part) if part in ("x", "y") else -1
-            row = int(part) if part.isdecimal() else row
-            node = node[row] if 0 <= row < len(node) else None
-        else:
-            return None
-    return node
-
-
 def parameters_of(
     simulation: Simulation, keys: Sequence[str], priors: Mapping[str, Prior], scale: Mapping[str, float]
 ) -> tuple[Parameter, ...]:
@@ -120,25 +105,28 @@ def parameters_of(
         scale: typical size of each sensor's readings, by its name.
 
     Returns:
-        One for each key, but one alone for a property of the rope that all strands of a loop are.
+        One for each key, but one alone for a property of the rope that all strands of a loop are, and for a key of a
+        tower of several ropes.
 
     Raises:
         CalibrationError: a key does not exist or cannot be free; one line.
     """
     scenario = simulation.scenario
+    resolved = scenario.resolved()
+    priors = {scenario_keys(resolved, key)[0]: prior for key, prior in priors.items()}
     found: dict[str, Parameter] = {}
-    freed: set[str] = set()  # with keys of joined strands
+    freed: set[str] = set()  # with joined keys
     for given in keys:
-        key = full_key(given)
+        key, *alike = scenario_keys(resolved, given)
         if key in freed and key not in found:
             continue  # of a strand whose loop is free already
         if key.startswith(f"{OF_SENSORS}.") and key.rpartition(".")[2] in ERRORS:
             own = _errors_of(scenario, key, priors, scale)
         else:
-            own = [_of_scenario(simulation, key, priors)]
+            own = [_of_scenario(simulation, key, alike, priors)]
         for one in own:
-            if one.key in found:
-                raise CalibrationError(f"--free: given {one.key} twice; allowed: once")
+            if twice := freed.intersection(one.keys):
+                raise CalibrationError(f"--free: given {min(twice)} twice; allowed: once")
             found[one.key] = one
             freed.update(one.keys)
     for key in priors:
@@ -182,8 +170,8 @@ def _errors_of(
     return found
 
 
-def _of_scenario(simulation: Simulation, key: str, priors: Mapping[str, Prior]) -> Parameter:
-    """Free parameter for a key of the scenario, and of joined strands."""
+def _of_scenario(simulation: Simulation, key: str, alike: Sequence[str], priors: Mapping[str, Prior]) -> Parameter:
+    """Free parameter for a key of the scenario, and of joined strands or of a tower's other ropes, `alike`."""
     scenario = simulation.scenario
     above, _, last = key.rpartition(".")
     try:
@@ -197,9 +185,15 @@ def _of_scenario(simulation: Simulation, key: str, priors: Mapping[str, Prior]) 
         raise CalibrationError(f"--free: {printable(key)}: given {given}; allowed: keys with a number as value")
     if isinstance(value, int) and not isinstance(value, bool) and "whole" in entries[0].allowed:
         raise CalibrationError(f"--free: {key}: given a key of whole numbers; allowed: keys that take any number")
-    joined = _joined(scenario, key)
+    for one in alike:
+        if value_at(resolved, one) != value:
+            raise CalibrationError(
+                f"--free: given {key} and {one} as one parameter, of different values; allowed: each for itself"
+            )
+    joined = (*alike, *_joined(scenario, key))
     if len(given_priors := [one for one in (key, *joined) if one in priors]) > 1:
-        raise CalibrationError(f"--prior: given {' and '.join(given_priors)}, of one rope; allowed: one of them")
+        of = "tower" if alike else "rope"
+        raise CalibrationError(f"--prior: given {' and '.join(given_priors)}, of one {of}; allowed: one of them")
     prior = priors[given_priors[0]] if given_priors else None
     if prior is None and value == 0.0 and not _absolute(key) and not PAYLOAD.fullmatch(key):
         raise CalibrationError(

@@ -7,21 +7,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.basics.units import shown_unit, with_unit
 from cable_twin.offline.calibration.check import Check
-from cable_twin.offline.calibration.parameters import OF_SENSORS, value_at
+from cable_twin.offline.calibration.data import differences
+from cable_twin.offline.calibration.parameters import OF_SENSORS
 from cable_twin.offline.calibration.solve import Estimate, Solution
 from cable_twin.offline.survey.marked import Change, dumped, rewritten
-from cable_twin.scenario import Scenario, full_key, load_scenario, scenario_file
+from cable_twin.scenario import (
+    Scenario,
+    Written,
+    full_key,
+    load_scenario,
+    parse_scenario,
+    scenario_file,
+    scenario_keys,
+    value_at,
+)
 
 DIGITS = 7  # of values in files
+DEEPEST = 3  # of anchors in parts with anchors
 
 
 def scenario_text(
-    source: str | None, values: Mapping[str, Any], scenario: Scenario, solution: Solution, logs: Sequence[Path]
+    source: str | None,
+    values: Mapping[str, Any],
+    scenario: Scenario,
+    estimates: Sequence[Estimate],
+    logs: Sequence[Path],
 ) -> str:
     """YAML text of the scenario with the calibrated values, each with a comment on its origin.
 
@@ -29,37 +44,71 @@ def scenario_text(
         source: file or name of the scenario, whose comments are kept; None for one from a log.
         values: changes of the scenario by dotted key.
         scenario: of the twin.
-        solution: of the calibration.
+        estimates: of the calibration.
         logs: logs of the calibration.
     """
-    changes = {full_key(key): Change(value, "given by --set") for key, value in values.items()}
-    for one in solution.estimates:
+    given = {full_key(key): Change(value, "given by --set") for key, value in values.items()}
+    found: dict[str, Change] = {}
+    for one in estimates:
         with_bias = one.told and one.parameter.error == "bias" and one.parameter.sensor in scenario.sensors
         if not one.parameter.sensor or with_bias:
             value = float(f"{one.value:.{DIGITS}g}")
-            changes |= {key: Change(value, _source(one)) for key in one.parameter.keys}
+            found |= {key: Change(value, _source(one)) for key in one.parameter.keys}
+    resolved = load_scenario(scenario.resolved(), {key: one.value for key, one in found.items()}).resolved()
     heading = f"Calibrated from {', '.join(path.name for path in logs)}, with intervals of 95 % beside the values."
     if source is not None:
         text = scenario_file(source).read_text(encoding="utf-8")
-        named = {key: one for key, one in changes.items() if not key.startswith(OF_SENSORS) or f"{OF_SENSORS}:" in text}
-        try:
-            made = rewritten(text, named, heading)
-            if _has(load_scenario(YAML(typ="safe").load(made)), solution):
+        if made := _in_file(text, given, found, resolved, heading):
+            return made
+    whole = {
+        key: Change(value_at(resolved, key), one.why)
+        for name, one in {**given, **found}.items()
+        for key in scenario_keys(resolved, name)
+    }
+    return rewritten(dumped(_commented(resolved)), whole, heading)
+
+
+def _in_file(
+    text: str, given: Mapping[str, Change], found: Mapping[str, Change], resolved: Mapping[str, Any], heading: str
+) -> str:
+    """Text of a scenario file with given and found values; empty where they cannot be put into it."""
+    written = Written(dict(read_yaml(text).content))
+    with_sensors = OF_SENSORS in written.data
+    changes = {key: one for key, one in {**given, **found}.items() if with_sensors or not key.startswith(OF_SENSORS)}
+    try:
+        for _ in range(1 + DEEPEST):  # parts with an anchor change those that share it
+            made = rewritten(text, written.by_file(_whole(written, changes, resolved)), heading)
+            now = parse_scenario(made).resolved()
+            apart = [
+                (key, value)
+                for key, _, value in differences(now, resolved)
+                if key.partition(".")[0] not in ("name", "description", *([] if with_sensors else [OF_SENSORS]))
+            ]
+            if not apart:
                 return made
-        except (KeyError, TypeError, ValueError):  # a key that has another form in the file
-            pass
-    return rewritten(dumped(_commented(scenario.resolved())), changes, heading)
+            changes |= {key: Change(value, "as before, no longer shared") for key, value in apart}
+    except (KeyError, TypeError, ValueError):  # a key that has another form in the file
+        pass
+    return ""
 
 
-def _has(scenario: Scenario, solution: Solution) -> bool:
-    """Whether a scenario has all calibrated values of a solution."""
-    resolved = scenario.resolved()
-    return all(
-        value_at(resolved, key) == float(f"{one.value:.{DIGITS}g}")
-        for one in solution.estimates
-        if not one.parameter.sensor
-        for key in one.parameter.keys
-    )
+def _whole(written: Written, changes: Mapping[str, Change], resolved: Mapping[str, Any]) -> dict[str, Change]:
+    """Changes of a scenario file by key, with whole lists in place of parts of those that the file does not have."""
+    found: dict[str, Change] = {}
+    for key, change in changes.items():
+        name, _, last = key.rpartition(".")
+        here = scenario_keys(resolved, name)[0] if name else ""
+        items = value_at(resolved, here)
+        if not isinstance(items, list):
+            found[key] = change
+            continue
+        there = [value_at(written.data, one) for one in written.by_file({name: change})]
+        if all(isinstance(one, list) and len(one) == len(items) for one in there):
+            found[key] = change
+        else:
+            why = f"{found[name].why}; {last}: {change.why}" if name in found else f"{last}: {change.why}"
+            found[name] = Change(items, why)
+    return found
 
 
 def _commented(tree: Any) -> Any:

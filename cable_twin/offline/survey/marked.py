@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from io import StringIO
 from typing import Any, NamedTuple
@@ -190,35 +191,71 @@ def rewritten(text: str, changes: Mapping[str, Change], heading: str) -> str:
 
     Args:
         text: of a valid scenario.
-        changes: by dotted key in the file; missing sections are made.
+        changes: by dotted key in the file; missing sections are made. Parts that share a value by an anchor change too,
+            unless their own path is given.
         heading: comment line at the top.
     """
     yaml = YAML()
     yaml.preserve_quotes = True
     content = yaml.load(text)
+    places = dict(_nodes(content, ()))
+    lines: dict[tuple[int, str], tuple[CommentedMap, dict[str, str]]] = {}  # by owner and key, with texts by key
     for key, change in changes.items():
-        _set(content, key.split("."), change)
+        owner, depth = _set(content, key.split("."), change.value, places)
+        parts = key.split(".")
+        _, texts = lines.setdefault((id(owner), parts[depth]), (owner, {}))
+        texts[".".join(parts[depth + 1 :])] = change.why
+    for (_, last), (owner, texts) in lines.items():
+        several = [f"{key}: {why}" if key else why for key, why in texts.items()]
+        _remark(owner, last, "; ".join(several if len(several) > 1 else texts.values()))
     return f"# {heading}\n{dumped(content)}"
 
 
-def _set(content: CommentedMap, parts: list[str], change: Change) -> None:
-    """Set a value of YAML data at a path, with a comment behind the innermost key that has a line of its own."""
+def _nodes(node: Any, path: tuple[str, ...]) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Identity of each mapping and list of YAML data, with the path of its first place: others are aliases of it."""
+    if isinstance(node, CommentedMap | CommentedSeq):
+        for key, value in reversed(list(node.items() if isinstance(node, CommentedMap) else enumerate(node))):
+            yield from _nodes(value, (*path, str(key)))
+        yield id(node), path
+
+
+def _set(
+    content: CommentedMap, parts: Sequence[str], value: Any, places: dict[int, tuple[str, ...]]
+) -> tuple[CommentedMap, int]:
+    """Set a value of YAML data at a path; what is an alias of another part there is made a copy of its own before.
+
+    Returns:
+        The innermost mapping with a line for each key, and the depth in the path at which its key is.
+    """
     here: Any = content
-    owner, last = content, parts[0]
-    for part in parts:
-        if isinstance(here, CommentedMap) and not here.fa.flow_style():
-            owner, last = here, part
-        if part is parts[-1]:
+    owner, line, flow = content, 0, False
+    for depth, part in enumerate(parts):
+        flow = flow or not isinstance(here, CommentedMap) or bool(here.fa.flow_style())
+        owner, line = (owner, line) if flow else (here, depth)
+        if depth == len(parts) - 1:
             break
         if isinstance(here, CommentedMap) and here.get(part) is None:
             here[part] = CommentedMap()
-        here = here[int(part) if isinstance(here, CommentedSeq) else part]
+        row = int(part) if isinstance(here, CommentedSeq) else part
+        if places.setdefault(id(here[row]), (*parts[: depth + 1],)) != (*parts[: depth + 1],):
+            here[row] = _copied(here[row])
+            places.update(_nodes(here[row], (*parts[: depth + 1],)))
+        here = here[row]
     if isinstance(here, CommentedSeq):
         axes = ("x", "y", "z") if len(here) == 3 else ("x", "z")
-        here[axes.index(parts[-1]) if parts[-1] in axes else int(parts[-1])] = change.value
+        here[axes.index(parts[-1]) if parts[-1] in axes else int(parts[-1])] = value
     else:
-        here[parts[-1]] = change.value
-    _remark(owner, last, change.why)
+        here[parts[-1]] = _flow(value)
+    return owner, line
+
+
+def _copied(node: Any) -> Any:
+    """Copy of YAML data without anchors."""
+    copied = deepcopy(node)
+    for one in (copied, *(copied.values() if isinstance(copied, CommentedMap) else copied)):
+        if isinstance(one, CommentedMap | CommentedSeq):
+            one.yaml_set_anchor(None)
+    return copied
 
 
 def _remark(owner: CommentedMap, key: str, text: str) -> None:
