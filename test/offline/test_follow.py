@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import pytest
 from recorded_run import snapshots_of
 
 from cable_twin import Ensemble
+from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.ensemble.estimate.follower import BOARDING, Correction, Follower
 from cable_twin.ensemble.estimate.kalman import Belief, update
 from cable_twin.ensemble.estimate.line_follower import LineFollower
@@ -23,7 +25,7 @@ from cable_twin.offline import plant
 from cable_twin.offline.follow import main
 from cable_twin.offline.following.truth import Truth, true_values
 from cable_twin.recording.log_reader import Log, read_log
-from cable_twin.scenario import load_scenario
+from cable_twin.scenario import load_scenario, scenario_file
 from cable_twin.simulation import EquilibriumError, Simulation
 
 pytest.importorskip("matplotlib")
@@ -162,6 +164,21 @@ def test_roll_is_read_with_one_rope_and_with_several():
         sensors = [scenario.sensors[one] for one in found]
         assert {one.axis for one in sensors if one.kind == "inclinometer"} == {"pitch", "roll"}
         assert "wind/y" in [one.name for one in slow_quantities(scenario)]
+
+
+@pytest.mark.parametrize("named", [False, True], ids=["cable", "ropes"])
+def test_a_plant_that_feels_no_wind_is_followed(tmp_path, capsys, named):
+    content = read_yaml(scenario_file("seed_example").read_text(encoding="utf-8")).content
+    if named:
+        content |= {"ropes": {"wire": content.pop("cable")}}
+        content["carriages"]["carriage"]["rope"] = "wire"
+    (tmp_path / "own.yaml").write_text(json.dumps(content), encoding="utf-8")
+    assert plant.main([str(tmp_path / "own.yaml"), "--duration", "1.2", "--log", str(tmp_path / "plant")]) == 0
+    (bag,) = (tmp_path / "plant").iterdir()
+    assert main([str(bag), "--output", str(tmp_path / "twin")]) == 0
+    found = {line.split("  ")[0] for line in capsys.readouterr().out.splitlines()}
+    assert {"ice", "carriage/rb2/pitch"} <= found
+    assert not {"wind/x", "wind/y"} & found
 
 
 def test_a_load_cell_off_which_the_rope_has_lifted_is_not_stuck():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cable_twin.frame.sensors import ANGLES, Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario import Scenario
+from cable_twin.scenario import Scenario, wind_unfelt
 from cable_twin.scenario.builders.system import tower_friction
 
 # slow error of the model in what a sensor reads, a standard deviation beside its noise, assumed
@@ -122,7 +122,7 @@ class Reading(NamedTuple):
 
 
 def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
-    """Slow quantities of a scenario that are estimated: payloads, rolling friction, wind, ice, counterweights."""
+    """Slow quantities of a scenario that are estimated: payloads, rolling friction, felt wind, ice, counterweights."""
     found = []
     for name, carriage in scenario.carriages.items():
         if carriage.payload is not None and carriage.payload.capacity > 0.0:
@@ -132,13 +132,15 @@ def slow_quantities(scenario: Scenario) -> tuple[Slow, ...]:
             tolerance = PAYLOAD_TOLERANCE * most
             found.append(payload._replace(tolerance=tolerance, change=0.3 * most, payload_of=name))
     found += _rolling(scenario)
-    for axis, speed in zip("xy" if scenario.dim == 3 else "x", scenario.air.wind, strict=False):
+    axes = "" if wind_unfelt(scenario) else "xy" if scenario.dim == 3 else "x"
+    for axis, speed in zip(axes, scenario.air.wind, strict=False):
         key, most = f"air.wind.{axis}", 40.0
         wind = Slow(f"wind/{axis}", key, "m/s", speed, 5.0, -most, most, speed, most, WIND_WALK, OF_SQUARE)
         found.append(wind._replace(change=wind.deviation))
     if len(scenario.cables) == 1:
-        ice = scenario.cable.ice
-        own = Slow("ice", "cable.ice", "kg/m", ice, ICE, 0.0, ice + 10.0, ice, ICE_TOLERANCE, ICE_WALK)
+        ((rope, cable),) = scenario.cables.items()
+        key, ice = f"{scenario.rope_key(rope)}.ice", cable.ice
+        own = Slow("ice", key, "kg/m", ice, ICE, 0.0, ice + 10.0, ice, ICE_TOLERANCE, ICE_WALK)
         found.append(own._replace(change=ICING))
     for rope, end in product(scenario.cables, ("start", "end")):
         support = scenario.cables[rope].ends[end]
