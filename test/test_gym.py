@@ -82,6 +82,34 @@ def test_a_lift_is_observed_at_its_drive_and_by_the_swing_of_its_carriers(scenar
     assert len(str(caught.value)) < 100
 
 
+@pytest.mark.parametrize(
+    ("scenario", "overrides", "tower"),
+    [("windy_tramway", {}, "tower"), ("jig_back", {}, "rollers_1"), ("gondola", {"space": 3}, "tower_2_up")],
+)
+def test_in_space_a_controller_sees_what_happens_across_the_track(scenario, overrides, tower):
+    overrides = {**overrides, "wind.y": 8.0}
+    ropeway = RopewayEnv(scenario, overrides=overrides, period=0.1)
+    whole = RopewayEnv(scenario, overrides=overrides, observations=["*"], period=0.1)
+    columns, layout = whole.simulation.snapshot.columns, whole.simulation.layout
+    seen = whole.named(whole.reset()[0])
+    usual = ropeway.named(ropeway.reset()[0])
+    assert usual.items() <= seen.items()
+    assert (usual["wind/x"], usual["wind/y"]) == (0.0, 8.0)
+    rolls = columns.body_angles[:, 0]
+    largest = usual["carriers/largest_roll"] if layout.carriers else abs(usual[f"{layout.bodies[-1]}/roll"])
+    assert largest == (np.nanmax(abs(rolls)) if layout.carriers else abs(rolls[-1])) > 1e-3
+    assert any(name.endswith("roll_rate") for name in usual)
+    body, row = layout.bodies[0], layout.support_rows[tower]
+    assert seen[f"{body}/y"] == columns.body_position[0, 1]
+    assert seen[f"{body}/yaw"] == columns.body_angles[0, 2]
+    assert seen[f"{tower}/force_y"] == columns.support_force[row, 1]
+    assert seen[f"{tower}/lateral_force"] == columns.tower_lateral[row] != 0.0
+    assert seen[f"{tower}/highest_lateral_ratio"] == columns.tower_lateral_ratio[row] > 0.0
+    assert seen[f"{tower}/derailed"] == 0.0
+    ends = [name for name in layout.supports if name not in layout.towers]
+    assert not {f"{name}/lateral_force" for name in ends} & {*seen}
+
+
 def test_a_step_is_what_the_api_does(env):
     """Equal bits, also for actions beyond the limits."""
     observation, info = env.reset(seed=1)

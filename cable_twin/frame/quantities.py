@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_twin.frame.layout import DERAILED, Layout
 from cable_twin.frame.records import FloatArray
-from cable_twin.frame.snapshot import Layout, Snapshot
+from cable_twin.frame.snapshot import Snapshot
+from cable_twin.mechanics.readout.columns import Columns
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.checks.fault import listed
 
@@ -51,9 +53,9 @@ class Reader:
 
 
 def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
-    """All observable quantities of a scenario, by name; the cable is observed at its ends."""
+    """All observable quantities of a scenario, by name; ropes are observed at their ends."""
     columns = layout.columns(np.arange(layout.size, dtype=np.float64))
-    length = scenario.cable.unstrained_length
+    length = max(rope.unstrained_length for rope in scenario.cables.values())
     found = {"time": Quantity("s", 0, 0.0)}
     for row, name in enumerate(layout.vehicles):
         found |= {
@@ -72,8 +74,7 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
             f"{name}/pitch": Quantity("rad", columns.body_angles[row, 1]),
             f"{name}/pitch_rate": Quantity("rad/s", columns.body_angular_velocity[row, 1]),
         }
-    if layout.carriers:
-        hanging = [row for row, name in enumerate(layout.bodies) if name.partition("/")[0] in layout.carriers]
+    if hanging := _hanging(layout):
         found |= {
             "carriers/largest_pitch": Quantity("rad", columns.body_angles[hanging, 1], 0.0),
             "carriers/largest_pitch_rate": Quantity("rad/s", columns.body_angular_velocity[hanging, 1], 0.0),
@@ -112,27 +113,63 @@ def quantities(scenario: Scenario, layout: Layout) -> dict[str, Quantity]:
         }
     for name, sample in layout.end_samples.items():
         found[f"{name}/tension"] = Quantity("N", columns.rope_tension[sample])
+    return found | _across(layout, columns) if layout.space else found
+
+
+def _across(layout: Layout, columns: Columns) -> dict[str, Quantity]:
+    """Observable quantities of a scenario in space that one in a plane does not have, by name.
+
+    Args:
+        layout: of its frames.
+        columns: with the index of each value in the row of a frame.
+    """
+    found = {f"wind/{axis}": Quantity("m/s", columns.wind[row]) for row, axis in enumerate("xyz")}
+    for row, name in enumerate(layout.vehicles):
+        found[f"{name}/contact_force_y"] = Quantity("N", columns.contact_force[row, 1])
+    for row, name in enumerate(layout.bodies):
+        found[f"{name}/y"] = Quantity("m", columns.body_position[row, 1])
+        for axis, angle in ((0, "roll"), (2, "yaw")):
+            found[f"{name}/{angle}"] = Quantity("rad", columns.body_angles[row, axis])
+            found[f"{name}/{angle}_rate"] = Quantity("rad/s", columns.body_angular_velocity[row, axis])
+    if hanging := _hanging(layout):
+        found["carriers/largest_roll"] = Quantity("rad", columns.body_angles[hanging, 0], 0.0)
+        found["carriers/largest_roll_rate"] = Quantity("rad/s", columns.body_angular_velocity[hanging, 0], 0.0)
+    for row, name in enumerate(layout.supports):
+        found |= {
+            f"{name}/force_y": Quantity("N", columns.support_force[row, 1]),
+            f"{name}/lateral_force": Quantity("N", columns.tower_lateral[row]),
+            f"{name}/highest_lateral_ratio": Quantity("-", columns.tower_lateral_ratio[row], 0.0),
+            f"{name}/derailed": Quantity("-", columns.tower_derailed[row], 0.0, len(DERAILED) - 1.0),
+        }
     return found
+
+
+def _hanging(layout: Layout) -> list[int]:
+    """Numbers of the bodies of all carriers."""
+    return [row for row, name in enumerate(layout.bodies) if name.partition("/")[0] in layout.carriers]
 
 
 def by_default(scenario: Scenario, layout: Layout) -> tuple[str, ...]:
     """Names of the default observations.
 
     Of drives place, speed, force and the tensions at their bullwheels; of carriers the largest pitch and pitch rate; of
-    carriages place, speed, and pitch and pitch rate of each body.
+    carriages place, speed, and pitch and pitch rate of each body. In space of all these roll and roll rate, too, and
+    the wind along and across the track.
     """
     bullwheels = [one.sheave for one in scenario.drives.values() if one.sheave]
+    swings = [f"{angle}{rate}" for angle in ("pitch", "roll")[: 1 + layout.space] for rate in ("", "_rate")]
     return (
         *(f"{name}/{signal}" for name in layout.drives for signal in ("position", "speed", "force")),
         *(f"{name}/{signal}" for name in bullwheels for signal in ("tension_on", "tension_off")),
-        *(f"carriers/{signal}" for signal in ("largest_pitch", "largest_pitch_rate") if layout.carriers),
+        *(f"carriers/largest_{signal}" for signal in swings if layout.carriers),
         *(f"{name}/{signal}" for name in layout.carriages for signal in ("arc_length", "speed")),
         *(
             f"{name}/{body}/{signal}"
             for name in layout.carriages
             for body in layout.vehicles[name]
-            for signal in ("pitch", "pitch_rate")
+            for signal in swings
         ),
+        *(("wind/x", "wind/y") if layout.space else ()),
     )
 
 

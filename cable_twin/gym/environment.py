@@ -60,7 +60,7 @@ class RopewayEnv(gymnasium.Env[FloatArray, FloatArray]):
         overrides: values of the scenario by dotted key.
         command: kind of the actions, "speed" (m/s) or "force" (N); or a mapping of carriages or drives to their kind.
         observations: names, with * for any text, such as ("cabin/*", "end/tension"); None for motion, pitch, and
-            force and tensions at the drive of a lift.
+            force and tensions at the drive of a lift, in space also roll and wind.
         period: simulated time (s) of a step, a whole number of solver steps.
         duration: simulated time (s) of an episode.
         reward: takes the observation before, the action and the observation after; without it rewards are 0.
