@@ -39,17 +39,26 @@ QUANTITIES = {  # of each kind of sensor: variable, row of its values, factor
 }
 
 
+class UnusableError(ValueError):
+    """Error of an option that the plant cannot use; the message is one line."""
+
+
 class Plant:
     """Simulated plant with its server.
 
     Args:
         options: of the command.
+
+    Raises:
+        UnusableError: the scenario has no carriage.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._options = options
         self._simulation = plant_of(options.scenario, dict(options.set))
         self._scenario = self._simulation.scenario
+        if not self._scenario.carriages:
+            raise UnusableError(f"scenario: given {self._scenario.name}; allowed: one with a carriage")
         self._sensors = Sensors(self._scenario, self._simulation.snapshot.layout)
         self._carriage = next(iter(self._scenario.carriages))
         self._length = self._scenario.cable.unstrained_length
@@ -58,10 +67,21 @@ class Plant:
         self._way, self._commanded = 1.0, math.nan
 
     async def run(self) -> None:
-        """Serve until cancelled."""
+        """Serve until cancelled.
+
+        Raises:
+            UnusableError: there can be no server at the URL.
+        """
         await self._listen()
-        print(f"plant: {self._scenario.name} at {self._options.url}, {len(self._nodes)} variables", flush=True)
-        async with self._server:
+        url = self._options.url
+        try:
+            await self._server.start()
+        except (OSError, ValueError) as error:
+            reason = (getattr(error, "strerror", None) or str(error)).rpartition(": ")[2]
+            allowed = "opc.tcp://HOST:PORT with a free port"
+            raise UnusableError(f"--url: given {url}: {reason}; allowed: {allowed}") from None
+        try:
+            print(f"plant: {self._scenario.name} at {url}, {len(self._nodes)} variables", flush=True)
             started = time.time() - self._simulation.time
             while True:
                 snapshot = self._simulation.advance_to(self._simulation.time + FRAME)
@@ -69,6 +89,8 @@ class Plant:
                 for measurement in self._sensors.take(snapshot):
                     await self._write(measurement, started)
                 await asyncio.sleep(max(started + snapshot.time - time.time(), 0.0))
+        finally:
+            await self._server.stop()
 
     async def _listen(self) -> None:
         await self._server.init()
@@ -110,7 +132,7 @@ class Plant:
 
 
 def main() -> int:
-    """Run the plant until Ctrl-C; returns 0, or 2 for a wrong scenario."""
+    """Run the plant until Ctrl-C; returns 0, or 2 for a wrong scenario or URL."""
     arguments = OneLineParser("opcua_plant", "Run a plant that speaks OPC UA.", "", failure=2)
     arguments.add_argument("scenario", nargs="?", default="aerial_tramway", help="name or path; default: %(default)s")
     arguments.add_argument("--url", default="opc.tcp://127.0.0.1:4840", help="endpoint; default: %(default)s")
@@ -124,7 +146,7 @@ def main() -> int:
         with left_at_once("opcua_plant"), compilation_shown(console, partial(print, file=sys.stderr, flush=True)):
             plant = Plant(options)
         asyncio.run(plant.run())
-    except ScenarioError as error:
+    except (ScenarioError, UnusableError) as error:
         tell("opcua_plant", error)
         return 2
     except KeyboardInterrupt:

@@ -12,12 +12,13 @@ import numpy as np
 from cable_twin.basics.printable import printable
 from cable_twin.frame.commands import INPUTS, JOINT_COMMANDS, JOINT_STATE, KINDS, TEMPERATURE, VECTOR, Kind, kinds_on
 from cable_twin.frame.records import AppliedCommand, Command, CommandError, Goal
-from cable_twin.messages import SECOND, Header, JointState, decode, nanoseconds, serialize, time_of
+from cable_twin.messages import SECOND, JointState, decode, header, nanoseconds, serialize
+from cable_twin.messages.topics import FRAME_ID
 
 LONGEST_FRAME_ID = 256  # characters of the frame of a command, which means nothing here
 
 
-def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
+def applied_command_message(applied: AppliedCommand, epoch_ns: int, frame_id: str = FRAME_ID) -> bytes:
     """Encode an applied command as sensor_msgs/JointState.
 
     The stamp is the simulated time of effect. A name is KIND/NAME/SOURCE, with the name of a carriage or drive, or an
@@ -26,6 +27,7 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     Args:
         applied: The command; its time to the nanosecond.
         epoch_ns: Wall time (ns since 1970) of simulated time zero.
+        frame_id: Name of the fixed frame, of which a wind has its axes.
 
     Returns:
         CDR, from which `applied_command_from_message` gives the same record.
@@ -34,10 +36,9 @@ def applied_command_message(applied: AppliedCommand, epoch_ns: int) -> bytes:
     fields = {"position": np.empty(0), "velocity": np.empty(0), "effort": np.empty(0)}
     if field := KINDS[command.kind].field:
         fields[field] = np.array([*command.values.values()], dtype=np.float64)
-    stamp = time_of(epoch_ns + nanoseconds(applied.time))
     names = [f"{command.kind}/{name}/{applied.source}" for name in command.values]
     names = names or [f"{command.kind}/{applied.source}"]
-    return serialize(JointState(Header(stamp, ""), names, **fields))
+    return serialize(JointState(header(epoch_ns + nanoseconds(applied.time), frame_id), names, **fields))
 
 
 def applied_command_from_message(data: bytes, epoch_ns: int = 0) -> AppliedCommand:

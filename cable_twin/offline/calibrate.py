@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.console import Console
 
-from cable_twin.basics.units import rounded, shown_unit
+from cable_twin.basics.units import counted, rounded, shown_unit
 from cable_twin.ensemble import usable_cores
 from cable_twin.ensemble.estimate.quantities import readings
 from cable_twin.frame.records import CommandError
@@ -202,7 +202,7 @@ def _run(job: Job, options: argparse.Namespace, console: Console) -> int:
     predictor.on_evaluation = lambda _: save_state(state, job.state, predictor.evaluations)
     keys = len(predictor.parameters)
     print(
-        f"{job.simulation.scenario.name}: {keys} parameters, {len(predictor.rows.time)} measurements of "
+        f"{job.simulation.scenario.name}: {counted(keys, 'parameter')}, {len(predictor.rows.time)} measurements of "
         f"{sum(one.end for one in job.packages):.0f} s"
     )
     predictor.bar = lambda number: share_shown(console, f"all members, run {number} of about {USUAL_RUNS}")
@@ -229,9 +229,12 @@ def _check_units(predictor: Predictor, prior: Evaluation) -> None:
 
 
 def _tell_check(found: Check, moved: bool) -> None:
-    """Print the result of the identifiability check: rank, singular values, parameters not identifiable and why."""
-    values = ", ".join(rounded(one, 3) for one in found.singular_values)
-    print(f"check: {found.rank} of {len(found.findings)} directions are told better than by priors ({values})")
+    """Print the result of the identifiability check: how well the logs tell, parameters not identifiable and why."""
+    *values, last = [rounded(one, 3) for one in found.singular_values]
+    times = f"{', '.join(values)} and {last}" if values else last
+    directions = counted(len(found.findings), "direction")
+    told = f"check: the logs tell {found.rank} of {directions} better than priors"
+    print(f"{told}: deviations of priors are {times} times those of the logs")
     for one in found.findings:
         if not one.told:
             print(f"  {one.reason(moved)}")

@@ -79,6 +79,7 @@ class FrameOutput:
         frames, scenario = frames or FrameNames(), simulation.scenario
         self.encoder = MessageEncoder(simulation.layout, epoch_ns, own=own, frames=frames)
         self.frames = 0
+        self._frame_id = frames.frame_id
         self._simulation = simulation
         self._sensors = SensorOutput(scenario, simulation.layout, frames) if scenario.sensors else None
         self._derailments = DerailmentWatch()
@@ -131,7 +132,7 @@ class FrameOutput:
         """Record an applied command in the log; returns the command's message."""
         if self._sensors is not None and applied.command.kind == "reset":
             self._sensors.restart()
-        data = applied_command_message(applied, self.encoder.epoch_ns)
+        data = applied_command_message(applied, self.encoder.epoch_ns, self._frame_id)
         if self.run is not None:
             stamp_ns = self.encoder.epoch_ns + nanoseconds(applied.time)
             self.run.recorder.record_command(applied, data, stamp_ns)

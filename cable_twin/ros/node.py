@@ -48,6 +48,7 @@ from cable_twin.ros.parameters import (
     declare_parameters,
     own_topics,
     topic_rates,
+    unknown_parameter,
     with_doubles,
 )
 from cable_twin.ros.plant_subscriber import PlantSubscriber, with_plant_sensors
@@ -438,9 +439,11 @@ class TwinNode(Node):
     def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set parameters as rclpy does, and count accepted and refused ones from all sources."""
         counts = self._diagnostics.counts
-        counts["parameters_refused"] += 1  # until it is accepted, as rclpy raises for an unknown name
+        counts["parameters_refused"] += 1  # until it is accepted, as rclpy may raise
         if are_unchanged(self, parameter_list):  # accepted also for read-only parameters
             result = SetParametersResult(successful=True)
+        elif fault := unknown_parameter(self, parameter_list):
+            result = SetParametersResult(successful=False, reason=fault)
         else:
             result = super().set_parameters_atomically(parameter_list)
         if result.successful:

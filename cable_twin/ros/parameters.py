@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, cast
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -14,6 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.parameter_service import ParameterService
 
+from cable_twin.basics.printable import printable
 from cable_twin.frame.rates import ONCE, fault
 from cable_twin.messages.topics import TFMessage
 from cable_twin.ros.parameter_table import CHANGING, PARAMETERS, Parameter, splitting_of
@@ -261,6 +263,16 @@ def are_unchanged(node: Node, parameters: list[RosParameter]) -> bool:
         and now.value == one.value
         for one in with_doubles(parameters)
     )
+
+
+def unknown_parameter(node: Node, parameters: Sequence[RosParameter]) -> str:
+    """Reason in a line why parameters cannot be set: the name of one that the node does not have; empty otherwise."""
+    for one in parameters:
+        if not node.has_parameter(one.name):
+            near = get_close_matches(one.name, [parameter.name for parameter in PARAMETERS], n=1)
+            hint = f"did you mean {near[0]}?" if near else f"allowed while the twin runs: {', '.join(CHANGING)}"
+            return f"{printable(one.name)}: given a parameter that does not exist; {hint}"
+    return ""
 
 
 def inherited(node: Node, scenario: str, *, paused: bool) -> list[RosParameter]:

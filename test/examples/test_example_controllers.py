@@ -6,6 +6,8 @@ import json
 import math
 import re
 import runpy
+import socket
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -136,6 +138,23 @@ def test_lockstep_says_why_it_cannot(domain, processes):
     process = processes("cabin", "--to", "1", "--wait", "0.5", module=str(EXAMPLES / "lockstep.py"), domain=domain)
     assert process.wait(LONGEST) == 1
     assert process.output == "lockstep.py: a twin that listens: not within 0.5 s\n"
+
+
+@pytest.mark.parametrize(
+    ("scenario", "said"),
+    [
+        ("single_span", "Address already in use; allowed: opc.tcp://HOST:PORT with a free port"),
+        ("chairlift", "scenario: given chairlift; allowed: one with a carriage"),
+    ],
+)
+def test_a_plant_of_opc_ua_that_cannot_be_served_is_a_line(scenario, said, capsys, monkeypatch):
+    pytest.importorskip("asyncua")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        url = f"opc.tcp://127.0.0.1:{other.getsockname()[1]}"
+        monkeypatch.setattr(sys, "argv", ["opcua_plant", scenario, "--url", url])
+        assert runpy.run_path(str(EXAMPLES / "opcua_plant.py"))["main"]() == 2
+    (line,) = [one for one in capsys.readouterr().err.splitlines() if one.startswith("opcua_plant: ")]
+    assert line.lower().endswith(said.lower())
 
 
 def test_key_figures_of_several_ropes_are_printed_and_bad_arguments_refused_in_a_line(capsys):

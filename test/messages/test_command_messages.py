@@ -10,7 +10,7 @@ from rosbags.typesys.stores import ros2_jazzy
 
 from cable_twin.frame.commands import JOINT_COMMANDS
 from cable_twin.frame.records import AppliedCommand, Command, CommandError, Goal
-from cable_twin.messages import Header, JointState, Time, decode, header, serialize
+from cable_twin.messages import FrameNames, Header, JointState, Time, decode, header, serialize
 from cable_twin.messages.command_messages import (
     applied_command_from_message,
     applied_command_message,
@@ -18,6 +18,9 @@ from cable_twin.messages.command_messages import (
     command_from_message,
     command_from_vector,
 )
+from cable_twin.recording.frame_output import FrameOutput
+from cable_twin.scenario import load_scenario
+from cable_twin.simulation import Simulation
 
 EPOCH = 1_700_000_000_123_456_789
 
@@ -54,10 +57,13 @@ def test_foreign_message_is_no_applied_command(names):
         applied_command_from_message(serialize(JointState(header(EPOCH), names, *[np.zeros(len(names))] * 3)), EPOCH)
 
 
-def test_applied_command_names_no_frame_and_has_its_numbers_by_kind_name_and_source():
+def test_applied_command_names_its_frame_and_has_its_numbers_by_kind_name_and_source():
     applied = AppliedCommand(0.5, Command("speed", {"a": 1.0, "b": -2.0}), "joint_commands")
     message = decode(applied_command_message(applied, EPOCH), JointState.__msgtype__)
-    assert message.header.frame_id == ""
+    assert message.header.frame_id == "map"
+    simulation = Simulation(load_scenario("seed_example"))
+    output = FrameOutput(simulation, [], [{}], frame_rate=100.0, frames=FrameNames("valley"))
+    assert decode(output.command(applied), JointState.__msgtype__).header.frame_id == "valley"
     assert message.name == ["speed/a/joint_commands", "speed/b/joint_commands"]
     assert message.velocity.tolist() == [1.0, -2.0]
 

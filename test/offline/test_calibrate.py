@@ -157,6 +157,9 @@ def test_a_run_that_never_moved_says_what_it_cannot_give(bags, tmp_path, capsys)
     command = [str(bags["still"]), "--scenario", "aerial_tramway", *COARSE, "--free", keys, "--output", str(output)]
     assert main(command) == 0
     out = capsys.readouterr().out
+    assert re.search(
+        r"^check: the logs tell \d of 4 directions better than priors: deviations of priors are ", out, re.M
+    )
     for key, run in ((ROLLING, "a run at constant speed"), (DAMPING, "a run with an emergency stop")):
         assert re.search(rf"^  {re.escape(key)} cannot be told: .*\(nothing was commanded\); {run}", out, re.MULTILINE)
     found = {one["key"]: one for one in json.loads((output / "calibration.json").read_text())["parameters"]}

@@ -387,6 +387,10 @@ def test_parameters_are_described_with_unit_and_range(twin):
 
 def test_only_the_command_timeout_may_change_and_within_its_range(twin):
     assert not give(twin, "frame_rate", 50.0)[0]
+    assert give(twin, "command_timout", 1.0) == (
+        False,
+        "command_timout: given a parameter that does not exist; did you mean command_timeout?",
+    )
     successful, reason = give(twin, "command_timeout", 0.001)
     assert not successful
     assert "command_timeout" in reason
