@@ -32,7 +32,8 @@ PLACES = 40
 EPILOG = """\
 The static equilibrium of the whole line, with its loads, wind and ice, is calculated for N places of the vehicle, from
 one end of its track to the other. The carriers of a moving cable are advanced over one spacing; vehicles on a common
-haul rope are moved together, over the travel of its drive. The table gives the highest and lowest values with the place
+haul rope are moved together, over the travel of its drive. In space, places at which vehicles pass masts or each other
+are added. The table gives the highest and lowest values with the place
 of the vehicle and the limits of the scenario. Loads of supports are forces of the cable on the support, by component.
 
 exit codes: 0 done, 1 no equilibrium at a place or a file cannot be written, 2 wrong scenario or option
@@ -112,7 +113,7 @@ def parser() -> OneLineParser:
         type=whole_number(2, MOST),
         default=PLACES,
         metavar="N",
-        help=f"number of places, 2 to {MOST}; default: {PLACES}",
+        help=f"number of places, 2 to {MOST}, beside those of passing masts and vehicles; default: {PLACES}",
     )
     add_changes(result)
     result.add_argument(

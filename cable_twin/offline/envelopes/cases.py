@@ -287,8 +287,9 @@ def loading(scenario: Scenario, plan: Any, vehicle: str | None = None) -> dict[s
         if scenario.sheaves:
             behind = scenario.strands[first].before if first in scenario.strands else ""
             values[f"{key}.leaving"] = {name: up if name == behind else down for name in scenario.sheaves}
-            up, down = None, None
-        values |= {f"{key}.from_start": up, f"{key}.from_end": down}
+            values |= {f"{key}.from_start": None, f"{key}.from_end": None}
+        else:
+            values |= {f"{key}.from_start": up, f"{key}.from_end": down}
     if carriers is not None and any(kind.payload for kind in carriers.kinds_by_path.values()):
         numbers = [n + 1 for n in range(carriers.count) if f"{carriers.name}_{n + 1}" in chosen]
         every = plan not in ("every_second", "one")

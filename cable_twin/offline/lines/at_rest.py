@@ -10,6 +10,7 @@ import numpy as np
 from cable_twin.frame.records import FloatArray, Place
 from cable_twin.frame.snapshot import Columns, Snapshot
 from cable_twin.key_figures import QUANTITIES, KeyFigure, KeyFigures, figure, supports_of
+from cable_twin.offline.lines.passings import Passings
 from cable_twin.scenario import Scenario, build_system, load_scenario
 from cable_twin.scenario.command_limits import sense_of, travel_between_stops
 from cable_twin.simulation import EquilibriumError, Simulation
@@ -26,7 +27,7 @@ class Line:
     Attributes:
         scenario: scenario of the line.
         moved: name of the moved vehicle, of the carriers of a moving cable, or of the drive of a haul rope.
-        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, travel of the cable.
+        places: (n,) m, arc length of the vehicle; of carriers and a haul rope, travel of the cable; rising.
         columns: columns of a frame at each place.
         lowest: least heights (m) of the vehicles over the terrain, with x (m) of each, at each place.
         rows: (n,) values by name and unit, at each place.
@@ -92,6 +93,8 @@ def calculate(
 ) -> None:
     """Find the equilibrium of a line at all places of its vehicle, and collect the results in the line.
 
+    Places at which vehicles pass masts or each other in space are added to those of the line.
+
     Args:
         line: planned line, which gets the results.
         on_place: called after each place.
@@ -101,12 +104,26 @@ def calculate(
     Raises:
         EquilibriumError: no equilibrium at a place, which the message names.
     """
-    envelope, found = KeyFigures(line.scenario), []
+    rests: dict[float, Snapshot] = {}
+    lowest: dict[float, Mapping[str, Place]] = {}
+
+    def at(place: float) -> Columns:
+        if place not in rests:
+            simulation = at_place(line, place, find)
+            rests[place] = simulation.snapshot
+            if rows and line.scenario.terrain:
+                lowest[place] = simulation.clearance().vehicles
+            on_place()
+        return rests[place].columns
+
     for place in line.places.tolist():
-        simulation = at_place(line, place, find)
-        here = simulation.snapshot
-        if rows and line.scenario.terrain:
-            line.lowest.append(simulation.clearance().vehicles)
+        at(place)
+    if line.places.size > 1:
+        Passings(line.scenario).search(at, line.places, _again(line))
+    line.places = np.array(sorted(rests))
+    line.lowest = [lowest[place] for place in sorted(lowest)]
+    envelope, found = KeyFigures(line.scenario), []
+    for place, here in sorted(rests.items()):
         # place in the column of the time, which a static line does not have
         numbers = here.numbers.copy()
         numbers[0] = place
@@ -116,11 +133,16 @@ def calculate(
             alone = KeyFigures(line.scenario)
             alone.update(here)
             found.append({f"{one.name} [{one.unit}]": one.value for one in _static(alone.figures())})
-        on_place()
     names = dict.fromkeys(name for values in found for name in values)
     line.rows = {name: np.array([values.get(name, np.nan) for values in found]) for name in names}
     static = [replace(one, band="") if one.band else one for one in _static(envelope.figures())]
     line.figures = [*static, *_loads(line)]
+
+
+def _again(line: Line) -> float | None:
+    """Place (m) at which each carrier of a line is where the next one was at the first place; None without carriers."""
+    carriers = line.scenario.carriers
+    return line.scenario.spacing if carriers is not None and line.moved == carriers.name else None
 
 
 def at_place(line: Line, place: float, find: Find = from_scratch) -> Simulation:
