@@ -10,6 +10,7 @@ from test_scenario_faults import faults_of
 
 from cable_twin.frame.records import Command, CommandError
 from cable_twin.frame.sensors import Sensors
+from cable_twin.offline.sweep import is_whole
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.files import config_directory
 from cable_twin.scenario.reference import explained, json_schema
@@ -112,6 +113,7 @@ def test_keys_of_a_file_work_in_the_scenario_of_a_log_too_and_one_rope_goes_befo
     assert load_scenario(source, {"bullwheels.drive.drive.limits.jerk": 0.2}).drives["haul_rope"].limits.jerk == 0.2
     assert load_scenario(source, {"towers.tower_1.ropes.up.position.z": 9.0}).towers["tower_1_up"].position[-1] == 9.0
     assert all("(override)" in fault for fault in faults_of(source, {"towers.tower_1.ropes.up.stiffness": -1.0}))
+    assert is_whole(load_scenario(source), "towers.tower_1.contacts")
 
 
 @pytest.mark.parametrize(
