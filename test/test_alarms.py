@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cable_twin.ensemble.estimate.biases import RECENT, RENEWED, Biases
 from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
 from cable_twin.ensemble.estimate.departures import REMEMBERED, Departures, Expected
+from cable_twin.ensemble.estimate.kalman import Belief, predict, update
 from cable_twin.ensemble.estimate.quantities import Estimate, slow_quantities
 from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import load_scenario
@@ -49,6 +51,62 @@ def test_a_change_is_not_found_where_it_cannot_be_or_is_not_sure():
     assert [one.number for one in found if one is not None] == [0, 2, 2]
     assert best_change(np.array([4.0, 0.0, 0.0]), total, effects, widths, NONE_RARER) is None
     assert SURELY_CHANGED > 0.5 * 4.0**2
+
+
+def updated_by_a_wrong_sensor(updates):
+    """Biases, belief, and belief with the error as a further quantity, after updates by a sensor with an error of 4."""
+    draws, biases = np.random.default_rng(2), Biases({"first": 2.0, "second": 2.0}, 2)
+    belief = Belief(np.zeros(2), np.diag([1.0, 9.0]))
+    wider = Belief(np.zeros(3), np.diag([1.0, 9.0, 4.0]))
+    decay, growth, variance = np.array([1.0, 0.9]), np.array([0.0, 0.1]), np.array([0.04, 0.09])
+    for _ in range(updates):
+        jacobian = draws.normal(size=(2, 2))
+        said = jacobian @ [0.5, -2.0] + [0.0, 4.0] + np.sqrt(variance) * draws.normal(size=2)
+        biases.note(["first", "second"], said - jacobian @ belief.mean, jacobian, variance, belief)
+        belief = update(belief, said - jacobian @ belief.mean, jacobian, variance)
+        with_error = np.column_stack([jacobian, [0.0, 1.0]])
+        wider = update(wider, said - with_error @ wider.mean, with_error, variance)
+        biases.decay(decay)
+        belief = predict(belief, decay, growth)
+        wider = predict(wider, np.append(decay, 1.0), np.append(growth, 0.0))
+    return biases, belief, wider
+
+
+def test_a_belief_without_a_wrong_sensor_is_that_of_a_filter_that_has_its_error_as_a_quantity():
+    biases, belief, wider = updated_by_a_wrong_sensor(RENEWED - 1)
+    name, error = biases.surely()
+    assert name == "second"
+    assert error == pytest.approx(wider.mean[2])
+    cleared = biases.without(belief, name)
+    assert cleared.mean == pytest.approx(wider.mean[:2])
+    assert cleared.covariance == pytest.approx(wider.covariance[:2, :2])
+    assert biases.surely()[0] == ""
+    assert np.array_equal(biases.without(cleared, name).mean, cleared.mean)
+
+
+def test_what_one_sensor_alone_says_is_not_agreed():
+    """A sensor says 3: either that is so, or it is wrong by as much."""
+    biases, belief = Biases({"only": 5.0}, 1), Belief(np.zeros(1), np.eye(1))
+    terms = np.array([3.0]), np.eye(1), np.array([0.01])
+    biases.note(["only"], *terms, belief)
+    belief = update(belief, *terms)
+    assert belief.mean[0] > 3.0 * belief.covariance[0, 0] ** 0.5
+    agreed = biases.agreed(belief)
+    assert agreed.mean[0] < 3.0 * agreed.covariance[0, 0] ** 0.5
+
+
+def test_a_sensor_may_become_wrong_after_it_was_right():
+    biases, belief = Biases({"first": 2.0, "second": 2.0}, 1), Belief(np.zeros(1), np.eye(1))
+    jacobian, variance = np.ones((2, 1)), np.full(2, 0.01)
+    for said, updates in ((0.0, 3 * RENEWED * RECENT), (1.0, RENEWED)):
+        for _ in range(updates):
+            innovation = np.array([0.0, said]) - jacobian @ belief.mean
+            biases.note(["first", "second"], innovation, jacobian, variance, belief)
+            belief = update(belief, innovation, jacobian, variance)
+    name, error = biases.surely()
+    assert name == "second"
+    assert error == pytest.approx(1.0, abs=0.1)
+    assert biases.without(belief, name).mean[0] == pytest.approx(0.0, abs=0.1)
 
 
 def test_sensors_are_spoiled_from_a_time_on():

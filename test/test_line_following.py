@@ -13,6 +13,7 @@ from cable_twin.ensemble.estimate.tracker import FOLLOWING, Tracker
 from cable_twin.frame.sensors import Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
+from verification.alarms import scaled
 from verification.faultless import hours_of
 from verification.following import follow as follow_carriages
 from verification.following_line import follow
@@ -21,6 +22,7 @@ MOST = 40.0  # kg
 DURATION = 90.0  # s, in which the first chairs pass two towers
 GONE = 1000.0  # m of rope that went by before
 SPEED = 2.5  # m/s
+WHILE = 45.0  # s, in which an error of a load cell shows in what it says of chairs that other cells have seen
 TOWER = "tower_3_up"
 
 
@@ -71,6 +73,20 @@ def test_a_lift_under_way_is_followed_from_where_its_chairs_are(under_way):
         assert abs(got.value - true) < 4.0 * got.deviation
     assert not tracker.follower.left_out
     assert [line for line in lines if "payload" in line] == []
+
+
+@pytest.fixture(scope="module")
+def for_a_while():
+    """As `under_way`, until the chairs have passed some towers."""
+    return lift({}, WHILE)
+
+
+@pytest.mark.parametrize(("sensor", "share"), [("load_tower_2_down", 0.085), ("load_tower_3_down", -0.05)])
+def test_a_load_cell_of_a_lift_with_a_constant_error_is_named_and_no_payload(for_a_while, sensor, share):
+    (first, *_) = [float(np.linalg.norm(one.values)) for one in for_a_while[1] if one.sensor == sensor]
+    _, alarms = followed(for_a_while, lambda one: scaled(one, 1.0, share * first) if one.sensor == sensor else one)
+    (said,) = [alarm.reason for alarm in alarms]
+    assert said.startswith(f"sensor {sensor} contradicts all others")
 
 
 def followed(under_way, changed):

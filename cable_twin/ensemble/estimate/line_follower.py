@@ -8,13 +8,15 @@ sparse row of derivatives.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import scipy  # loads `special` where it is used
 
+from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
+from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.departures import Departures, Expected
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
@@ -35,6 +37,7 @@ FRICTION = 0.4  # standard deviation of the friction of all towers, as share of 
 FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
 BIAS, FAST = 0.002, 0.003  # of the load of a tower at rest: slow and fast error of the model
 DRIVE_BIAS, DRIVE_FAST = 8e-4, 1.6e-3  # of the load of all towers at rest: the same of a drive
+WRONG = 0.05  # of the load of a tower at rest, by which a load cell may be wrong, a standard deviation
 FORGOTTEN = 200.0  # s, in which a slow error changes
 REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, and times their variance that counts
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
@@ -44,15 +47,16 @@ PLAN = 0.05  # of the capacity, by which a payload may differ from the plan with
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
 
 
-Terms = tuple[FloatArray, FloatArray, FloatArray]  # innovation (1,), derivatives (1, n) and variance (1,)
+Terms = tuple[FloatArray, FloatArray, FloatArray]  # innovation (m,), derivatives (m, n) and variance (m,)
 
 
 class _Sample(NamedTuple):
-    """Measurement of a sensor with its prediction and the derivatives of the prediction."""
+    """Measurement of a sensor, or mean of several, with its prediction and the derivatives of the prediction."""
 
     value: float
     predicted: float
     effects: FloatArray  # (n,) derivatives of what is predicted
+    number: int = 1  # of measurements
 
 
 class FastErrors:
@@ -142,6 +146,9 @@ class LineFollower:
             [[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION, FIRST_ICE], self._bias]
         )
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
+        cells = [name for name in self._of_forces if self._kinds[name] == "load_cell"]
+        self._biases = Biases({name: WRONG * self._rest[self._of[name]] for name in cells}, size)
+        self._undone: set[str] = set()  # sensors left out, of which nothing is in the belief
         self._plan = start.columns.payload[self._rows].copy()
         self._sums: dict[str, list[_Sample]] = {}
         self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self._of_forces})
@@ -217,23 +224,35 @@ class LineFollower:
 
     def _correct(self, time: float, snapshot: Snapshot, alarms: list[Alarm]) -> Correction:
         """Correct payloads, friction and ice by the mean values of the sensors in a window."""
-        found = {name: samples for name, samples in self._sums.items() if len(samples) > 2}
-        for name, samples in found.items():
-            apart = float(np.mean([one.value - one.predicted for one in samples]))
-            effects = np.mean([one.effects for one in samples], axis=0)
-            self._fast.take(time, name, apart, effects, self._belief.mean)
-        terms = self._consistent(time, found, alarms)
-        innovation = 1.0
-        if terms:
-            rows = [np.concatenate(parts) for parts in zip(*(one[:1] + one[2:] for one in terms.values()), strict=True)]
-            jacobian = np.vstack([one[1] for one in terms.values()])
-            innovation = normalised_square(rows[0], jacobian, rows[1], self._belief.covariance) / len(terms)
-            self._belief = update(self._belief, rows[0], jacobian, rows[1])
-        slow, hidden = self._slow(), self._hidden(snapshot)  # of this window, before the doubt of the next one
-        alarms += self._departures.alarms(time, slow, self._expected())
+        found = {name: _mean(samples) for name, samples in self._sums.items() if len(samples) > 2}
+        innovation = self._update(time, found, alarms)
+        believed = self._biases.believed(self._belief)  # of this window, before the doubt of the next one
+        slow, hidden = self._slow(believed), self._hidden(snapshot, believed)
+        agreed = self._slow(self._biases.agreed(self._belief))
+        alarms += self._departures.alarms(time, agreed, self._expected())
         self._drift(time - self._since)
         self._since, self._sums = time, {}
         return Correction(time, slow, hidden, innovation, tuple(alarms))
+
+    def _update(self, time: float, found: Mapping[str, _Sample], alarms: list[Alarm]) -> float:
+        """Correct the belief by the means of the sensors in a window; returns the normalised innovation."""
+        for name, one in found.items():
+            self._fast.take(time, name, one.value - one.predicted, one.effects, self._belief.mean)
+        sensors = self._consistent(time, found, alarms)
+        innovation = 1.0
+        if sensors:
+            terms = self._terms(sensors, found, self._belief)
+            innovation = normalised_square(*terms, self._belief.covariance) / len(sensors)
+            self._biases.note([*sensors], *terms, self._belief)
+            self._belief = update(self._belief, *terms)
+        wrong, error = self._biases.surely()
+        if wrong and wrong not in self.left_out:
+            text = f"sensor {wrong} contradicts all others by {with_unit(error, 'N', 2)} and is left out"
+            alarms.append(self.doubts.leave_out(wrong, time, text))
+        for name in self.left_out.keys() - self._undone:
+            self._belief = self._biases.without(self._belief, name)
+            self._undone.add(name)
+        return innovation
 
     def _drift(self, lasted: float) -> None:
         """Kalman prediction over a window (s): ice gets less certain, and slow errors of sensors are forgotten."""
@@ -241,46 +260,52 @@ class LineFollower:
         walks = np.zeros(known)
         walks[-1] = ICE_WALK**2 * lasted
         decay = np.concatenate([np.ones(known), np.full(self._bias.size, kept)])
+        self._biases.decay(decay)
         self._belief = predict(self._belief, decay, np.concatenate([walks, (1.0 - kept**2) * self._bias**2]))
 
-    def _terms(self, name: str, measured: Sequence[_Sample], found: Sequence[_Sample]) -> Terms:
-        """Innovation, derivatives and variance of a sensor's mean in a window, from measured and predicted samples."""
-        values, predicted = ([one.value for one in measured], [one.predicted for one in found])
-        jacobian = np.mean([one.effects for one in found], axis=0)[None, :]
-        innovation = np.array([np.mean(values) - np.mean(predicted)]) - jacobian @ self._belief.mean
-        variance = self.readings[name].noise ** 2 / len(values) + self._fast.variance(name)
-        return innovation, jacobian, np.array([variance])
+    def _terms(self, taken: Mapping[str, str], found: Mapping[str, _Sample], belief: Belief) -> Terms:
+        """Innovation, derivatives and variance of the means of sensors in a window.
 
-    def _consistent(self, time: float, found: dict[str, list[_Sample]], alarms: list[Alarm]) -> dict[str, Terms]:
-        """Update terms by sensor without contradicting sensors; adds alarms for sensors that keep contradicting."""
+        Args:
+            taken: sensors, each with the one whose measurements count as its own.
+            found: means of the measurements by sensor.
+            belief: by which they are predicted.
+        """
+        jacobian = np.vstack([found[name].effects for name in taken])
+        apart = np.array([found[of].value - found[name].predicted for name, of in taken.items()])
+        noise = [self.readings[name].noise ** 2 / found[of].number for name, of in taken.items()]
+        variance = np.array([one + self._fast.variance(name) for one, name in zip(noise, taken, strict=True)])
+        return apart - jacobian @ belief.mean, jacobian, variance
+
+    def _consistent(self, time: float, found: Mapping[str, _Sample], alarms: list[Alarm]) -> dict[str, str]:
+        """Sensors that do not contradict, each with the one whose measurements count as its own; adds alarms."""
+        believed = self._biases.believed(self._belief)
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
             """Ratio of each sensor's normalised squared innovation, given all other sensors, to its limit."""
-            terms = [self._terms(to.get(one, one), found[one], found[to.get(one, one)]) for one in sensors]
-            if not terms:
+            if not sensors:
                 return {}
-            innovation, jacobian, variance = (np.concatenate(part) for part in zip(*terms, strict=True))
-            inverse = np.linalg.inv(jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance))
+            innovation, jacobian, variance = self._terms({one: to.get(one, one) for one in sensors}, found, believed)
+            inverse = np.linalg.inv(jacobian @ believed.covariance @ jacobian.T + np.diag(variance))
             alone = (inverse @ innovation) ** 2 / np.diag(inverse) / float(scipy.special.chdtri(1, SURE))
             return dict(zip(sensors, alone.tolist(), strict=True))
 
         contradicting = self.doubts.contradicting([*found], squares)
-        reason = self._fault_of_drive(contradicting, found.get(contradicting, []))
+        reason = self._fault_of_drive(contradicting, found, believed)
         alarms += self.doubts.judge(time, contradicting, reason)
         if contradicting == PLANT:
             return {}
         one, _, other = contradicting.partition("/")
         to = {one: other, other: one} if other else {}
-        left = [name for name in found if other or name != one]
-        return {name: self._terms(name, found[to.get(name, name)], found[name]) for name in left}
+        return {name: to.get(name, name) for name in found if other or name != one}
 
-    def _fault_of_drive(self, sensor: str, found: Sequence[_Sample]) -> str:
-        """Message about a drive whose force is not the predicted one, by its sensor's samples; empty for none."""
-        if not found or self._kinds[sensor] != "drive_force":
+    def _fault_of_drive(self, sensor: str, found: Mapping[str, _Sample], belief: Belief) -> str:
+        """Message about a drive whose force is not the predicted one, by its sensor; empty for none."""
+        if sensor not in found or self._kinds[sensor] != "drive_force":
             return ""
-        wanted = [one.predicted + float(one.effects @ self._belief.mean) for one in found]
-        got = float(np.mean([one.value for one in found]))
-        return fault_of_drive(self.readings[sensor], self._of[sensor], got, float(np.mean(wanted)))
+        one = found[sensor]
+        wanted = one.predicted + float(one.effects @ belief.mean)
+        return fault_of_drive(self.readings[sensor], self._of[sensor], one.value, wanted)
 
     def _expected(self) -> dict[str, Expected]:
         """Payloads of the plan, and friction and ice of the scenario, by the names of their estimates."""
@@ -294,8 +319,8 @@ class LineFollower:
             "ropes/ice": Expected(self._ice, ICE_TOLERANCE, may_change=False),
         }
 
-    def _slow(self) -> dict[str, Estimate]:
-        deviations, mean = np.sqrt(np.diag(self._belief.covariance)), self._belief.mean
+    def _slow(self, belief: Belief) -> dict[str, Estimate]:
+        deviations, mean = np.sqrt(np.diag(belief.covariance)), belief.mean
         found = {
             f"{name}/payload": Estimate(float(self._plan[row] + mean[row]), float(deviations[row]), "kg")
             for row, name in enumerate(self.carriers)
@@ -305,15 +330,15 @@ class LineFollower:
         found["ropes/ice"] = Estimate(self._ice + float(mean[row + 1]), float(deviations[row + 1]), "kg/m")
         return found
 
-    def _hidden(self, snapshot: Snapshot) -> dict[str, Estimate]:
+    def _hidden(self, snapshot: Snapshot, belief: Belief) -> dict[str, Estimate]:
         """Estimated forces of towers; deviations follow from those of payloads, friction and ice."""
         found, known = {}, self._known
         for name in self._statics.towers:
             own = self._statics.of_tower(name, snapshot)
             effects = np.array([*own.payloads, own.friction, own.ice])
             force = float(np.linalg.norm(snapshot.columns.support_force[snapshot.layout.support_rows[name]]))
-            variance = effects @ self._belief.covariance[:known, :known] @ effects + (HIDDEN * self._rest[name]) ** 2
-            value = force + float(effects @ self._belief.mean[:known])
+            variance = effects @ belief.covariance[:known, :known] @ effects + (HIDDEN * self._rest[name]) ** 2
+            value = force + float(effects @ belief.mean[:known])
             found[f"{name}/force"] = Estimate(value, float(np.sqrt(variance)), "N")
         return found
 
@@ -328,13 +353,14 @@ class LineFollower:
         """Standard deviation (kg) of the payload of a carrier from its plan."""
         return (PAYLOAD if self._plan[row] > 0.0 else EMPTY) * self._capacity
 
-    def _forget(self, rows: Iterable[int]) -> None:
+    def _forget(self, rows: Sequence[int]) -> None:
         """Reset the payload estimates of some carriers to their planned payloads."""
         mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
         for row in rows:
             mean[row], covariance[row, :], covariance[:, row] = 0.0, 0.0, 0.0
             covariance[row, row] = self._doubt(row) ** 2
             self._departures.forget(f"{self.carriers[row]}/payload")
+        self._biases.forget(rows)
         self._belief = Belief(mean, covariance)
 
     def _counts(self, sensor: str, snapshot: Snapshot) -> bool:
@@ -364,3 +390,9 @@ class LineFollower:
         if self._kinds[sensor] == "drive_force":
             return of_drive * sum(self._rest[name] for name in self._statics.towers)
         return of_tower * self._rest[self._of[sensor]]
+
+
+def _mean(samples: Sequence[_Sample]) -> _Sample:
+    """Mean of the samples of one sensor."""
+    value, predicted = (float(np.mean([one[part] for one in samples])) for part in (0, 1))
+    return _Sample(value, predicted, np.mean([one.effects for one in samples], axis=0), len(samples))

@@ -151,15 +151,16 @@ class Doubts:
             self._exchanged |= {one: other, other: one}
             return [Alarm(time, f"sensors {one} and {other} are swapped, and are taken for each other")]
         text = reason or f"sensor {contradicting} contradicts all others and is left out"
-        return [self._leave_out(contradicting, time, text)]
+        return [self.leave_out(contradicting, time, text)]
+
+    def leave_out(self, sensor: str, time: float, reason: str) -> Alarm:
+        """Leave out a sensor for good, from a time (s) on; returns the alarm with the reason."""
+        self.left_out[sensor] = alarm = Alarm(time, reason)
+        return alarm
 
     def _read(self, measurements: Sequence[Measurement]) -> Iterator[tuple[Measurement, Reading]]:
         """Measurements by sensors that are not left out, each with the quantity that its sensor reads."""
         return ((one, self._readings[one.sensor]) for one in measurements if one.sensor not in self.left_out)
-
-    def _leave_out(self, sensor: str, time: float, reason: str) -> Alarm:
-        self.left_out[sensor] = alarm = Alarm(time, reason)
-        return alarm
 
     def _stuck(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
         """Alarms for sensors with noise that repeat one value, and for encoders that stop within a sample."""
@@ -176,7 +177,7 @@ class Doubts:
                 self._moved[one.sensor] = time, size, (size - before[1]) / max(time - before[0], 1e-3)
             if same and count + 1 == most and abs(self._moved.get(one.sensor, (0.0, 0.0, np.inf))[2]) > SUDDEN:
                 text = f"sensor {one.sensor} is stuck at {with_unit(size, reading.unit, 6)} and is left out"
-                alarms.append(self._leave_out(one.sensor, time, text))
+                alarms.append(self.leave_out(one.sensor, time, text))
         return alarms
 
     def _jumped(self, time: float, measurements: Sequence[Measurement], numbers: FloatArray) -> list[Alarm]:
@@ -189,7 +190,7 @@ class Doubts:
             apart = one.values[0] - self._readings[sensor].in_frame(numbers)
             if size := self._jumps[sensor].note(time, apart):
                 text = f"sensor {one.sensor} has jumped by {with_unit(size, 'm', 2)} and is left out"
-                alarms.append(self._leave_out(one.sensor, time, text))
+                alarms.append(self.leave_out(one.sensor, time, text))
         return alarms
 
     def _bears_nothing(self, reading: Reading, size: float, numbers: FloatArray) -> bool:
@@ -208,5 +209,5 @@ class Doubts:
             if self._of_other_units[one.sensor] == UNIT_SAMPLES:
                 read, expected = with_unit(size, reading.unit), with_unit(wanted, reading.unit)
                 text = f"reads {read} where {expected} are expected: another unit? It is left out"
-                alarms.append(self._leave_out(one.sensor, time, f"sensor {one.sensor} {text}"))
+                alarms.append(self.leave_out(one.sensor, time, f"sensor {one.sensor} {text}"))
         return alarms
