@@ -53,35 +53,31 @@ def test_a_change_is_not_found_where_it_cannot_be_or_is_not_sure():
     assert SURELY_CHANGED > 0.5 * 4.0**2
 
 
-def updated_by_a_wrong_sensor(updates):
-    """Biases, belief, and belief with the error as a further quantity, after updates by a sensor with an error of 4."""
-    draws, biases = np.random.default_rng(2), Biases({"first": 2.0, "second": 2.0}, 2)
+def test_a_belief_without_wrong_sensors_is_that_of_a_filter_that_has_their_errors_as_quantities():
+    """The second sensor is wrong by 8, the third by -6: both are named, one after the other."""
+    draws, biases = np.random.default_rng(2), Biases(dict.fromkeys(("first", "second", "third"), 5.0), 2)
     belief = Belief(np.zeros(2), np.diag([1.0, 9.0]))
-    wider = Belief(np.zeros(3), np.diag([1.0, 9.0, 4.0]))
-    decay, growth, variance = np.array([1.0, 0.9]), np.array([0.0, 0.1]), np.array([0.04, 0.09])
-    for _ in range(updates):
-        jacobian = draws.normal(size=(2, 2))
-        said = jacobian @ [0.5, -2.0] + [0.0, 4.0] + np.sqrt(variance) * draws.normal(size=2)
-        biases.note(["first", "second"], said - jacobian @ belief.mean, jacobian, variance, belief)
+    wider = Belief(np.zeros(4), np.diag([1.0, 9.0, 25.0, 25.0]))
+    decay, growth, variance = np.array([1.0, 0.9]), np.array([0.0, 0.1]), np.array([0.04, 0.09, 0.05])
+    for _ in range(RENEWED - 1):
+        jacobian, of_errors = draws.normal(size=(3, 2)), np.eye(3)[:, 1:]
+        said = jacobian @ [0.5, -2.0] + of_errors @ [8.0, -6.0] + np.sqrt(variance) * draws.normal(size=3)
+        biases.note(["first", "second", "third"], said - jacobian @ belief.mean, jacobian, variance, belief)
         belief = update(belief, said - jacobian @ belief.mean, jacobian, variance)
-        with_error = np.column_stack([jacobian, [0.0, 1.0]])
-        wider = update(wider, said - with_error @ wider.mean, with_error, variance)
+        with_errors = np.column_stack([jacobian, of_errors])
+        wider = update(wider, said - with_errors @ wider.mean, with_errors, variance)
         biases.decay(decay)
         belief = predict(belief, decay, growth)
-        wider = predict(wider, np.append(decay, 1.0), np.append(growth, 0.0))
-    return biases, belief, wider
-
-
-def test_a_belief_without_a_wrong_sensor_is_that_of_a_filter_that_has_its_error_as_a_quantity():
-    biases, belief, wider = updated_by_a_wrong_sensor(RENEWED - 1)
-    name, error = biases.surely()
-    assert name == "second"
-    assert error == pytest.approx(wider.mean[2])
-    cleared = biases.without(belief, name)
-    assert cleared.mean == pytest.approx(wider.mean[:2])
-    assert cleared.covariance == pytest.approx(wider.covariance[:2, :2])
-    assert biases.surely()[0] == ""
-    assert np.array_equal(biases.without(cleared, name).mean, cleared.mean)
+        wider = predict(wider, np.append(decay, [1.0, 1.0]), np.append(growth, [0.0, 0.0]))
+    found = []
+    while (named := biases.surely())[0]:
+        found.append(named)
+        belief = biases.without(belief, named[0])
+    assert sorted(name for name, _ in found) == ["second", "third"]
+    name, error = found[-1]
+    assert error == pytest.approx(wider.mean[2 if name == "second" else 3])
+    assert belief.mean == pytest.approx(wider.mean[:2])
+    assert belief.covariance == pytest.approx(wider.covariance[:2, :2])
 
 
 def test_what_one_sensor_alone_says_is_not_agreed():

@@ -1,4 +1,4 @@
-"""Hypotheses beside a Kalman filter: none of its sensors is wrong by a constant, or one of them is.
+"""Hypotheses beside a Kalman filter: none of its sensors is wrong by a constant, or one more of them is.
 
 None of them needs a filter of its own. A constant error of one sensor changes all later estimates in proportion; these
 sensitivities are carried along beside the filter (Friedland 1969). The innovations, less what such an error makes of
@@ -36,19 +36,19 @@ class Biases:
         self._sensors = np.array(list(deviations) * (1 + RECENT))  # (m,) the first of each sensor, then the others
         self._least = np.array([deviations[name] ** -2 for name in self._sensors])  # inverse variances, at first
         self._effects = np.zeros((size, self._sensors.size))  # of an error of 1 on the true mean, less the filter's
-        self._evidence, self._known = np.zeros(self._sensors.size), self._least.copy()  # and inverse variances, now
+        self._evidence, self._known = np.zeros(self._sensors.size), np.diag(self._least)  # and inverse covariance, now
         self._updates = 0
 
     @property
     def _sizes(self) -> FloatArray:
         """Errors (m,), each if there is one."""
-        sizes: FloatArray = self._evidence / self._known
+        sizes: FloatArray = self._evidence / np.diag(self._known)
         return sizes
 
     @property
     def _likelier(self) -> FloatArray:
         """Logarithms (m,) of how much likelier the innovations are with an error of each than without any."""
-        likelier: FloatArray = 0.5 * (self._evidence**2 / self._known - np.log(self._known / self._least))
+        likelier: FloatArray = 0.5 * (self._sizes * self._evidence - np.log(np.diag(self._known) / self._least))
         return likelier
 
     def forget(self, rows: Sequence[int]) -> None:
@@ -75,7 +75,7 @@ class Biases:
         covariance = jacobian @ prior.covariance
         weighted = np.linalg.solve(covariance @ jacobian.T + np.diag(variance), of_errors)
         self._evidence += weighted.T @ innovation
-        self._known += np.einsum("ij,ij->j", of_errors, weighted)
+        self._known += of_errors.T @ weighted
         self._effects -= covariance.T @ weighted
         self._restart(self._likelier < REFUTED)
         self._updates += 1
@@ -101,17 +101,23 @@ class Biases:
         """Belief in which all hypotheses agree, however unlikely: `CERTAIN` deviations cover those of each of them."""
         effects = np.column_stack([self._effects, np.zeros(belief.mean.size)])
         means = belief.mean[:, None] + effects * np.append(self._sizes, 0.0)
-        variances = np.diag(belief.covariance)[:, None] + effects**2 / np.append(self._known, 1.0)
+        variances = np.diag(belief.covariance)[:, None] + effects**2 / np.append(np.diag(self._known), 1.0)
         margins = CERTAIN * np.sqrt(variances)
         least, most = (means - margins).min(axis=1), (means + margins).max(axis=1)
         return Belief(0.5 * (least + most), np.diag(((most - least) / (2.0 * CERTAIN)) ** 2))
 
     def without(self, belief: Belief, sensor: str) -> Belief:
-        """Belief without what a sensor has told that is left out, as far as it was wrong; hypotheses begin anew."""
+        """Belief without what a sensor that is left out has told wrongly; others may be wrong beside it."""
         if sensor not in self._sensors:
             return belief
-        found = self._mixed(belief, self._weights([sensor]))
-        self._restart(np.ones(self._sensors.size, dtype=bool))
+        weights = self._weights([sensor])
+        found, row = self._mixed(belief, weights), int(np.argmax(weights))
+        if weights.sum() > 0.5:
+            shares = self._known[row] / self._known[row, row]
+            self._effects = self._effects - np.outer(self._effects[:, row], shares)
+            self._evidence = self._evidence - self._evidence[row] * shares
+            self._known = self._known - np.outer(self._known[row], shares)
+        self._restart(self._sensors == sensor)
         return found
 
     def _weights(self, sensors: Sequence[str] | NDArray[np.str_]) -> FloatArray:
@@ -123,8 +129,10 @@ class Biases:
     def _mixed(self, belief: Belief, weights: FloatArray) -> Belief:
         """Mixture of the beliefs with an error, by their probabilities (m,), and of that without any."""
         moved = self._effects @ (weights * self._sizes)
-        more = (self._effects * weights * (1.0 / self._known + self._sizes**2)) @ self._effects.T
+        more = (self._effects * weights * (1.0 / np.diag(self._known) + self._sizes**2)) @ self._effects.T
         return Belief(belief.mean + moved, belief.covariance + more - np.outer(moved, moved))
 
     def _restart(self, which: NDArray[np.bool_]) -> None:
-        self._effects[:, which], self._evidence[which], self._known[which] = 0.0, 0.0, self._least[which]
+        self._effects[:, which], self._evidence[which] = 0.0, 0.0
+        self._known[which], self._known[:, which] = 0.0, 0.0
+        self._known[which, which] = self._least[which]
