@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_twin.ensemble.estimate.departures import CERTAIN
+from cable_twin.ensemble.estimate.alarms import CERTAIN
 from cable_twin.ensemble.estimate.kalman import Belief
 from cable_twin.mechanics.parameters import FloatArray
 

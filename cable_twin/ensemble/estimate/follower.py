@@ -17,9 +17,9 @@ import numpy as np
 import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
+from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.departures import Departures, Expected
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,

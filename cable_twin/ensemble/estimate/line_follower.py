@@ -15,9 +15,9 @@ import numpy as np
 import scipy  # loads `special` where it is used
 
 from cable_twin.basics.units import with_unit
+from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
 from cable_twin.ensemble.estimate.biases import Biases
-from cable_twin.ensemble.estimate.departures import Departures, Expected
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import LineStatics
