@@ -16,6 +16,7 @@ from twin_process import TwinProcess, allocate_domain, release_domain, write_qui
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.language.compilation import Kernel
 from cable_twin.mechanics.language.linking import BriefCompiler
+from cable_twin.mechanics.on_rope.load_node import update_load_nodes
 from cable_twin.mechanics.rope.element import add_cable
 from cable_twin.mechanics.solution.bundle.elimination import solve_bundle
 from cable_twin.mechanics.solution.equations_of_motion import assemble, assemble_open, solve_accelerations
@@ -27,7 +28,8 @@ from cable_twin.simulation import Simulation
 
 # whose kernels most tests need: several ropes and one, in space and in a plane
 SHARED = "jig_back", "chairlift", "windy_tramway", "aerial_tramway"
-for large in (add_cable, assemble, assemble_open, solve_accelerations, solve_bundle, solve_increments):
+LARGE = add_cable, assemble, assemble_open, solve_accelerations, solve_bundle, solve_increments, update_load_nodes
+for large in LARGE:
     if isinstance(large, Kernel):  # only tests call it from Python: the same numbers, in half the time of compilation
         large._options["pipeline_class"] = BriefCompiler
 # before anything imports rclpy: tests neither see other ROS 2 systems nor are seen by them

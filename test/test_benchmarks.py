@@ -31,6 +31,7 @@ def numbers(rows, key):
     return values
 
 
+@pytest.mark.long
 def test_moves_as_exudyn_does(tmp_path):
     pytest.importorskip("exudyn")
     result = run("exudyn", "--quick", "--output", tmp_path)
@@ -66,6 +67,7 @@ def test_moves_as_exudyn_does(tmp_path):
         assert default["allowed [mm]"] is None
 
 
+@pytest.mark.long
 def test_moves_as_exudyn_does_in_space(tmp_path):
     """Rope of 1 km pushed sideways by 0.5 m: bare to 0.2 mm."""
     pytest.importorskip("exudyn")
@@ -82,6 +84,7 @@ def test_moves_as_exudyn_does_in_space(tmp_path):
     assert vehicle["vehicles apart [mm]"] < 100.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["exudyn_comparison", "exudyn_space"])
 def test_another_motion_is_a_fault(name, monkeypatch):
     """Refused comparisons: a tenth less gravity in Exudyn, and in space a rope half a metre off."""
@@ -221,6 +224,7 @@ def test_refuses_results_that_are_not_its_own_before_it_measures(tmp_path, monke
     assert "is not from here" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_steps_for_learning_and_parts_that_were_not_run_stay(tmp_path, monkeypatch, capsys):
     """Environment not slower than the same trip by commands and snapshots."""
     path = tmp_path / "benchmarks.json"

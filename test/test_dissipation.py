@@ -100,7 +100,7 @@ def test_the_advice_mends_it():
         ("aerial_tramway", [("cabin", 7.0)]),
         ("single_span", [("cabin", 7.0)]),
         ("chairlift", [("haul_rope", 2.5)]),
-        ("gondola", [("haul_rope", 6.0)]),
+        pytest.param("gondola", [("haul_rope", 6.0)], marks=pytest.mark.long),
         ("seed_example", []),
     ],
 )

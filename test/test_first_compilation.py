@@ -100,11 +100,18 @@ for kernel, kinds in chosen.items():
 """
 
 
+KINDS = "aerial_tramway", "windy_tramway", "chairlift", "jig_back"  # one rope and several, in a plane and in space
 ONE, SEVERAL = "solve_block_tridiagonal", "solve_bundle"  # one rope, several
 
 
 @needs_kernels
-@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "config").glob("*.yaml")))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(path.stem, marks=[pytest.mark.long] * (path.stem not in KINDS))
+        for path in sorted((ROOT / "config").glob("*.yaml"))
+    ],
+)
 def test_kernels_with_a_workspace_are_compiled_ahead(name):
     """Arguments by name; an unknown one of `typical` would be compiled late, in one process alone."""
     engine = Engine(load_scenario(name))
@@ -132,9 +139,8 @@ def test_scenarios_of_a_kind_have_the_same_kernels():
     assert {kind: len(found) for kind, found in kinds.items()} == dict.fromkeys(kinds, 1)
 
 
-@pytest.mark.parametrize(
-    ("name", "last_of_rest"), [("seed_example", ONE), pytest.param("jig_back", SEVERAL, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "last_of_rest"), [("seed_example", ONE), ("jig_back", SEVERAL)])
 def test_kernels_compiled_ahead_are_those_that_are_called(name, last_of_rest):
     """Argument types of kernels compiled ahead equal those of the calls, but for a few."""
     result = run_python("-c", CODE, name)
@@ -173,7 +179,7 @@ def test_kernels_that_cannot_be_kept_are_told_and_taken_from_nowhere_else():
     assert ": Not a directory: compiled kernels cannot be kept, every start compiles them" in line
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("how", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGKILL])
 def test_a_start_that_is_ended_leaves_nothing_behind(how, tmp_path):
     """Neither the second process nor the shared files remain."""
     code = (

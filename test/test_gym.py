@@ -281,8 +281,9 @@ def test_what_the_solver_cannot_do_ends_an_episode_of_an_ensemble():
     many.close()
 
 
-def test_environments_in_processes_go_as_one_alone(env):
-    many = vector_env(2, "single_span", reward=nearer, period=0.1, processes=True, context="spawn")
+@pytest.mark.parametrize("context", ["fork", pytest.param("spawn", marks=pytest.mark.long)])
+def test_environments_in_processes_go_as_one_alone(env, context):
+    many = vector_env(2, "single_span", reward=nearer, period=0.1, processes=True, context=context)
     try:
         many.reset(seed=1)
         observations, rewards, *_ = many.step(np.array([[4.0], [-4.0]]))

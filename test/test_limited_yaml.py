@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from cable_twin.basics import limited_yaml
 from cable_twin.basics.limited_yaml import DEEPEST, LARGEST, MOST, UnreadableYamlError, read_mapping, read_yaml
 from cable_twin.offline.script import ScriptError, read_script
 from cable_twin.offline.simulate_options import parser
 from cable_twin.scenario import ScenarioError, load_scenario, parse_scenario
 from fuzzing.scenarios import bomb
 
+FEW = 1000  # values; as many as are allowed take seconds
 MANY = f"more than {MOST} keys and values, each use of an alias counted in full; allowed: at most {MOST}"
 DEEP = f"nested more than {DEEPEST} levels deep; allowed: at most {DEEPEST}"
 BOMBS = {kind: bomb(kind, levels=7, width=8) for kind in ("list", "map", "merge")}  # some 300,000 values
@@ -73,11 +75,14 @@ def test_values_that_are_none_are_refused_in_a_line(text):
     assert "\n" not in str(raised.value)
 
 
-def test_what_is_within_limits_is_read():
+def test_what_is_within_limits_is_read(monkeypatch):
+    monkeypatch.setattr(limited_yaml, "MOST", FEW)
     read = read_yaml("a: &a {x: 1e6}\nb: {<<: *a, y: [*a, *a]}\n")
     assert read.content == {"a": {"x": 1e6}, "b": {"x": 1e6, "y": [{"x": 1e6}, {"x": 1e6}]}}
     assert read_yaml("") == (None, None, [])
-    assert len(read_yaml(f"[{'1,' * (MOST - 1)}]").content) == MOST - 1
+    assert len(read_yaml(f"[{'1,' * (FEW - 1)}]").content) == FEW - 1
+    with pytest.raises(UnreadableYamlError, match=f"more than {FEW} keys and values"):
+        read_yaml(f"[{'1,' * FEW}]")
     assert read_yaml("[" * (DEEPEST - 1) + "1" + "]" * (DEEPEST - 1)).content
     with pytest.raises(UnreadableYamlError, match="larger than"):
         read_yaml("#" * (LARGEST + 1))

@@ -52,7 +52,7 @@ def test_what_is_sound_is_taken(simulation):
 def test_no_number_outside_its_range_is_taken(simulation):
     full = saved(simulation)
     before = simulation.snapshot.numbers.tobytes()
-    tried = set()
+    tried, several = set(), len(simulation.parts) > 1  # then a value of each array, as there are hundreds of them
     for within, ranges, arrays in (
         (r"state\d*/", RANGES, arrays_of(full.states[0])),
         (r"start\d*/", RANGES, arrays_of(full.starts[-1])),
@@ -62,7 +62,8 @@ def test_no_number_outside_its_range_is_taken(simulation):
             if not array.size:
                 continue
             kept = array.copy()
-            for value in BEYOND if array.dtype.kind == "i" else STRANGE if array.dtype.kind == "f" else ():
+            values = BEYOND if array.dtype.kind == "i" else STRANGE if array.dtype.kind == "f" else ()
+            for value in values[: 1 if several else None]:
                 array.flat[-1 if len(ranges[name]) == 1 else 0] = value
                 with pytest.raises(SnapshotError, match=rf"^{within}{name}: .*; allowed: ") as raised:
                     simulation.restore(full)

@@ -110,7 +110,9 @@ def test_a_twin_that_knows_nothing_waits_until_its_plant_stands(measured):
             now,
         )
         lines += [(now, line) for news in tracker.advance(now) for line in news.lines]
-    (_, waits), (begun, follows), *_ = lines
+        if len(lines) == 2:
+            break
+    (_, waits), (begun, follows) = lines
     assert waits == "waits until cabin of the plant stands still"
     assert follows.startswith("follows the plant from 1")
     assert begun > 10.0

@@ -154,7 +154,12 @@ def force_on_the_way(share: float, mass: float, step: float, spectral_radius: fl
     return np.array(forces) / weight
 
 
-@case("mass that passes nodes", "linear string, elements and integrator: its exponents of growth", needs_jit=True)
+@case(
+    "mass that passes nodes",
+    "linear string, elements and integrator: its exponents of growth",
+    needs_jit=True,
+    long=True,
+)
 def passing_nodes() -> Iterator[Result]:
     """A mass of 10 elements, v h/l against ln(1/ρ)/5.6, and a light one, which does not care; what is left."""
     wave = np.sqrt(AXIAL * STRAIN * (1.0 + STRAIN))

@@ -119,7 +119,7 @@ def trapezoid() -> Iterator[Result]:
     yield Result("speed after it", "m/s", -speed, car.speed, 1e-12)
 
 
-@case("driven joint, jerk limit", "a/j + v/a, or 2 √(v/j)", needs_jit=True)
+@case("driven joint, jerk limit", "a/j + v/a, or 2 √(v/j)", needs_jit=True, long=True)
 def jerk_limited() -> Iterator[Result]:
     """To 2 m/s at 0.5 m/s² with jerk limits that do and do not let it reach that acceleration."""
     acceleration, speed, step = 0.5, 2.0, 1e-3

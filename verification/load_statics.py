@@ -181,7 +181,7 @@ def force_by_potential() -> Iterator[Result]:
         yield Result(f"{label_of(bend)}: drive force beside that", "F² / T", 0.0, max(apart, key=abs), 1e-3)
 
 
-@case("free bead on a rope", "it rests where the tension is the same on both sides", needs_jit=True)
+@case("free bead on a rope", "it rests where the tension is the same on both sides", needs_jit=True, long=True)
 def free_bead() -> Iterator[Result]:
     """Held and then let go at the place of the closed form, on meshes that put it anywhere on an element."""
     for bend in FEW:
@@ -240,7 +240,7 @@ def string_with_mass(share: float, ratio: float, count: int) -> list[float]:
     return found[:count]
 
 
-@case("frequencies of a string with a mass", "sin φ = μ φ sin(a φ) sin((1 - a) φ)", needs_jit=True)
+@case("frequencies of a string with a mass", "sin φ = μ φ sin(a φ) sin((1 - a) φ)", needs_jit=True, long=True)
 def frequencies_with_a_load() -> Iterator[Result]:
     """A fixed mass at 9 places of an element of 20: first three modes across the string; in a plane and in space."""
     length, tension, mass, stiffness = 100.0, 1e5, 5.0, 1e7

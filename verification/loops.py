@@ -346,7 +346,7 @@ def tensioning() -> Iterator[Result]:
         yield Result(f"travel, {force / 1e3:g} kN, {length:.6g} m", "m", expected, got, 1e-7)
 
 
-@case("hydraulic tensioning of a loop", "its law: moves where the pull has left its band", needs_jit=True)
+@case("hydraulic tensioning of a loop", "its law: moves where the pull has left its band", needs_jit=True, long=True)
 def hydraulics() -> Iterator[Result]:
     """Chairs that go up and down a loop; the cylinder moves, and one that is locked does not."""
     for locked in (False, True):

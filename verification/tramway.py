@@ -106,7 +106,7 @@ def free_sheave() -> Iterator[Result]:
     yield Result("energy at the end by that at the start", "-", 1.0, energies[-1] / start if start else 0.0, 5e-3)
 
 
-@case("brake on the drive sheave", "∫ of its force over the mass of all that moves", needs_jit=True)
+@case("brake on the drive sheave", "∫ of its force over the mass of all that moves", needs_jit=True, long=True)
 def sheave_brake() -> Iterator[Result]:
     """A stiff haul rope; the force of the brakes rises within their time, both brakes together, then it holds."""
     speed, force, rise = 4.0, 60.0, 0.8

@@ -231,6 +231,7 @@ def measure(run):
     return math.degrees(swing), max(rest), last.carriages["cabin"].arc_length
 
 
+@pytest.mark.long
 def test_swing_is_cut_by_more_than_half(trips, tmp_path, capsys):
     (plain, plain_output), (damped, damped_output) = trips
     swing_a, rest_a, end_a = measure(plain)
@@ -251,6 +252,7 @@ def test_swing_is_cut_by_more_than_half(trips, tmp_path, capsys):
     assert (tmp_path / "swing.png").stat().st_size > 20_000
 
 
+@pytest.mark.long
 def test_damped_trip_replays_to_the_last_bit(trips, replayed):
     replayed(trips[1][0])
 

@@ -87,7 +87,7 @@ def places_of(dim, times=1):
     return np.cumsum([0, *sizes])
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 @pytest.mark.parametrize("clamps", [0, 1, 4])
 @pytest.mark.parametrize("times", [1, 2, 5])
 def test_elimination_solves_what_a_dense_solver_solves(dim, clamps, times):
@@ -128,7 +128,7 @@ def test_elimination_solves_what_a_dense_solver_solves(dim, clamps, times):
     np.testing.assert_allclose(np.concatenate(found), exact, rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_tangent_of_a_pantograph_is_the_derivative_of_its_push(dim):
     """Of a head that does not give way, as its stages are heavy here: by size, direction and place of its push."""
     pantograph = {
@@ -169,7 +169,7 @@ def test_block_without_inverse_is_told():
     assert not solve_bundle(bundle, allocate_bundle_work(bundle), works[0], systems[0].cable.gravity)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 @pytest.mark.parametrize(("rate_factor", "rolls"), [(0.0, 0), (70.0, 0), (0.0, 1), (70.0, 1)])
 def test_tangent_of_rods_is_the_derivative_of_their_forces(dim, rate_factor, rolls):
     """Positions and rates varied together by the factor of the integrator; ropes move where nothing rolls."""

@@ -92,8 +92,10 @@ def in_motion(elements, dim=2, **options):
     return system, state, work
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("model", [CONTINUUM, ELEMENT_FRAME])
+@pytest.mark.parametrize(
+    ("model", "dim"),
+    [(CONTINUUM, 2), (CONTINUUM, 3), (ELEMENT_FRAME, 2), pytest.param(ELEMENT_FRAME, 3, marks=pytest.mark.long)],
+)
 @pytest.mark.parametrize("elements", [1, 2, 3, 5])
 def test_end_forces_are_what_the_end_nodes_lack(elements, model, dim):
     """With flow, drag, damping, loads, vehicles and towers on the elements at both ends."""

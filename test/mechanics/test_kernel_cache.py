@@ -120,18 +120,31 @@ def run_shipped(folder, shipped, own, **variables):
     return done.stdout.split(), done.stderr
 
 
-def test_kernels_that_came_with_the_package_are_taken_wherever_it_is(tmp_path):
+def write_source(folder, text):
+    """Write the source of a kernel with the time of all others."""
+    (folder / "small.py").write_text(text)
+    os.utime(folder / "small.py", (1e9, 1e9))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Folder with a source and, in `cable_twin`, its compiled kernels."""
+    folder = tmp_path_factory.mktemp("made")
+    write_source(folder, MODULE)
+    assert run_shipped(folder, folder / "none", folder)[0] == ["6.0", "2"]
+    return folder
+
+
+def test_kernels_that_came_with_the_package_are_taken_wherever_it_is(made, tmp_path):
     """Elsewhere, and written at another time, as a wheel is unpacked; the user's cache is not asked then."""
-    made, installed = tmp_path / "made", tmp_path / "installed"
-    made.mkdir()
-    (made / "small.py").write_text(MODULE)
-    assert run_shipped(made, tmp_path / "none", tmp_path / "cache")[0] == ["6.0", "2"]
-    shipped = (tmp_path / "cache" / "cable_twin").rename(tmp_path / "shipped")
+    installed, shipped = tmp_path / "installed", tmp_path / "shipped"
+    installed.mkdir()
+    shutil.copy(made / "small.py", installed)
+    shutil.copytree(made / "cable_twin", shipped)
     for file in shipped.rglob("from_kernels"):
         shutil.rmtree(file)
-    made.rename(installed)
     for file in [*installed.iterdir(), *shipped.rglob("*")]:
-        os.utime(file, (1e9, 1e9))
+        os.utime(file, (1.1e9, 1.1e9))
     shared = tmp_path / "own"
     shared.write_text("no directory")  # as of a user without a home: nobody is told, as nothing is needed there
     assert run_shipped(installed, shipped, shared) == (["6.0", "0"], "")
@@ -141,24 +154,23 @@ def test_kernels_that_came_with_the_package_are_taken_wherever_it_is(tmp_path):
 @pytest.mark.parametrize(
     ("before", "after", "result"), [("2.0 *", "3.0 *", "9.0"), ("x + 1.0", "x + 2.0", "8.0"), ("2.0 *", "1.0 *", "3.0")]
 )
-def test_kernels_of_other_sources_are_never_taken(tmp_path, before, after, result):
+def test_kernels_of_other_sources_are_never_taken(made, tmp_path, before, after, result):
     """A text as long, of the same time: neither that of the kernel itself nor that of one that it calls."""
-    file = tmp_path / "small.py"
-    for directory, text in (("shipped", MODULE), ("other", MODULE.replace(before, after))):
-        file.write_text(text)
-        os.utime(file, (1e9, 1e9))
-        printed, _ = run_shipped(tmp_path, tmp_path / "shipped" / "cable_twin", tmp_path / directory)
+    write_source(made, MODULE.replace(before, after))
+    try:
+        printed, _ = run_shipped(made, made / "cable_twin", tmp_path)
+    finally:
+        write_source(made, MODULE)
     assert printed == [result, "2"]
 
 
-def test_a_damaged_file_that_came_with_the_package_is_compiled_anew_and_left_as_it_is(tmp_path):
-    (tmp_path / "small.py").write_text(MODULE)
-    run_shipped(tmp_path, tmp_path / "none", tmp_path / "cache")
-    shipped = tmp_path / "cache" / "cable_twin"
+def test_a_damaged_file_that_came_with_the_package_is_compiled_anew_and_left_as_it_is(made, tmp_path):
+    shipped = tmp_path / "shipped"
+    shutil.copytree(made / "cable_twin", shipped)
     for file in shipped.rglob("*.nbc"):
         file.write_bytes(b"garbage")
     kept = {file: file.read_bytes() for file in shipped.rglob("*.nb?")}
-    printed, said = run_shipped(tmp_path, shipped, tmp_path / "own")
+    printed, said = run_shipped(made, shipped, tmp_path / "own")
     assert printed == ["6.0", "2"]
     assert "its kernel is compiled anew" in said
     assert kept == {file: file.read_bytes() for file in shipped.rglob("*.nb?")}

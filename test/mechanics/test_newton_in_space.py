@@ -400,6 +400,7 @@ def test_newton_step_in_wind():
     check_newton_step(*setup(2, air=WINDY))
 
 
+@pytest.mark.long  # of all kernels another kind; the same in a plane is in test_moving_rope
 @pytest.mark.parametrize("mode", [FREE, SPEED], ids=["free", "clamped"])
 def test_newton_step_on_a_moving_cable(mode):
     """Clamped vehicles as driven joints, and transport terms of the rope."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mechanics.systems import difference, disturbed_state, make_cable, make_system
+from mechanics.systems import difference, disturbed_state, make_system
 from numpy.polynomial.legendre import leggauss
 
 from cable_twin.mechanics.language.compilation import kernel
@@ -124,7 +124,7 @@ def kinetic_and_potential(cable, ends, z, z_dot, dim):
     return kinetic, potential
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_residual_is_that_of_lagrange(dim):
     """d/dt ∂T/∂q̇ - ∂T/∂q + ∂V/∂q of the rope beside a load, by differences of its energies in any motion."""
     system, state, work = loaded(dim)
@@ -273,7 +273,7 @@ def equations(state, work, dim):
     return matrix, right, places
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 @pytest.mark.parametrize("loads", [1, 2])
 def test_condensation_solves_all_equations(dim, loads):
     """A load, and two at neighbouring nodes, beside a dense solution with their vehicles in it."""
@@ -292,7 +292,7 @@ def test_condensation_solves_all_equations(dim, loads):
             np.testing.assert_allclose(work.right_side[node, row], x[first : first + dim], atol=1e-9)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_a_node_that_is_put_back_leaves_the_rope(dim):
     """Handed on to the next node, behind the load: to rounding. Ahead of it, one cubic takes the place of two."""
     system, state, _ = loaded(dim, element_count=6)
@@ -311,7 +311,6 @@ def test_a_node_that_is_put_back_leaves_the_rope(dim):
 def test_hand_over_keeps_the_energy_of_a_smooth_rope():
     """A parabola in rigid motion is one cubic before and after: its energy stays, but for Gauss points."""
     system, state, _ = loaded(2, element_count=6)
-    system = system._replace(cable=make_cable(element_count=6, load_nodes=True))
     state.joints.position[0] = np.array([0.28, 0.72]) @ system.cable.node_arc_length[2:4]
     state.joints.velocity[0], state.joints.acceleration[0] = 0.7, 0.2
     follow(state)

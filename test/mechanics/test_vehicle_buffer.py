@@ -110,7 +110,7 @@ def test_its_tangent_is_the_derivative_of_the_force_on_both(dim, rate_factor):
     assert np.linalg.norm(forces(np.zeros(2 * dim))) > 50.0
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [pytest.param(2, marks=pytest.mark.long), 3])
 def test_the_rope_takes_none_of_it(dim):
     system, state, _ = pair(dim)
     without = system._replace(buffers=system.buffers._replace(present=False))

@@ -178,7 +178,7 @@ def lift_bag(tmp_path_factory):
     values = {"ropes.up.axial_stiffness": 70e6, "ropes.down.axial_stiffness": 70e6, LEAVING: 200.0}
     options = [part for key, value in values.items() for part in ("--set", f"{key}={value}")]
     options += ["--sensors", str(directory / "sensors.yaml"), "--script", str(directory / "start.yaml")]
-    assert plant.main(["chairlift", *options, "--duration", "6", "--log", str(directory / "bag")]) == 0
+    assert plant.main(["chairlift", *options, "--duration", "5", "--log", str(directory / "bag")]) == 0
     (bag,) = (directory / "bag").iterdir()
     return str(bag)
 

@@ -19,9 +19,9 @@ from cable_twin.recording.log_reader import read_log
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Directory of a run of a minute, logged by a process of its own with the arithmetic that `replay` has."""
+    """Directory of a run of half a minute, logged by a process of its own with the arithmetic that `replay` has."""
     directory = tmp_path_factory.mktemp("commands")
-    options = ("--duration", "60", "--record", "bag", "--output", str(directory / "logs"))
+    options = ("--duration", "30", "--record", "bag", "--output", str(directory / "logs"))
     command = "import sys; from cable_twin.offline.entry_points import simulate; sys.exit(simulate())"
     subprocess.run(
         [sys.executable, "-c", command, str(write_quick_scenario(directory)), *options],
@@ -68,7 +68,7 @@ def start(tmp_path):
 
 
 # s: in the imports, at the start, under way
-@pytest.mark.parametrize("pause", [0.3, pytest.param(1.0, marks=pytest.mark.long), 3.0])
+@pytest.mark.parametrize("pause", [0.3, *(pytest.param(pause, marks=pytest.mark.long) for pause in (1.0, 3.0))])
 def test_an_interrupt_is_one_line_at_any_moment(run, start, tmp_path, pause):
     write_quick_scenario(tmp_path)
     started = {

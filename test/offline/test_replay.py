@@ -113,7 +113,7 @@ def test_replay_is_faster_than_the_run(recorded):
     assert time.monotonic() - started < 14.0
 
 
-@pytest.mark.parametrize("chosen", [5, 15])
+@pytest.mark.parametrize("chosen", [5, pytest.param(15, marks=pytest.mark.long)])
 def test_altered_command_is_found_with_time_and_topic(recorded, tmp_path, capsys, chosen):
     speeds = [applied for applied in read_log(recorded).commands if applied.command.kind == "speed"]
     applied = speeds[chosen]

@@ -83,7 +83,7 @@ def test_bag_cut_short_is_read_without_a_flag(runs, tmp_path, capsys):
     assert {path.name for path in (tmp_path / "plots").iterdir()} == PLOTS
 
 
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_plots_show_something(runs, tmp_path, capsys, count):
     assert main([*map(str, runs[:count]), "--no-viewer", "--plots", str(tmp_path)]) == 0
     assert "plots: " in capsys.readouterr().out
@@ -157,6 +157,7 @@ def test_two_runs_are_one_table_and_one_recording(runs, tmp_path, no_display, ca
         assert path in text
 
 
+@pytest.mark.long
 def test_three_runs_are_one_table_one_recording_and_plots(runs, tmp_path, no_display, capsys):
     """The first run given a second time as the third; each compared with the first."""
     copies = [shutil.copytree(run, tmp_path / name) for run, name in zip((*runs, runs[0]), "xyz", strict=True)]

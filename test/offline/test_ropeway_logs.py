@@ -273,7 +273,7 @@ def test_runs_are_compared_in_space_too(windy, tmp_path, no_display):
         assert {f"/{root}/space/rope", f"/{root}/space/carriages/cabin/cabin", f"/{root}/plots/wind"} <= entities
 
 
-@pytest.mark.parametrize("tramway", [TRAMWAY, IN_SPACE], ids=["plane", "space"])
+@pytest.mark.parametrize("tramway", [pytest.param(TRAMWAY, marks=pytest.mark.long), IN_SPACE], ids=["plane", "space"])
 def test_a_running_twin_and_the_log_of_its_run_have_one_verdict(tramway, tmp_path, capsys):
     """No alarm from the first steps of a motion, which lose a large share of little energy."""
     scenario = load_scenario(tramway, {"solver.step": 0.02})

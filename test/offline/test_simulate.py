@@ -156,7 +156,14 @@ def grown(directory):
     wait_until(lambda: bag(the_run(directory / "logs")).stat().st_size > 200_000)
 
 
-@pytest.mark.parametrize("pauses", [(0.0,), (0.05, 0.1, 0.0), (0.01,) * 100])  # s; also of one who is impatient
+@pytest.mark.parametrize(  # s; also of one who is impatient
+    "pauses",
+    [
+        pytest.param((0.0,), marks=pytest.mark.long),
+        (0.05, 0.1, 0.0),
+        pytest.param((0.01,) * 100, marks=pytest.mark.long),
+    ],
+)
 def test_a_signal_ends_it_with_a_log_that_is_complete(scripted, tmp_path, pauses):
     with without_end(scripted, tmp_path, "--record", "bag") as process:
         grown(tmp_path)

@@ -145,7 +145,11 @@ def test_last_file_with_nothing_in_it_is_said(copy, capsys):
 
 @pytest.mark.parametrize(
     ("spoil", "states"),
-    [(damage_middle, 2), (Path.unlink, 1), (lambda file: file.write_bytes(bytes(5000)), 1)],
+    [
+        (damage_middle, 2),
+        (Path.unlink, 1),
+        pytest.param(lambda file: file.write_bytes(bytes(5000)), 1, marks=pytest.mark.long),
+    ],
     ids=["damaged", "missing", "erased"],
 )
 def test_after_a_damaged_file_it_goes_on_from_the_next_state(copy, capsys, spoil, states, replayed):

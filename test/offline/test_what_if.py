@@ -37,7 +37,9 @@ def branch(run, tmp_path, *options):
     return code, read_log(found[0]) if found else None
 
 
-@pytest.mark.parametrize("at", [0.0, 1.25, 2.0, 2.5])
+@pytest.mark.parametrize(
+    "at", [0.0, pytest.param(1.25, marks=pytest.mark.long), 2.0, pytest.param(2.5, marks=pytest.mark.long)]
+)
 def test_a_branch_without_changes_has_the_bits_of_the_run(run, tmp_path, capsys, at):
     code, log = branch(run, tmp_path, "--at", at)
     assert code == 0

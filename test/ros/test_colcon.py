@@ -103,6 +103,7 @@ def test_launch_files_start_twins_and_end_them(workspace, domain, tmp_path, file
         process.kill()
 
 
+@pytest.mark.long
 def test_a_pip_install_is_found_by_ros2_run_too(tmp_path):
     """Files in the directories in which ament finds packages and `ros2 run` executables."""
     pytest.importorskip("wheel")

@@ -130,7 +130,7 @@ def test_stations_are_where_the_end_stops_begin():
         target_of(load_scenario("gondola"), "haul_rope", "upper_station")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_signal_stops_a_driven_force_with_speed_zero(twin, drive, number):
     process = drive("cabin", "--force", "40000")
     twin.until(lambda: twin.received["applied_commands"] and twin.speed > 0.3, what="motion by force")

@@ -166,7 +166,7 @@ def words_of_the_hint(scenario) -> list[str]:
     return shlex.split(hint)[1:]
 
 
-@pytest.mark.parametrize("words", [words_in_the_namespace, words_of_the_hint])
+@pytest.mark.parametrize("words", [pytest.param(words_in_the_namespace, marks=pytest.mark.long), words_of_the_hint])
 def test_drive_is_remapped_as_any_node_and_each_of_its_messages_has_a_stamp(running, twin, processes, words):
     twin.received["/desk"].clear()
     twin.received["/js"].clear()

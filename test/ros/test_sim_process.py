@@ -68,7 +68,11 @@ def check_logs(run: Path) -> int:
 
 @pytest.mark.parametrize(
     "signals",
-    [[signal.SIGTERM], [signal.SIGHUP], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
+    [
+        [signal.SIGTERM],
+        pytest.param([signal.SIGHUP], marks=pytest.mark.long),
+        [signal.SIGINT, signal.SIGTERM, signal.SIGINT],
+    ],
     ids=lambda signals: "-".join(number.name for number in signals),
 )
 def test_signals_end_it_cleanly(quick_twin, signals):
@@ -188,7 +192,7 @@ def test_solver_that_fails_pauses_the_twin_until_a_reset(processes, participants
     assert replay.main([str(sim.run_directory)]) == 0
 
 
-@pytest.mark.parametrize("stop", [False, True])
+@pytest.mark.parametrize("stop", [pytest.param(False, marks=pytest.mark.long), True])
 def test_a_twin_that_is_ended_before_its_time_ran_has_a_log(quick_twin, stop):
     """Log also with a first command from a service."""
     sim, participant = quick_twin("--start-paused", "true", paused=True)

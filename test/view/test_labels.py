@@ -40,7 +40,11 @@ def boxes(names, tops):
 
 @pytest.mark.parametrize(
     ("name", "changes"),
-    [*((name, {}) for name in scenario_names()), ("chairlift", IN_SPACE), ("gondola", IN_SPACE)],
+    [
+        *((name, {}) for name in scenario_names()),
+        ("chairlift", IN_SPACE),
+        pytest.param("gondola", IN_SPACE, marks=pytest.mark.long),
+    ],
     ids=lambda value: value if isinstance(value, str) else "space" if value else "shipped",
 )
 def test_no_label_of_a_shipped_scenario_covers_another(tmp_path, name, changes):

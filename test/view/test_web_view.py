@@ -47,7 +47,11 @@ def check_page(link):
         pass
 
 
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "end",
+    [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long), signal.SIGKILL],
+    ids=lambda number: number.name,
+)
 def test_review_serves_a_run_until_it_is_ended(run, tmp_path, end):
     with (tmp_path / "output.txt").open("w") as output:
         code = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler); {SERVE}"

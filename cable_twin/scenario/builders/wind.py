@@ -18,6 +18,7 @@ Cholesky factor of the coherence, summed by a fast Fourier transform.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,17 +71,21 @@ def coherence(turbulence: Turbulence, k: FloatArray, distance: FloatArray) -> Fl
     return np.exp(-turbulence.decay * np.sqrt((waves * d) ** 2 + (0.12 * d / turbulence.length_scale) ** 2))
 
 
-def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray) -> tuple[FloatArray, float]:
-    """Generate turbulence samples at points (points, 3) in m in a wind (3,) of given direction.
+@lru_cache(maxsize=2)  # a scenario is built several times: for its checks, simulations and members of ensembles
+def make_turbulence(
+    turbulence: Turbulence, start: tuple[float, ...], end: tuple[float, ...], wind: tuple[float, ...]
+) -> tuple[FloatArray, FloatArray, float]:
+    """Generate turbulence samples at points from a start to an end (3,) in m, in a wind (3,) of given direction.
 
     Returns:
-        Samples (points, SAMPLES, 3) for a deviation of 1 m/s along the wind, across it and upwards; their spacing in m.
-        Samples are periodic: the first follows the last.
+        Points (points, 3) in m; samples (points, SAMPLES, 3) at them for a deviation of 1 m/s along the wind, across it
+        and upwards, of which the first follows the last; their spacing in m.
     """
+    points = np.linspace(start, end, turbulence.points)
     spacing = turbulence.length_scale / PER_LENGTH
     step = 1.0 / (SAMPLES * spacing)
     k = step * np.arange(1.0, SAMPLES // 2, dtype=np.float64)
-    ahead = wind / np.linalg.norm(wind)
+    ahead = np.array(wind) / np.linalg.norm(wind)
     apart = points[:, None] - points[None]
     across = np.linalg.norm(apart - (apart @ ahead)[..., None] * ahead, axis=-1)
     generator = np.random.default_rng(turbulence.seed)
@@ -93,7 +98,7 @@ def make_turbulence(turbulence: Turbulence, points: FloatArray, wind: FloatArray
         )  # for points without distance across the wind
         waves[:, part] = np.einsum("kij,ckj->cki", np.linalg.cholesky(matrix), waves[:, part])
     spectra = np.stack([_amplitudes(spectrum, k, step) for spectrum in components(turbulence)])
-    return _summed(spectra[:, :, None] * waves), spacing
+    return points, _summed(spectra[:, :, None] * waves), spacing
 
 
 def _amplitudes(spectrum: Callable[[FloatArray], FloatArray], k: FloatArray, step: float) -> FloatArray:
@@ -131,12 +136,11 @@ def build_wind(scenario: Scenario) -> parameters.Wind:
             **numbers(parameters.Wind, air.profile), ground=ground, ground_start=first, ground_step=step
         )
     if air.turbulence is not None and air.turbulence.intensity > 0.0:
-        start, end = (np.array(in_space(end.position)) for end in (scenario.cable.start, scenario.cable.end))
-        points = np.linspace(start, end, air.turbulence.points)
-        ahead = np.array(in_space(air.wind))
-        if not ahead.any():  # in space across the track
-            ahead = np.array([0.0, 1.0, 0.0] if scenario.dim == 3 else [1.0, 0.0, 0.0])
-        table, spacing = make_turbulence(air.turbulence, points, ahead)
+        start, end = (in_space(end.position) for end in (scenario.cable.start, scenario.cable.end))
+        ahead = in_space(air.wind)
+        if not any(ahead):  # in space across the track
+            ahead = (0.0, 1.0, 0.0) if scenario.dim == 3 else (1.0, 0.0, 0.0)
+        points, table, spacing = make_turbulence(air.turbulence, start, end, ahead)
         copied = numbers(parameters.Wind, air.turbulence)
         wind = wind._replace(**copied, turbulence=table, sample_spacing=spacing, points=points)
     return wind
