@@ -211,20 +211,10 @@ class Ropeway:
         inner["patch_columns"] = work.no_columns
         counts = ("carriage", "contact", "tower", "end", "body", "element", "station")
         counts_beside_loads = ("number", "count", "first", "node", "slot")
-        sizes = (
-            "mass_factor",
-            "rate_factor",
-            "stiffness_factor",
-            "duration",
-            "h",
-            "arc_length",
-            "speed",
-            "normal",
-            "least",
-        )
+        sizes = "mass_factor", "rate_factor", "stiffness_factor", "duration", "h", "arc_length", "speed", "normal"
         numbers: dict[str, Any] = dict.fromkeys((*counts, *counts_beside_loads), 0)
         numbers |= dict.fromkeys(
-            (*sizes, "rope_drag", "share", "of_slopes", "increment", "previous", "s", "s_dot", "travel"), 1.0
+            (*sizes, "rope_drag", "share", "of_slopes", "increment", "previous", "s", "s_dot", "travel", "least"), 1.0
         )
         like, still = system.cable.gravity, no_turn(system.cable.gravity)
         vectors: dict[str, Any] = dict.fromkeys(
