@@ -28,7 +28,7 @@ from cable_twin.ensemble.estimate.quantities import QUANTISED, slow_quantities
 from cable_twin.ensemble.estimate.sensor_faults import Alarm
 from cable_twin.ensemble.estimate.tracker import Tracker
 from cable_twin.frame.records import Command
-from cable_twin.frame.sensors import Measurement, standard_sensors
+from cable_twin.frame.sensors import LOAD_CELL, Measurement, standard_sensors
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.scenario.builders.system import tower_friction
@@ -42,6 +42,7 @@ BOARDED, FAULT = 10.0, 50.0  # s, when payload and other faults set in
 WANTED = 10.0  # s after it is observable, for an alarm
 WATCHED = 35.0  # s, for which an alarm is waited for
 BIAS = 5.0  # standard deviations of the noise of a sensor
+LOAD = 0.05  # of the load of a lift's tower at rest, by which its load cell is wrong
 SHARE = 0.15  # of the force of a drive, that is lost between it and the rope
 ICE, ICING = 1.0, 60  # kg/m, and s in which it comes, in as many steps
 WIND = 3.0  # m/s along the track, of all plants
@@ -168,6 +169,9 @@ def faults(scenario: Scenario, case: Case, at: float) -> Iterator[Fault]:
         sigma = max(one.noise, QUANTISED * one.quantum)
         yield Fault(f"{name} stuck", at, f"sensor {name} ", spoils=partial(stuck, name, at))
         yield Fault(f"{name} +5 sigma", at, f"sensor {name} ", spoils=partial(biased, name, at, BIAS * sigma))
+        if one.of in scenario.towers and of_towers:
+            wrong = partial(biased, name, at, LOAD * one.noise / LOAD_CELL)
+            yield Fault(f"{name} +{100 * LOAD:.0f} %", at, f"sensor {name} ", spoils=wrong)
     for first, second in combinations(sorted(sensors), 2):
         if sensors[first].kind == sensors[second].kind:
             said = f"sensors {first} and {second} are swapped"

@@ -80,9 +80,8 @@ class Biases:
         self._restart(self._likelier < REFUTED)
         self._updates += 1
         if self._updates % RENEWED == 0:
-            later = self._likelier.reshape(1 + RECENT, -1)
-            later[0] = np.inf
-            self._restart((later == later.min(axis=0)).ravel())
+            later = self._likelier.reshape(1 + RECENT, -1)[1:]
+            self._restart((np.arange(1 + RECENT)[:, None] == 1 + later.argmin(axis=0)).ravel())
 
     def surely(self) -> tuple[str, float]:
         """Sensor that is wrong for sure and its error; an empty name where there is none."""
