@@ -209,7 +209,7 @@ def test_cabins_pass_slack_carriers_without_a_jerk():
         simulation.command("motor", speed=SPEED)
         part, found = simulation.parts["track_up"], []
         joined = part.system.cable.node_joined
-        for frame in range(120):
+        for frame in range(200):
             found.append(simulation.advance_to(0.1 * (frame + 1)).columns.highest_tension[0, 0])
             taken += int((part.state.node_load[joined] >= 0).sum())
         tensions.append(np.array(found))

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.progress import track
 from scipy.stats import chi2
 
-from cable_twin.ensemble.estimate.departures import CERTAIN
+from cable_twin.ensemble.estimate.alarms import CERTAIN
 from cable_twin.ensemble.estimate.follower import SURE
 from cable_twin.ensemble.estimate.quantities import QUANTISED, slow_quantities
 from cable_twin.ensemble.estimate.sensor_faults import Alarm
