@@ -140,7 +140,7 @@ def test_every_hostile_command_is_refused_or_applied_at_full_rate(quick_twin, co
     print(dict(sent), f"{calm:.1f} Hz before, {rate:.1f} Hz", message, values)
 
     assert sent["commands"] + sent["parameters set"] + sent["parameters refused"] >= count
-    assert min(sent["parameters set"], sent["parameters refused"]) > 0.0025 * count
+    assert min(sent["parameters set"], sent["parameters refused"]) > 0.001 * count  # drawn, and few of them valid
     assert rate > (0.9 if count > FEW else 0.5) * calm  # a machine beside other work is not as busy all the time
     applied = [item for item in participant.applied if item.source == TOPIC]
     refused = int(values["commands_refused"])
