@@ -93,6 +93,14 @@ def parameters(draw) -> Parameter:
     return Parameter(name=draw(st.one_of(known, names)), value=value)
 
 
+valid_parameters = st.floats(0.2, 60.0).map(
+    lambda seconds: Parameter(
+        name="command_timeout",
+        value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=seconds),
+    )
+)
+
+
 def rate_of(participant, action) -> float:
     """Frame rate (Hz) of the twin over a time, by stamps, as this process may miss messages."""
     first, started = participant.received["joint_states"][-1:], time.monotonic()
@@ -112,7 +120,7 @@ def hostile_sender(participant, count: int, sent: Counter[str]):
         phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )
-    @given(st.one_of(commands, commands, damaged_commands(), parameters()))
+    @given(st.one_of(commands, commands, damaged_commands(), parameters(), valid_parameters))
     def send(hostile) -> None:
         if isinstance(hostile, Parameter):
             (result,) = participant.call("set_parameters", SetParameters, parameters=[hostile]).results
@@ -140,7 +148,7 @@ def test_every_hostile_command_is_refused_or_applied_at_full_rate(quick_twin, co
     print(dict(sent), f"{calm:.1f} Hz before, {rate:.1f} Hz", message, values)
 
     assert sent["commands"] + sent["parameters set"] + sent["parameters refused"] >= count
-    assert min(sent["parameters set"], sent["parameters refused"]) > 0.001 * count  # drawn, and few of them valid
+    assert min(sent["parameters set"], sent["parameters refused"]) > 0.01 * count
     assert rate > (0.9 if count > FEW else 0.5) * calm  # a machine beside other work is not as busy all the time
     applied = [item for item in participant.applied if item.source == TOPIC]
     refused = int(values["commands_refused"])
