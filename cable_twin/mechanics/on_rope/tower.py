@@ -167,7 +167,8 @@ def contact_force(cable, towers, state, contact):
 def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
     """Add forces and tangents of all tower contacts to the elements in contact.
 
-    The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane.
+    The normal turns with the rope as n_x = -t (n·t_x), which is exact in a plane. In space the lateral force of a
+    groove grows with N as well; that it turns with the rope is left out.
     """
     like = cable.gravity
     for contact in range(towers.stiffness.size):
@@ -205,7 +206,15 @@ def add_towers(cable, towers, state, rate_factor, stiffness_factor, work):
         by_depth = -(n_by_depth + rate_factor * n_by_rate)
         by_turn = n_by_rate * dot(moving, t) / norm
         by_way = by_turn * bent - n_by_rate * dot(normal, turning)
-        pushed = add_scaled(coefficient * z, t, normal)  # ∂force/∂N
+        pushed = with_groove(  # ∂force/∂N
+            add_scaled(coefficient * z, t, normal),
+            towers.groove[contact],
+            towers.groove_friction[contact],
+            r_x,
+            normal,
+            apart,
+            moving,
+        )
         turned = scale(1.0 / norm, add_scaled(friction, normal, scale(-n, t)))  # ∂force/∂(n·r_x)
         slide = coefficient * n * z_by_way
         work.contact_slide[contact] = slide / norm
@@ -251,7 +260,8 @@ def contacts_left(cable, towers, state, work, mass_factor, rate_factor, least):
             work.contact_depth[contact, 1],
             work.contact_slide[contact],
         )
-        bent = towers.stiffness[contact] * (0.5 / towers.toe[contact] + rate_factor * towers.damping[contact])
+        damping, toe = towers.damping[contact], towers.toe[contact]
+        bent = towers.stiffness[contact] * (0.5 * (1.0 + damping * abs(rate)) / toe + rate_factor * damping)
         most = bent * deeper * deeper + growth * dot(change, change) / towers.presliding[contact]
         if most < worst * inertia:
             continue
