@@ -86,7 +86,7 @@ class Columns(NamedTuple):
     drive_commanded_force: Annotated[FloatArray, Of("drives", unit="N")]
     drive_reference_position: Annotated[FloatArray, Of("drives", unit="m")]
     drive_reference_speed: Annotated[FloatArray, Of("drives", unit="m/s")]
-    drive_position: Annotated[FloatArray, Of("drives", unit="m")]  # unstrained cable that has passed, towards the end
+    drive_position: Annotated[FloatArray, Of("drives", unit="m")]  # rope travel: unstrained rope that has passed
     drive_speed: Annotated[FloatArray, Of("drives", unit="m/s")]
     moving_cable_force: Annotated[FloatArray, Of("drives", unit="N")]  # of the drive on the cable
     rope_position: Annotated[FloatArray, Of("samples", 3, unit="m")]

@@ -121,7 +121,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     ),
     "payload": Quantity("payload by weighing", "kg", "payload", JOINTS, "effort", "vehicle"),
     "wheel_travel": Quantity("rope travel over a bullwheel", "m", "sheaves", JOINTS, "position", "wheel"),
-    "wheel_speed": Quantity("speed of a bullwheel's rim", "m/s", "sheaves", JOINTS, "velocity", "wheel"),
+    "wheel_speed": Quantity("rope speed over a bullwheel", "m/s", "sheaves", JOINTS, "velocity", "wheel"),
     "wheel_force": Quantity(
         "force of a bullwheel's drive at the rim, from a torque with `radius`",
         "N",
