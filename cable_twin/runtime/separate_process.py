@@ -51,7 +51,7 @@ def start_process(module: str, nice: int = NICE) -> subprocess.Popen[bytes]:
         start_new_session=True,  # Ctrl-C is for the twin
     )
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, nice)
+        os.setpriority(os.PRIO_PROCESS, process.pid, min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + nice, 19))
     return process
 
 
