@@ -31,10 +31,11 @@ ROPES = {
 }
 
 
-def _lift(target: float, at_towers: float, growth: float) -> dict[str, Any]:
-    """Half the step, and elements (m) of both ropes of a lift that are finer than those of the scenario."""
+def _lift(target: float, at_towers: float, growth: float, kinds: Sequence[str] = ("",)) -> dict[str, Any]:
+    """Half the step, and elements (m) of the ropes of a lift that are finer than those of the scenario."""
     elements = {"target": target, "at_towers": at_towers, "growth": growth}
-    return {"solver.step": 0.005} | {f"ropes.{rope}.elements": elements for rope in ("up", "down")}
+    ropes = [f"{kind}{strand}" for kind in kinds for strand in ("up", "down")]
+    return {"solver.step": 0.005} | {f"ropes.{rope}.elements": elements for rope in ropes}
 
 
 class Scene(NamedTuple):
@@ -53,6 +54,7 @@ SCENES = {
 LIFTS = {
     "chairlift": Scene(_lift(9.0, 0.8, 3.0), "haul_rope", (2.5, 2.5)),
     "gondola": Scene(_lift(10.0, 1.0, 2.0), "haul_rope", (5.0, 5.0)),
+    "bicable": Scene(_lift(8.0, 1.0, 3.0, ("track_", "haul_")), "haul_rope", (5.0, 5.0)),
 }
 
 Changed = Callable[[Measurement], Measurement]

@@ -20,7 +20,7 @@ from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offse
 from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
-from cable_twin.ensemble.estimate.line_statics import LineStatics
+from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
 from cable_twin.ensemble.estimate.quantities import ICE_TOLERANCE, ICE_WALK, Estimate, Reading, Slow, readings
 from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
 from cable_twin.frame.records import AppliedCommand
@@ -31,14 +31,16 @@ from cable_twin.scenario import Scenario, load_scenario
 from cable_twin.simulation import Simulation
 
 WINDOW, ENDS = 1.0, 2  # s, of which the mean of each sensor is taken
-PAYLOAD, EMPTY = 0.4, 0.15  # of the capacity, standard deviation of a payload from the plan, and of one that is empty
 FRICTION_TOLERANCE = 0.25  # of that of the scenario, by which it may differ without an alarm
 FRICTION = 0.4  # standard deviation of the friction of all towers, as share of that of the scenario
+ROLLING = 0.4  # of that of the scenario, standard deviation of the rolling friction of carriers on track ropes
+ROLLING_TOLERANCE = 0.5  # of that of the scenario, by which it may differ without an alarm
 FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
 BIAS, FAST = 0.002, 0.003  # of the load of a tower at rest: slow and fast error of the model
 DRIVE_BIAS, DRIVE_FAST = 8e-4, 1.6e-3  # of the load of all towers at rest: the same of a drive
 WRONG = 0.05  # of the load of a tower at rest, by which a load cell may be wrong, a standard deviation
 FORGOTTEN = 200.0  # s, in which a slow error changes
+LAGS = 4  # windows over which waves are looked at
 REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, and times their variance that counts
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
@@ -63,8 +65,10 @@ class FastErrors:
     """Variance of the model's fast error in each sensor: at least a given one, more while waves run along the rope.
 
     A cabin that boards with another payload than planned starts other waves. They show in how a sensor's difference
-    from its prediction changes from one window to the next, to which slow quantities add little. A single large change
-    is no wave but a fault of the sensor or the plant: of the last three, the second largest counts.
+    from its prediction changes within some windows, to which slow quantities add little: half of the mean square of
+    that is the variance of what is not alike any more, and up to twice that of a wave half a period apart, which
+    its likeness in windows one after the other asks for. A single large change is no wave but a fault of the sensor
+    or the plant: of the last three, the second largest counts.
 
     Args:
         least: standard deviation of each sensor.
@@ -73,8 +77,10 @@ class FastErrors:
     def __init__(self, least: Mapping[str, float]) -> None:
         self._least = {name: one**2 for name, one in least.items()}
         self._present = dict(self._least)
-        self._last: dict[str, tuple[float, float, FloatArray]] = {}
-        self._changes = {name: deque([one, one], maxlen=3) for name, one in self._least.items()}  # squared, halved
+        self._last: dict[str, deque[tuple[float, float, FloatArray]]] = {name: deque(maxlen=LAGS) for name in least}
+        self._changes = {  # squared, halved, by the number of windows between
+            name: [deque([one, one], maxlen=3) for _ in range(LAGS)] for name, one in self._least.items()
+        }
 
     def variance(self, sensor: str) -> float:
         """Present variance of the model's fast error in a sensor."""
@@ -90,12 +96,15 @@ class FastErrors:
             effects: (n,) derivatives of the predicted value.
             mean: (n,) present estimate.
         """
-        then, before, others = self._last.get(sensor, (-np.inf, 0.0, effects))
-        self._last[sensor] = time, apart, effects
-        if time - then < 1.5 * WINDOW:
-            self._changes[sensor].append(0.5 * (apart - before - float((effects - others) @ mean)) ** 2)
-            found, present = sorted(self._changes[sensor])[1], self.variance(sensor)
+        last = self._last[sensor]
+        if last and time - last[-1][0] > 1.5 * WINDOW:
+            last.clear()
+        for (_, before, others), changes in zip(reversed(last), self._changes[sensor], strict=False):
+            changes.append(0.5 * (apart - before - float((effects - others) @ mean)) ** 2)
+        if last:
+            found, present = max(sorted(one)[1] for one in self._changes[sensor]), self.variance(sensor)
             self._present[sensor] = present + (min(found, SUDDEN * present) - present) / REMEMBERED
+        last.append((time, apart, effects))
 
 
 class LineFollower:
@@ -138,13 +147,13 @@ class LineFollower:
         kinds = scenario.carriers.kinds_by_path.values()
         self._capacity = max(kind.payload.capacity for kind in kinds if kind.payload is not None)
         self._statics = LineStatics(scenario, start)
-        self._known = len(self.carriers) + 2  # payloads, friction, ice
+        self._rolling = scenario.carriers.friction.rolling if scenario.carriers.tracks else None
+        commons = [FRICTION, *([] if self._rolling is None else [ROLLING * self._rolling]), FIRST_ICE]
+        self._known = len(self.carriers) + len(commons)
         size = self._known + len(self._of_forces)
         self._ice = next(iter(scenario.cables.values())).ice
         self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self._of_forces])
-        deviations = np.concatenate(
-            [[PAYLOAD * self._capacity] * len(self.carriers), [FRICTION, FIRST_ICE], self._bias]
-        )
+        deviations = np.concatenate([[PAYLOAD * self._capacity] * len(self.carriers), commons, self._bias])
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         cells = [name for name in self._of_forces if self._kinds[name] == "load_cell"]
         self._biases = Biases({name: WRONG * self._rest[self._of[name]] for name in cells}, size)
@@ -274,8 +283,12 @@ class LineFollower:
         jacobian = np.vstack([found[name].effects for name in taken])
         apart = np.array([found[of].value - found[name].predicted for name, of in taken.items()])
         noise = [self.readings[name].noise ** 2 / found[of].number for name, of in taken.items()]
-        variance = np.array([one + self._fast.variance(name) for one, name in zip(noise, taken, strict=True)])
-        return apart - jacobian @ belief.mean, jacobian, variance
+        fast = [self._fast.variance(name) for name in taken]
+        count = len(self.carriers)
+        squares = belief.mean[:count] ** 2 + np.diag(belief.covariance)[:count]
+        shares = np.array([self._statics.errors.get(self._of[name], 0.0) for name in taken])
+        statics = shares**2 * (jacobian[:, :count] ** 2 @ squares)
+        return apart - jacobian @ belief.mean, jacobian, np.add(noise, fast) + statics
 
     def _consistent(self, time: float, found: Mapping[str, _Sample], alarms: list[Alarm]) -> dict[str, str]:
         """Sensors that do not contradict, each with the one whose measurements count as its own; adds alarms."""
@@ -316,6 +329,11 @@ class LineFollower:
                 for row, name in enumerate(self.carriers)
             },
             "towers/friction": Expected(1.0, FRICTION_TOLERANCE, may_change=False),
+            **(
+                {}
+                if self._rolling is None
+                else {"carriers/rolling": Expected(self._rolling, ROLLING_TOLERANCE * self._rolling, may_change=False)}
+            ),
             "ropes/ice": Expected(self._ice, ICE_TOLERANCE, may_change=False),
         }
 
@@ -325,17 +343,27 @@ class LineFollower:
             f"{name}/payload": Estimate(float(self._plan[row] + mean[row]), float(deviations[row]), "kg")
             for row, name in enumerate(self.carriers)
         }
-        row = len(self.carriers)
-        found["towers/friction"] = Estimate(1.0 + float(mean[row]), float(deviations[row]), "-")
-        found["ropes/ice"] = Estimate(self._ice + float(mean[row + 1]), float(deviations[row + 1]), "kg/m")
+        commons = {
+            "towers/friction": (1.0, "-"),
+            "carriers/rolling": (self._rolling, "-"),
+            "ropes/ice": (self._ice, "kg/m"),
+        }
+        given = {name: one for name, one in commons.items() if one[0] is not None}
+        for row, (name, (value, unit)) in enumerate(given.items(), start=len(self.carriers)):
+            found[name] = Estimate(float(value + mean[row]), float(deviations[row]), unit)
         return found
+
+    def _known_effects(self, carried: Carried) -> FloatArray:
+        """Derivatives by payloads and by what all carriers and towers share, in the order of the belief."""
+        rolling = [] if self._rolling is None else [carried.rolling]
+        return np.array([*carried.payloads, carried.friction, *rolling, carried.ice])
 
     def _hidden(self, snapshot: Snapshot, belief: Belief) -> dict[str, Estimate]:
         """Estimated forces of towers; deviations follow from those of payloads, friction and ice."""
         found, known = {}, self._known
         for name in self._statics.towers:
             own = self._statics.of_tower(name, snapshot)
-            effects = np.array([*own.payloads, own.friction, own.ice])
+            effects = self._known_effects(own)
             force = float(np.linalg.norm(snapshot.columns.support_force[snapshot.layout.support_rows[name]]))
             variance = effects @ belief.covariance[:known, :known] @ effects + (HIDDEN * self._rest[name]) ** 2
             value = force + float(effects @ belief.mean[:known])
@@ -381,7 +409,7 @@ class LineFollower:
         tower = self._kinds[sensor] == "load_cell"
         own = (self._statics.of_tower if tower else self._statics.of_drive)(self._of[sensor], snapshot)
         row = np.zeros(self._belief.mean.size)
-        row[: self._known] = *own.payloads, own.friction, own.ice
+        row[: self._known] = self._known_effects(own)
         row[self._known + self._of_forces.index(sensor)] = 1.0
         return row
 

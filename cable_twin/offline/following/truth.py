@@ -90,6 +90,8 @@ def _constant(log: Log, follower: AnyFollower, plant: Scenario, twin: Scenario) 
             yield one.name, float(value)
     own, of_twin = ({name: tower_friction(tower) for name, tower in one.towers.items()} for one in (plant, twin))
     shares = {round(own[name] / of_twin[name], 9) for name in own if of_twin.get(name)}
-    for name, values in (("towers/friction", shares), ("ropes/ice", {one.ice for one in plant.cables.values()})):
+    rolling = {plant.carriers.friction.rolling} if plant.carriers is not None else set()
+    ices = {one.ice for one in plant.cables.values()}
+    for name, values in (("towers/friction", shares), ("carriers/rolling", rolling), ("ropes/ice", ices)):
         if len(values) == 1:
             yield name, float(*values)
