@@ -66,9 +66,10 @@ class FastErrors:
 
     A cabin that boards with another payload than planned starts other waves. They show in how a sensor's difference
     from its prediction changes within some windows, to which slow quantities add little: half of the mean square of
-    that is the variance of what is not alike any more, and up to twice that of a wave half a period apart, which
-    its likeness in windows one after the other asks for. A single large change is no wave but a fault of the sensor
-    or the plant: of the last three, the second largest counts.
+    its change to the next window is the variance of one window by itself. What a window is worth beside others is told
+    by the largest such variance over some windows, up to twice that of a wave half a period apart, as windows one
+    after the other are alike by a wave. A single large change is no wave but a fault of the sensor or the plant: of
+    the last three, the second largest counts.
 
     Args:
         least: standard deviation of each sensor.
@@ -76,18 +77,18 @@ class FastErrors:
 
     def __init__(self, least: Mapping[str, float]) -> None:
         self._least = {name: one**2 for name, one in least.items()}
-        self._present = dict(self._least)
+        self._present = {name: [one, one] for name, one in self._least.items()}  # of one window, of one among others
         self._last: dict[str, deque[tuple[float, float, FloatArray]]] = {name: deque(maxlen=LAGS) for name in least}
         self._changes = {  # squared, halved, by the number of windows between
             name: [deque([one, one], maxlen=3) for _ in range(LAGS)] for name, one in self._least.items()
         }
 
-    def variance(self, sensor: str) -> float:
-        """Present variance of the model's fast error in a sensor."""
-        return max(self._present[sensor], self._least[sensor])
+    def variance(self, sensor: str, *, alone: bool = False) -> float:
+        """Present variance of the model's fast error in a window of a sensor: of one `alone`, or among others."""
+        return max(self._present[sensor][0 if alone else 1], self._least[sensor])
 
     def take(self, time: float, sensor: str, apart: float, effects: FloatArray, mean: FloatArray) -> None:
-        """Update the variance of a sensor by its mean difference from the prediction in a window.
+        """Update the variances of a sensor by its mean difference from the prediction in a window.
 
         Args:
             time: s, end of the window.
@@ -102,8 +103,10 @@ class FastErrors:
         for (_, before, others), changes in zip(reversed(last), self._changes[sensor], strict=False):
             changes.append(0.5 * (apart - before - float((effects - others) @ mean)) ** 2)
         if last:
-            found, present = max(sorted(one)[1] for one in self._changes[sensor]), self.variance(sensor)
-            self._present[sensor] = present + (min(found, SUDDEN * present) - present) / REMEMBERED
+            squares = [sorted(one)[1] for one in self._changes[sensor]]
+            for row, found in enumerate((squares[0], max(squares))):
+                present = max(self._present[sensor][row], self._least[sensor])
+                self._present[sensor][row] = present + (min(found, SUDDEN * present) - present) / REMEMBERED
         last.append((time, apart, effects))
 
 
@@ -272,18 +275,21 @@ class LineFollower:
         self._biases.decay(decay)
         self._belief = predict(self._belief, decay, np.concatenate([walks, (1.0 - kept**2) * self._bias**2]))
 
-    def _terms(self, taken: Mapping[str, str], found: Mapping[str, _Sample], belief: Belief) -> Terms:
+    def _terms(
+        self, taken: Mapping[str, str], found: Mapping[str, _Sample], belief: Belief, *, alone: bool = False
+    ) -> Terms:
         """Innovation, derivatives and variance of the means of sensors in a window.
 
         Args:
             taken: sensors, each with the one whose measurements count as its own.
             found: means of the measurements by sensor.
             belief: by which they are predicted.
+            alone: whether this window is looked at by itself, and not as one of many.
         """
         jacobian = np.vstack([found[name].effects for name in taken])
         apart = np.array([found[of].value - found[name].predicted for name, of in taken.items()])
         noise = [self.readings[name].noise ** 2 / found[of].number for name, of in taken.items()]
-        fast = [self._fast.variance(name) for name in taken]
+        fast = [self._fast.variance(name, alone=alone) for name in taken]
         count = len(self.carriers)
         squares = belief.mean[:count] ** 2 + np.diag(belief.covariance)[:count]
         shares = np.array([self._statics.errors.get(self._of[name], 0.0) for name in taken])
@@ -298,7 +304,8 @@ class LineFollower:
             """Ratio of each sensor's normalised squared innovation, given all other sensors, to its limit."""
             if not sensors:
                 return {}
-            innovation, jacobian, variance = self._terms({one: to.get(one, one) for one in sensors}, found, believed)
+            of = {one: to.get(one, one) for one in sensors}
+            innovation, jacobian, variance = self._terms(of, found, believed, alone=True)
             inverse = np.linalg.inv(jacobian @ believed.covariance @ jacobian.T + np.diag(variance))
             alone = (inverse @ innovation) ** 2 / np.diag(inverse) / float(scipy.special.chdtri(1, SURE))
             return dict(zip(sensors, alone.tolist(), strict=True))
