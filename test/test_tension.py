@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import root
 from small_tramway import IN_SPACE, TRAMWAY
 from test_jig_back import QUICK
 
@@ -126,3 +127,106 @@ def test_strands_of_a_lift_have_no_spikes():
         assert (uphill * along > -60.0).all()
         ends = [simulation.snapshot.supports[f"{name}/{end}"].force for end in ("start", "end")]
         assert tension[[0, -1]] == nearly([np.linalg.norm(force) for force in ends])
+
+
+SPAN = {"cable.bending_stiffness": 0.0, "cable.elements": 20}  # of `single_span`, so that catenaries are exact
+HAUL = {
+    "axial_stiffness": 6e7,
+    "mass_per_length": 6.0,
+    "beyond_track": 20.0,
+    "drive_inertia": 3e4,
+    "pretension": 6e4,
+    "station": "end",
+}
+IN_WIND = {
+    "cable.start.position": [0.0, 0.0, 0.0],
+    "cable.end.position": [1000.0, 0.0, 300.0],
+    "cable.diameter": None,
+    "air.wind": [0.0, 12.0, 0.0],
+}
+
+
+def hangs(pull, weight, stiffness, length):
+    """End (3,) of an elastic catenary in space from the origin, with `pull` (3,) on it at the end of its start."""
+    across, up = np.hypot(*pull[:2]), np.array([pull[2], pull[2] + weight * length])
+    way = length / stiffness + float(np.diff(np.arcsinh(up / across))[0]) / weight
+    rise = length * up.mean() / stiffness + float(np.diff(np.hypot(across, up))[0]) / weight
+    return np.array([*(pull[:2] * way), rise])
+
+
+def exact_ratio(simulation):
+    """Tension over the load across the bisector of both tangents, of two catenaries that meet under the cabin."""
+    cable, carriage = simulation.scenario.cable, simulation.snapshot.carriages["cabin"]
+    weight, place, load = cable.mass_per_length * 9.81, carriage.arc_length, carriage.contact_force
+    ends = [np.array([end.position[0], 0.0, end.position[-1]]) for end in (cable.start, cable.end)]
+
+    def sides(pull):
+        before = pull + np.array([0.0, 0.0, weight * place])
+        return before, before + load
+
+    def gap(pull):
+        pull = pull * 1e6
+        near = hangs(pull, weight, cable.axial_stiffness, place)
+        far = hangs(sides(pull)[1], weight, cable.axial_stiffness, cable.unstrained_length - place)
+        return near + far - (ends[1] - ends[0])
+
+    way = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    found = root(gap, way * np.linalg.norm(simulation.snapshot.supports["start"].force) / 1e6, tol=1e-13)
+    before, after = sides(found.x * 1e6)
+    assert np.abs(gap(found.x)).max() < 1e-8
+    bisector = before / np.linalg.norm(before) + after / np.linalg.norm(after)
+    across = load - (load @ bisector) / (bisector @ bisector) * bisector
+    return min(np.linalg.norm(before), np.linalg.norm(after)) / np.linalg.norm(across)
+
+
+def load_figure(simulation):
+    return gathered(simulation)["cabin: tension over transverse load"]
+
+
+@pytest.mark.parametrize("place", [60.0, 579.56, 1039.02])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"carriages.cabin.joint": "fixed"},
+        {"carriages.cabin.drive.haul_rope": HAUL},
+        IN_WIND,
+        {**IN_WIND, "carriages.cabin.drive.haul_rope": HAUL},
+    ],
+    ids=["own drive", "fixed", "haul rope", "space", "haul rope in space"],
+)
+def test_tension_over_transverse_load_is_that_of_two_catenaries(changes, place):
+    """The rope bends at the cabin by much more than between two of the points at which it is sampled."""
+    changes = {**SPAN, **changes, "carriages.cabin.arc_length": place}
+    simulation = Simulation(load_scenario("single_span", changes), samples=51)
+    assert load_figure(simulation) == nearly(exact_ratio(simulation))
+
+
+@pytest.mark.parametrize("place", [105.0, 1039.02])
+def test_tension_over_transverse_load_is_that_of_the_mirror_image(place):
+    """With the bending stiffness of the rope; the same line, seen from behind."""
+    length = 1044.25
+    mirrored = {"cable.start.position": [0.0, 300.0], "cable.end.position": [1000.0, 0.0]}
+    one, other = (
+        Simulation(load_scenario("single_span", {**changes, "carriages.cabin.arc_length": at}))
+        for changes, at in (({}, place), (mirrored, length - place))
+    )
+    assert load_figure(one) == nearly(load_figure(other), rel=1e-8)
+
+
+@needs_kernels
+def test_tension_over_transverse_load_of_a_chair():
+    """Under a chair both sections are those of the rope beside it, in balance with its weight."""
+    simulation = Simulation(load_scenario("chairlift"))
+    column, layout = simulation.snapshot.columns, simulation.layout
+    weights = np.linalg.norm(column.contact_force, axis=1)
+    seen = 0
+    for row in np.flatnonzero(column.attached == 1.0):
+        rope = list(layout.ropes)[int(column.vehicle_rope[row])]
+        place = column.arc_length[row]
+        tensions = simulation.cable_tension(place + np.array([-BESIDE, BESIDE]), rope)
+        # the sides of a triangle of both tensions and the weight between them
+        bend = (weights[row] ** 2 - np.diff(tensions)[0] ** 2) / (tensions.sum() ** 2 - np.diff(tensions)[0] ** 2)
+        assert column.tension_over_load[row] == nearly(tensions.min() / (tensions.sum() * np.sqrt(bend)), rel=1e-4)
+        seen += 1
+    assert seen

@@ -64,7 +64,7 @@ class Extremes(NamedTuple):
     acceleration: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s^2", first=nan)]
     contact_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
     haul_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
-    tension_ratio: Annotated[FloatArray, Of("vehicle", EXTREME, first=nan)]  # lowest tension over load across the rope
+    tension_over_load: Annotated[FloatArray, Of("vehicle", EXTREME, first=nan)]  # lowest; load across the rope
     clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest
     mast_clearance: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m", first=nan)]  # lowest; place: row of the mast
     push: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]  # of buffers
@@ -101,7 +101,6 @@ class Constants(NamedTuple):
     """Constants of a scenario from which the extremes of its runs are calculated."""
 
     in_space: bool
-    arc_length: FloatArray  # (samples,) m, unstrained, rope by rope
     first_sample: IntArray  # (ropes + 1,)
     first_support: IntArray  # (ropes + 1,)
     first_mast: IntArray  # (ropes + 1,)
@@ -180,7 +179,6 @@ def constants_of(scenario: Scenario, layout: Layout) -> Constants:
     braked = [name in scenario.carriages and "drive" not in one.drive.emergency_stop for name, one in vehicles.items()]
     return Constants(
         in_space=scenario.dim == 3,
-        arc_length=layout.arc_lengths.copy(),
         first_sample=np.array([0, *(part.stop for part in layout.ropes.values())], np.int64),
         first_support=first_rows([len(ENDS) + len(own) for own in towers]),
         first_mast=first_rows([len(masts(one)) for one in ropes]),

@@ -201,12 +201,9 @@ def take_vehicles(extremes, constants, time, columns):
             rails = constants.end_element[rope] if constants.clamped[vehicle] else -inf
             counts = not (place < rails or constants.length[rope] - place < rails)
         if counts:
-            force = columns.contact_force[vehicle]
-            highest(extremes.contact_force, vehicle, size(force), time, place, rope)
+            highest(extremes.contact_force, vehicle, size(columns.contact_force[vehicle]), time, place, rope)
             highest(extremes.haul_force, vehicle, size(columns.haul_pull[vehicle]), time, place, rope)
-            if not isnan(place):
-                ratio = tension_ratio(constants, rope, columns, place, force)
-                lowest(extremes.tension_ratio, vehicle, ratio, time, place, rope)
+            lowest(extremes.tension_over_load, vehicle, columns.tension_over_load[vehicle], time, place, rope)
         if looks:
             here = extremes.passed[extremes.passed_last[0], vehicle]
             for axis in range(3):
@@ -278,36 +275,6 @@ def latest(extremes, time):
         if at <= time + 1e-6 * MEAN and (found < 0 or at > extremes.passed_time[found]):
             found = number
     return found
-
-
-@kernel
-def tension_ratio(constants, rope, columns, place, force):
-    """Tension over the transverse part of a force (3,) in N on a rope at an arc length (m); NaN without a force.
-
-    The tension, which jumps at a load, is the lower one of the samples on both sides.
-    """
-    points, tensions, arc_lengths = columns.rope_position, columns.rope_tension, constants.arc_length
-    first, last = constants.first_sample[rope], constants.first_sample[rope + 1] - 1
-    count = last - first
-    after = first + int(place / arc_lengths[last] * count)  # a guess, right where they are equally spaced
-    after = last if after > last else first + 1 if after < first + 1 else after
-    while after < last and arc_lengths[after] < place:
-        after += 1
-    while after > first + 1 and arc_lengths[after - 1] >= place:
-        after -= 1
-    # beside the kink at the joint, from the point before to the one after
-    start, end = points[after - 1], points[after + 1 if after < last else last]
-    along, square = 0.0, 0.0
-    for axis in range(3):
-        part = end[axis] - start[axis]
-        along += part * force[axis]
-        square += part * part
-    rest = 0.0
-    for axis in range(3):
-        part = force[axis] - along / square * (end[axis] - start[axis])
-        rest += part * part
-    tension = min(tensions[after - 1], tensions[after])
-    return tension / sqrt(rest) if rest > 0.0 else nan
 
 
 @kernel

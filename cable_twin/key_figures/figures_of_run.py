@@ -314,7 +314,7 @@ class KeyFigures:
             yield replace(clearance.limited_by(scenario), band=LOOKS)
         yield self._worst("contact_force", group, "highest", extremes.contact_force)
         yield self._worst("haul_force", group, "highest", extremes.haul_force)
-        ratio = self._worst("tension_per_transverse_load", group, "lowest", extremes.tension_ratio)
+        ratio = self._worst("tension_per_transverse_load", group, "lowest", extremes.tension_over_load)
         yield ratio.limited_by(scenario, clamped=bool(self._constants.clamped[group.rows[0]]))
         height = self._worst("vehicle_clearance", group, "lowest", extremes.clearance, "x")
         yield replace(height.limited_by(scenario), band=LOOKS)

@@ -19,7 +19,13 @@ from cable_twin.mechanics.on_rope.counterweight import counterweight_motion
 from cable_twin.mechanics.on_rope.presence import belongs
 from cable_twin.mechanics.parameters import DRUM, FORCE, NO_RATIO, SPEED, FloatArray
 from cable_twin.mechanics.readout.samples import joint_place, sample_positions, store_beside, store_in_space
-from cable_twin.mechanics.readout.sections import recover_sections, sample_tensions, tension_range, tower_force
+from cable_twin.mechanics.readout.sections import (
+    recover_sections,
+    sample_tensions,
+    tension_over_load,
+    tension_range,
+    tower_force,
+)
 
 STOPPING = 3  # beside the modes FREE, FORCE and SPEED, in `command_kind`: an emergency stop
 
@@ -37,6 +43,9 @@ class Columns(NamedTuple):
     drive_force: Annotated[FloatArray, Of("vehicles", unit="N")]  # along the cable, on the vehicle or on its haul drum
     joint_position: Annotated[FloatArray, Of("vehicles", 3, unit="m")]
     contact_force: Annotated[FloatArray, Of("vehicles", 3, unit="N")]  # of the cable on the vehicle
+    tension_over_load: Annotated[
+        FloatArray, Of("vehicles")
+    ]  # lower tension of the rope beside the vehicle over the force across the rope; NaN off the rope
     attached: Annotated[FloatArray, Of("vehicles")]  # 1 on the cable, 0 at rest in a station
     payload: Annotated[FloatArray, Of("vehicles", unit="kg")]
     haul_travel: Annotated[
@@ -133,6 +142,8 @@ def observe(system, state, sections, places, rest_loads, lateral, columns):
     for vehicle in range(state.vehicle_rope.size):
         if belongs(system, state, vehicle):
             observe_vehicle(system, state, vehicle, lateral, columns)
+            ratio = tension_over_load(system, state, sections, vehicle) if state.attached[vehicle] else nan
+            columns.tension_over_load[vehicle] = ratio
             if vehicle < columns.command_kind.size:
                 observe_command(system, state, vehicle, columns)
             for body in range(system.carriages.body_offset[vehicle], system.carriages.body_offset[vehicle + 1]):

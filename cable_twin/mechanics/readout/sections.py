@@ -186,8 +186,12 @@ def signed_size(section, r_s):
 
 
 @kernel
-def tensions_beside(system, state, sections, element, arc_length):
-    """Tension (N) of a rope at an arc length (m) on an element with point loads: before and after a load there."""
+def sections_beside(system, state, sections, element, arc_length):
+    """Section forces (dim,) in N of a rope at an arc length (m) on an element with point loads, and its slope there.
+
+    Returns:
+        Section force before a load at that place; after it; r_s (dim,).
+    """
     like = system.cable.gravity
     on_element, before, at = scale(0.0, like), scale(0.0, like), scale(0.0, like)
     number = sections.first[element]
@@ -205,7 +209,35 @@ def tensions_beside(system, state, sections, element, arc_length):
     r_s = slope(state.nodes.position, point_on(state, element, arc_length), like)
     section = subtract(add_scaled(-u, along, here), before)
     section = with_momentum(system, momentum_of(system, state), arc_length, r_s, section)
-    return signed_size(section, r_s), signed_size(subtract(section, at), r_s)
+    return section, subtract(section, at), r_s
+
+
+@kernel
+def tensions_beside(system, state, sections, element, arc_length):
+    """Tension (N) of a rope at an arc length (m) on an element with point loads: before and after a load there."""
+    before, after, r_s = sections_beside(system, state, sections, element, arc_length)
+    return signed_size(before, r_s), signed_size(after, r_s)
+
+
+@kernel
+def tension_over_load(system, state, sections, carriage):
+    """Lower tension of the rope beside a vehicle over the force across the rope between both; NaN without such a force.
+
+    That force is the jump of the section force from one side to the other, across the bisector of its two directions.
+    """
+    place = state.joints.position[carriage]
+    element = point_at(system.cable, state, place).element
+    before, after, _ = sections_beside(system, state, sections, element, place)
+    one, other = sqrt(dot(before, before)), sqrt(dot(after, after))
+    if not (one > 0.0 and other > 0.0):
+        return nan
+    bisector = add_scaled(1.0 / one, before, scale(1.0 / other, after))
+    jump, square = subtract(after, before), dot(bisector, bisector)
+    if not square > 0.0:
+        return nan
+    across = add_scaled(-dot(jump, bisector) / square, bisector, jump)
+    size = sqrt(dot(across, across))
+    return min(one, other) / size if size > 0.0 else nan
 
 
 @kernel
@@ -297,6 +329,7 @@ __all__ = [
     "give",
     "recover_sections",
     "sample_tensions",
+    "tension_over_load",
     "tension_range",
     "tower_force",
 ]
