@@ -21,19 +21,25 @@ from prescribed_frames import (
     supported,
     writable,
 )
+from small_tramway import TRAMWAY
 from strands import one_strand
 
 from cable_twin.basics.limited_yaml import read_yaml
+from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import FigureId, KeyFigures, figure_from_values, not_judged, values_of
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.mechanics.drives.joint_drive import SPEED
 from cable_twin.mechanics.readout.columns import STOPPING
+from cable_twin.offline.responses import Responses
 from cable_twin.scenario import load_scenario
 from cable_twin.scenario.builders.vehicles import stop_stroke
 from cable_twin.scenario.files import config_directory
 from cable_twin.scenario.sections.limits import KeyFigureLimits
 from cable_twin.simulation import Simulation
+from verification import JIT
+
+needs_kernels = pytest.mark.skipif(not JIT, reason="minutes without compilation")
 
 
 def drive(figures: KeyFigures, speed_at, duration: float, *, start=100.0, begin=0.0) -> float:
@@ -219,6 +225,37 @@ def test_drive_and_swing_against_the_limits_of_the_scenario():
     braking = found["cabin: drive power, lowest"]
     assert (braking.value, braking.limit, braking.bound, braking.kept) == (-3.2e5, -2.5e5, "at least", False)
     assert (found["cabin: swing along the track"].value, found["cabin: swing along the track"].kept) == (0.4, False)
+
+
+@needs_kernels
+def test_the_limits_of_a_drive_hold_at_the_drum_of_its_haul_rope():
+    """A cabin bobs on its elastic rope: faster than the drum, as its brakes stop the drum backwards as well."""
+    changes = {"carriages.cabin.drive.limits.power": 1.5e4, "carriages.cabin.drive.haul_rope.axial_stiffness": 5e4}
+    simulation = Simulation(load_scenario(TRAMWAY, changes))
+    figures, layout = KeyFigures(simulation.scenario), simulation.layout
+    responses, rows = Responses(), []
+    for speed in (6.0, 0.0):
+        figures.command(simulation.command("cabin", speed=speed))
+        for _ in range(400):
+            snapshot = simulation.advance_to(simulation.time + PERIOD)
+            figures.update(snapshot)
+            responses.take(snapshot)
+            c = snapshot.columns
+            drum = float(c.haul_speed[0])
+            assert layout.drive_speed(c)[0] == drum
+            assert SIGNALS["drive_power"].values(layout, c) == [c.drive_force[0] * drum]
+            rows.append((float(c.speed[0]), drum, float(c.drive_force[0]) * drum))
+    speeds, drums, powers = np.array(rows).T
+    assert np.abs(speeds).max() > 1.005 * np.abs(drums).max()
+    found = gathered(figures)
+    assert (found["cabin: speed"].value, found["cabin: speed"].limit) == (np.abs(speeds).max(), None)
+    assert (found["cabin: drive speed"].value, found["cabin: drive speed"].limit) == (np.abs(drums).max(), 6.0)
+    assert found["cabin: drive speed"].kept is True
+    power = found["cabin: drive power, highest"]
+    assert (power.value, power.kept) == (powers.max(), True)
+    assert found["cabin: drive power, lowest"].value == powers.min()
+    work = responses.efforts["cabin"]
+    assert work.driving == pytest.approx(np.maximum(powers[1:], 0.0).sum() * PERIOD)
 
 
 def test_a_limit_is_kept_to_a_thousandth_of_it():

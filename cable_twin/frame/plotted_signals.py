@@ -145,8 +145,7 @@ def _adhesion(layout: Layout, c: Columns) -> FloatArray:
 
 
 def _power(layout: Layout, c: Columns) -> FloatArray:
-    movers = driven(layout, c)
-    return movers.force * movers.speed
+    return driven(layout, c).force * (c.drive_speed if layout.drives else layout.drive_speed(c))
 
 
 SIGNALS: Mapping[str, Signal] = {

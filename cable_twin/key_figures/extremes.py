@@ -56,6 +56,7 @@ class Extremes(NamedTuple):
     force: Annotated[FloatArray, Of("driven", EXTREME, unit="N", first=nan)]
     power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
     lowest_power: Annotated[FloatArray, Of("driven", EXTREME, unit="W", first=nan)]
+    drive_speed: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s", first=nan)]
     brake_force: Annotated[FloatArray, Of("vehicle", EXTREME, unit="N", first=nan)]
     end_stop_speed: Annotated[FloatArray, Of("vehicle", EXTREME, unit="m/s", first=nan)]
     approach: Annotated[FloatArray, Of("vehicle", unit="m/s")]  # in the last frame, 0 at an end stop

@@ -80,6 +80,7 @@ def take_frame(extremes, constants, columns):
     vehicles = columns.arc_length.size
     for drive in range(columns.drive_position.size):
         position, speed = columns.drive_position[drive], columns.drive_speed[drive]
+        highest(extremes.speed, vehicles + drive, abs(speed), time, position, NO_ROPE)
         take_drive(extremes, vehicles + drive, time, position, NO_ROPE, speed, columns.moving_cable_force[drive])
     take_vehicles(extremes, constants, time, columns)
     take_sheaves(extremes, constants, time, columns)
@@ -160,9 +161,14 @@ def take_supports(extremes, constants, time, columns):
 
 
 @inlined_kernel
+def drive_speed_of(columns, vehicle):
+    """Speed (m/s) of the drive of a vehicle (`Layout.drive_speed`): that of its haul drum, or of the vehicle itself."""
+    return columns.speed[vehicle] if isnan(columns.haul_speed[vehicle]) else columns.haul_speed[vehicle]
+
+
+@inlined_kernel
 def take_drive(extremes, index, time, place, rope, speed, force):
-    """Update speed, force and power of a driven vehicle or a drive by its place (m), speed (m/s) and force (N)."""
-    highest(extremes.speed, index, abs(speed), time, place, rope)
+    """Update force and power of the drive of a vehicle or of ropes by its place (m), speed (m/s) and force (N)."""
     highest(extremes.force, index, abs(force), time, place, rope)
     highest(extremes.power, index, force * speed, time, place, rope)
     lowest(extremes.lowest_power, index, force * speed, time, place, rope)
@@ -187,11 +193,13 @@ def take_vehicles(extremes, constants, time, columns):
         rope, counts = rope_of(constants, columns, vehicle), False
         if columns.attached[vehicle] != 0.0 and rope != NO_ROPE:
             force, speed = columns.drive_force[vehicle], columns.speed[vehicle]
+            highest(extremes.speed, vehicle, abs(speed), time, place, rope)
+            at_drive = drive_speed_of(columns, vehicle)
+            highest(extremes.drive_speed, vehicle, abs(at_drive), time, place, rope)
             if constants.braked[vehicle] and columns.command_kind[vehicle] == STOPPING:
-                highest(extremes.speed, vehicle, abs(speed), time, place, rope)
                 highest(extremes.brake_force, vehicle, abs(force), time, place, rope)
             else:
-                take_drive(extremes, vehicle, time, place, rope, speed, force)
+                take_drive(extremes, vehicle, time, place, rope, at_drive, force)
             if constants.stroke[vehicle] > 0.0:
                 take_end_stop(extremes, vehicle, time, place, rope, speed, constants)
             angles = columns.body_angles[body]

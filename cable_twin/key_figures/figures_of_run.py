@@ -275,11 +275,18 @@ class KeyFigures:
         yield from (one.limited_by(self._scenario) for one in self._stops.figures(name))
 
     def _of_motion(
-        self, subject: Subject, row: int, limits: Limits, source: str, at: str = "arc length"
+        self, subject: Subject, row: int, limits: Limits, source: str, at: str = "arc length", *, hauled: bool = False
     ) -> Iterator[KeyFigure]:
-        """Key figures of the motion of a driven vehicle or a drive; `at` names the coordinate of the place."""
+        """Key figures of the motion of a driven vehicle or a drive; `at` names the coordinate of the place.
+
+        The limit of the speed is one of the drive: of a vehicle that is `hauled` it holds at the drum of its haul rope.
+        """
         extremes, least = self._extremes, None if limits.power is None else -limits.power
-        yield extreme("speed", subject, "highest", extremes.speed[row], at).limited(limits.speed, f"{source}.speed")
+        speed = extreme("speed", subject, "highest", extremes.speed[row], at)
+        if hauled:
+            yield speed
+            speed = extreme("drive_speed", subject, "highest", extremes.drive_speed[row], at)
+        yield speed.limited(limits.speed, f"{source}.speed")
         force = extreme("drive_force", subject, "highest", extremes.force[row], at)
         yield force.limited(limits.force, f"{source}.force")
         power = extreme("drive_power", subject, "highest", extremes.power[row], at)
@@ -302,7 +309,8 @@ class KeyFigures:
             yield self._worst("speed", group, "highest", extremes.speed)
         else:
             source = f"scenario: carriages.{subject.name}.drive.limits"
-            yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source)
+            hauled = carriage.drive.haul_rope is not None
+            yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source, hauled=hauled)
             yield extreme("brake_force", subject, "highest", extremes.brake_force[group.rows[0]])
             yield extreme("end_stop_speed", subject, "highest", extremes.end_stop_speed[group.rows[0]])
         acceleration = self._worst("acceleration", group, "highest", extremes.acceleration)

@@ -72,6 +72,7 @@ _ROWS = (
     Quantity("counterweight_travel", "counterweight travel", "travel of a counterweight as it falls", "m", BOTH),
     Quantity("hydraulics_travel", "hydraulics travel", "travel of a hydraulic tensioner as it pulls", "m", BOTH),
     Quantity("speed", "speed", "speed of a vehicle or a drive, in either direction", "m/s", HIGHEST),
+    Quantity("drive_speed", "drive speed", "speed of the haul rope at its drive, in either direction", "m/s", HIGHEST),
     Quantity("drive_force", "drive force", "force of a drive, in either direction", "N", HIGHEST),
     Quantity("drive_power", "drive power", "power of a drive, negative as it brakes", "W", BOTH),
     Quantity("brake_force", "brake force", "force of the brakes of a carriage in an emergency stop", "N", HIGHEST),

@@ -120,9 +120,10 @@ class Responses:
         speeds = layout.of_commanded(c.speed[own], c.drive_speed)
         forces = layout.of_commanded(c.drive_force[own], c.moving_cable_force)
         elapsed = snapshot.time - self._last_time
-        rows = zip(layout.commanded, *(one.tolist() for one in (commanded, reference, speeds, forces)), strict=True)
-        for name, command, follows, speed, force in rows:
-            self._take_effort(name, speed - follows, speed, force, elapsed)
+        powers = forces * layout.of_commanded(layout.drive_speed(c)[own], c.drive_speed)
+        numbers = (one.tolist() for one in (commanded, reference, speeds, forces, powers))
+        for name, command, follows, speed, force, power in zip(layout.commanded, *numbers, strict=True):
+            self._take_effort(name, speed - follows, force, power, elapsed)
             self._take_step(name, snapshot.time, command, speed)
             self._last_speeds[name] = speed
         self._last_time = snapshot.time
@@ -142,13 +143,13 @@ class Responses:
             "efforts": [{key: getattr(one, key) for key in (*shown, *means)} for one in self.efforts.values()],
         }
 
-    def _take_effort(self, name: str, error: float, speed: float, force: float, elapsed: float) -> None:
+    def _take_effort(self, name: str, error: float, force: float, power: float, elapsed: float) -> None:
         effort = self.efforts.setdefault(name, Effort(name))
         effort.frames += 1
         effort.largest_error = max(effort.largest_error, abs(error))
         effort.squared_error += error * error
         effort.squared_force += force * force
-        work = force * speed * elapsed if elapsed > 0.0 else 0.0
+        work = power * elapsed if elapsed > 0.0 else 0.0
         effort.driving, effort.braking = effort.driving + max(work, 0.0), effort.braking + max(-work, 0.0)
 
     def _take_step(self, name: str, time: float, command: float, speed: float) -> None:

@@ -17,7 +17,7 @@ from cable_twin.simulation import EquilibriumError, Simulation
 
 MOST = 2000  # places of a vehicle
 # quantities of motion, absent from a static line
-MOVING = ("drive_force", "drive_power", "speed", "acceleration", "dynamic_amplification")
+MOVING = ("drive_force", "drive_power", "drive_speed", "speed", "acceleration", "dynamic_amplification")
 
 
 @dataclass(slots=True)

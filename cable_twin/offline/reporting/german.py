@@ -284,6 +284,7 @@ QUANTITIES: Mapping[str, str] = {
     "counterweight_travel": "Weg des Spanngewichts",
     "hydraulics_travel": "Weg der hydraulischen Spanneinrichtung",
     "speed": "Geschwindigkeit",
+    "drive_speed": "Geschwindigkeit am Antrieb",
     "drive_force": "Antriebskraft",
     "drive_power": "Antriebsleistung",
     "brake_force": "Bremskraft",
