@@ -170,7 +170,8 @@ def _add_recording(result: OneLineParser) -> None:
         type=number(1.0, 1000.0, "Hz"),
         default=100.0,
         metavar="HZ",
-        help="frames per second of simulated time; default: 100",
+        help="frames per second of simulated time, from which key figures and logs are taken; a frame is a whole "
+        "number of solver steps: for another rate the nearest one is used, with a line that names it; default: 100",
     )
     for group, text in LOG_RATES.items():
         rate = LOGGED.get(group, EVERY_FRAME)
