@@ -47,6 +47,7 @@ def test_clamp_takes_its_carriage_along_and_says_how_hard():
     np.testing.assert_allclose(simulation.cable_positions([there], rope="haul")[0], cabin.position, rtol=0, atol=1e-9)
     assert cabin.speed == pytest.approx(4.0, abs=0.5)
     assert highest > 1.1 * MASS * 9.81 * np.sin(np.arctan2(slope[2], slope[0]))  # it starts upwards
+    assert not [one for one in figures.figures() if one.name.startswith("cabin_1: drive")]  # which it does not have
     (figure,) = (one for one in figures.figures() if "pull of its clamp" in one.name)
     assert figure.name == "cabin_1: pull of its clamp along the track, highest"
     assert figure.value == pytest.approx(highest, rel=1e-9)

@@ -275,6 +275,14 @@ def test_amplification_is_over_the_tension_of_the_first_snapshot():
     assert (found.value, found.time, found.kept) == (pytest.approx(1.3), 1.0, False)
 
 
+def test_an_amplification_since_a_snapshot_says_so():
+    figures = KeyFigures(scenario())
+    for moment, tension in ((40.0, 1.0e6), (41.0, 1.1e6)):
+        figures.update(snapshot(moment, tension=tension))
+    found = gathered(figures)["dynamic amplification, tension over that at the start"]
+    assert found.place == "arc length 1000.0 m, over that at 40.00 s, where the run begins"
+
+
 def test_sag_of_each_span_is_below_its_own_chord():
     """Parabola at most 10 m below the line of both towers, where parallel to the chord of its span."""
     heights = {x: -4.0 * SAG * x / LENGTH * (1.0 - x / LENGTH) for x in (0.0, 250.0, 600.0, LENGTH)}

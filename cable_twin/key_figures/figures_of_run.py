@@ -77,7 +77,7 @@ class KeyFigures:
         self._boxes = pack(boxes_of(scenario)) if passes(scenario) else None
         self._masts = masts_of(scenario) if in_space else []
         self._wind = 0.0, nan  # m/s, the strongest so far, and its time (s)
-        self._last, self._period = nan, nan  # s, time of the last frame and from one to the next
+        self._first, self._last, self._period = nan, nan, nan  # s, of the first frame, the last one, between two
         self._groups = groups_of(scenario)
         driven = {
             name: Subject(f"carriages.{name}", name)
@@ -104,6 +104,7 @@ class KeyFigures:
         passed = time - self._last
         if passed > 0.0 and not passed >= self._period:
             self._period = passed
+        self._first = time if isnan(self._first) else self._first
         self._last = time
         self._dissipation.update(time, snapshot.solver)
         self._numbers[:] = snapshot.numbers
@@ -215,7 +216,9 @@ class KeyFigures:
             yield one.limited_by(scenario)
         if first > 0.0:
             ratio = highest.value / float(first)
-            one = figure("dynamic_amplification", subject, "highest", ratio, reached, highest.place)
+            since = f"over that at {self._first:.2f} s, where the run begins" if self._first > 0.0 else ""
+            place = ", ".join(filter(None, (highest.place, since)))
+            one = figure("dynamic_amplification", subject, "highest", ratio, reached, place)
             yield one.limited_by(scenario)
         spans = list(pairwise(["start", *scenario.towers, "end"]))
         for number, (start, end) in enumerate(spans, self._constants.first_support[rope]):
@@ -305,12 +308,13 @@ class KeyFigures:
         """Key figures of a carriage, or of the worst vehicle of a group."""
         scenario, subject, extremes = self._ropes[rope], group.subject, self._extremes
         carriage = scenario.carriages.get(subject.name)
-        if carriage is None or carriage.joint == "clamped":
+        if carriage is None or carriage.joint == "clamped" or carriage.clamped_to:
             yield self._worst("speed", group, "highest", extremes.speed)
         else:
             source = f"scenario: carriages.{subject.name}.drive.limits"
             hauled = carriage.drive.haul_rope is not None
             yield from self._of_motion(subject, group.rows[0], carriage.drive.limits, source, hauled=hauled)
+        if carriage is not None and carriage.joint != "clamped":
             yield extreme("brake_force", subject, "highest", extremes.brake_force[group.rows[0]])
             yield extreme("end_stop_speed", subject, "highest", extremes.end_stop_speed[group.rows[0]])
         acceleration = self._worst("acceleration", group, "highest", extremes.acceleration)

@@ -172,11 +172,15 @@ class Export:
 
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Add the options `--csv` and `--json` to a parser."""
-    for kind, what in (("csv", f"signals, and beside it NAME{FIGURES}.csv"), ("json", "signals and key figures")):
+    signals = "signals of every frame"
+    for kind, what in (
+        ("csv", f"{signals}, and key figures into NAME{FIGURES}.csv beside it"),
+        ("json", f"{signals} and key figures"),
+    ):
         parser.add_argument(
             f"--{kind}",
             metavar="PATH",
-            help=f"write {what} of every frame, in SI units and deg; '-': to standard output",
+            help=f"write {what}, in SI units and deg; '-': to standard output",
         )
 
 
