@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.alarms import REMEMBERED, Departures, Expected
+from cable_twin.ensemble.estimate.alarms import CERTAIN, REMEMBERED, Departures, Expected
 from cable_twin.ensemble.estimate.biases import RECENT, RENEWED, Biases
 from cable_twin.ensemble.estimate.changes import SURELY_CHANGED, best_change
 from cable_twin.ensemble.estimate.kalman import Belief, predict, update
@@ -66,7 +66,7 @@ def test_a_belief_without_wrong_sensors_is_that_of_a_filter_that_has_their_error
         belief = update(belief, said - jacobian @ belief.mean, jacobian, variance)
         with_errors = np.column_stack([jacobian, of_errors])
         wider = update(wider, said - with_errors @ wider.mean, with_errors, variance)
-        biases.decay(decay)
+        biases.carry(np.diag(decay))
         belief = predict(belief, decay, growth)
         wider = predict(wider, np.append(decay, [1.0, 1.0]), np.append(growth, [0.0, 0.0]))
     found = []
@@ -89,6 +89,41 @@ def test_what_one_sensor_alone_says_is_not_agreed():
     assert belief.mean[0] > 3.0 * belief.covariance[0, 0] ** 0.5
     agreed = biases.agreed(belief)
     assert agreed.mean[0] < 3.0 * agreed.covariance[0, 0] ** 0.5
+
+
+def test_hypotheses_that_are_improbable_do_not_keep_what_others_say_from_being_agreed():
+    """A second sensor says as the first one, so that an error of one of them is improbable."""
+    biases, belief = Biases({"first": 5.0}, 1), Belief(np.zeros(1), np.eye(1))
+    for sensor in ("first", "other", "other", "first"):
+        terms = np.array([3.0]) - belief.mean, np.eye(1), np.array([0.01])
+        biases.note([sensor], *terms, belief)
+        belief = update(belief, *terms)
+    agreed = biases.agreed(belief)
+    assert agreed.mean[0] - CERTAIN * agreed.covariance[0, 0] ** 0.5 > 2.0
+
+
+def test_an_error_as_usual_is_no_fault_however_often_it_is_seen():
+    named = []
+    for usual in (0.0, 0.2):
+        biases, belief = Biases({"one": 5.0, "two": 5.0}, 1, recent=0), Belief(np.zeros(1), 1e-9 * np.eye(1))
+        biases.expect({"one": usual, "two": usual})
+        for _ in range(1000):
+            biases.note(["one", "two"], np.array([0.3, 0.0]), np.ones((2, 1)), np.ones(2), belief)
+        named.append(biases.surely()[0])
+    assert named == ["one", ""]
+    for _ in range(2):
+        biases.note(["one", "two"], np.full(2, 3.0) * [1.0, 0.0], np.ones((2, 1)), np.full(2, 1e-4), belief)
+    assert biases.surely()[0] == "one"
+
+
+def test_what_is_brought_to_a_bound_is_there_by_all_hypotheses():
+    biases, belief = Biases({"only": 5.0}, 1, recent=0), Belief(np.zeros(1), np.eye(1))
+    terms = np.array([-3.0]), np.eye(1), np.array([0.01])
+    biases.note(["only"], *terms, belief)
+    belief = update(belief, *terms)
+    assert biases.believed(belief).mean[0] > -2.9
+    biases.keep_within(np.zeros(1), np.ones(1), belief.mean)
+    assert biases.believed(belief._replace(mean=np.zeros(1))).mean[0] == 0.0
 
 
 def test_a_sensor_may_become_wrong_after_it_was_right():
@@ -173,6 +208,16 @@ def test_a_change_is_forgotten_and_payloads_may_change():
     assert alarms_with(3.0 + REMEMBERED, "cabin/rolling", 0.0085, 0.0005) == []
     told.changed(30.0, "cabin/payload", 6300.0)
     assert alarms_with(31.0, "cabin/payload", 6450.0, 20.0) == []
+
+
+def test_an_alarm_says_the_estimate_and_is_given_by_what_all_hypotheses_agree_on():
+    slow = slow_quantities(load_scenario("aerial_tramway"))
+    sure, agreed = ({one.name: Estimate(value, 0.05, one.unit) for one in slow} for value in (1.0, 0.8))
+    doubt = {one.name: Estimate(0.8, 0.2, one.unit) for one in slow}
+    expected = {"ice": Expected(0.0, 0.3, may_change=False)}
+    assert Departures().alarms(1.0, sure, expected, doubt) == []
+    (alarm,) = Departures().alarms(1.0, sure, expected, agreed)
+    assert alarm.reason == "ice is 1 kg/m, standard deviation 0.05 kg/m; 0 kg/m in the scenario"
 
 
 @pytest.mark.long

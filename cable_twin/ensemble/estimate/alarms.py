@@ -48,17 +48,31 @@ class Departures:
         """Whether a recent alarm, seen from a time (s), says that a quantity is not as expected."""
         return name in self._told and time - self._told[name][0] < REMEMBERED
 
-    def alarms(self, time: float, slow: Mapping[str, Estimate], expected: Mapping[str, Expected]) -> list[Alarm]:
-        """New alarms at a time (s) with the estimates of then, by name, for those of which something is expected."""
+    def alarms(
+        self,
+        time: float,
+        slow: Mapping[str, Estimate],
+        expected: Mapping[str, Expected],
+        agreed: Mapping[str, Estimate] | None = None,
+    ) -> list[Alarm]:
+        """New alarms for those estimates of which something is expected.
+
+        Args:
+            time: s.
+            slow: estimates of then, by name.
+            expected: by name.
+            agreed: the same with wider bands, by which they are judged; None for those of `slow`.
+        """
         found = []
         for name, one in expected.items():
-            got, margin = slow[name], CERTAIN * slow[name].deviation
+            got = (agreed or slow)[name]
+            margin = CERTAIN * got.deviation
             if name in self._before and time - self._before[name][0] > REMEMBERED:
                 del self._before[name]
             before = self._before[name][1] if name in self._before and not one.may_change else got.value
             sure, told = one.tolerance + margin, self._told.get(name, (time, np.inf))[1]
             plan = f"{with_unit(one.value, got.unit)} in the {one.source}"
-            said = f"{name} is {with_deviation(got.value, got.deviation, got.unit)}"
+            said = f"{name} is {with_deviation(slow[name].value, slow[name].deviation, got.unit)}"
             if abs(got.value - one.value) + margin < one.tolerance:
                 self._told.pop(name, None)
             elif min(abs(got.value - one.value), abs(got.value - told)) > sure:

@@ -10,15 +10,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy  # loads `special` where it is used
 from numpy.typing import NDArray
 
+from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.alarms import CERTAIN
 from cable_twin.ensemble.estimate.kalman import Belief
+from cable_twin.ensemble.estimate.sensor_faults import Alarm, Doubts
 from cable_twin.mechanics.parameters import FloatArray
 
+WRONG = 0.05  # of the load of a support at rest, by which its load cell may be wrong, a standard deviation
 RARER = 4.0  # logarithm of how much rarer a wrong sensor is than none
 DOUBT = 2e-9  # probability of all else, below which a sensor counts as wrong; so small as waves last for some updates
 REFUTED = -2.0  # logarithm of how likely, below which a sensor was right so far, and may become wrong from now on
+HALVINGS = 30  # of the range in which a quantile of a mixture is
 RECENT, RENEWED = 2, 5  # hypotheses of each sensor that may be recent, and updates after which one of them begins anew
 
 
@@ -28,16 +33,20 @@ class Biases:
     An error may be there from the beginning, or set in later: of each sensor there are several hypotheses, m in all.
 
     Args:
-        deviations: standard deviation of such an error of each sensor, in its unit, by name.
+        deviations: standard deviation (N) of such an error of each load cell, by name.
         size: number n of quantities of the filter.
+        recent: hypotheses of each sensor that it is wrong since lately; 0 for errors from the beginning alone.
     """
 
-    def __init__(self, deviations: Mapping[str, float], size: int) -> None:
-        self._sensors = np.array(list(deviations) * (1 + RECENT))  # (m,) the first of each sensor, then the others
+    def __init__(self, deviations: Mapping[str, float], size: int, recent: int = RECENT) -> None:
+        self._recent = recent
+        self._sensors = np.array(list(deviations) * (1 + recent))  # (m,) the first of each sensor, then the others
         self._least = np.array([deviations[name] ** -2 for name in self._sensors])  # inverse variances, at first
+        self._usual = np.zeros(self._sensors.size)  # variances of errors that are none
         self._effects = np.zeros((size, self._sensors.size))  # of an error of 1 on the true mean, less the filter's
         self._evidence, self._known = np.zeros(self._sensors.size), np.diag(self._least)  # and inverse covariance, now
         self._updates = 0
+        self._undone: set[str] = set()  # sensors left out, of which nothing is in the belief
 
     @property
     def _sizes(self) -> FloatArray:
@@ -47,20 +56,49 @@ class Biases:
 
     @property
     def _likelier(self) -> FloatArray:
-        """Logarithms (m,) of how much likelier the innovations are with an error of each than without any."""
-        likelier: FloatArray = 0.5 * (self._sizes * self._evidence - np.log(np.diag(self._known) / self._least))
-        return likelier
+        """Logarithms (m,) of how much likelier the innovations are with an error of each than with a usual one."""
+        told = np.diag(self._known) - self._least
+
+        def likely(variance: FloatArray) -> FloatArray:
+            more: FloatArray = 1.0 + told * variance
+            return 0.5 * (variance / more * self._evidence**2 - np.log(more))
+
+        return likely(1.0 / self._least) - likely(self._usual)
+
+    def expect(self, errors: Mapping[str, float]) -> None:
+        """Take constant errors of the model in sensors, standard deviations (N) by name, for no faults of these."""
+        self._usual = np.array([errors[name] ** 2 for name in self._sensors])
 
     def forget(self, rows: Sequence[int]) -> None:
         """Forget what errors would make of some quantities (by row), as these are reset."""
         self._effects[rows] = 0.0
 
-    def decay(self, factors: FloatArray) -> None:
-        """Account for a Kalman prediction in which the quantities decay by factors (n,)."""
-        self._effects *= factors[:, None]
+    def keep_within(self, least: FloatArray, most: FloatArray, mean: FloatArray) -> None:
+        """Account for estimates that are brought within bounds; each hypothesis is brought there by itself.
+
+        Args:
+            least: (k,) lower bounds of the first k quantities.
+            most: (k,) upper bounds of the same.
+            mean: (n,) estimates before that.
+        """
+        mean, sizes = mean[: least.size], self._sizes
+        within = np.clip(mean, least, most)
+        for row in np.flatnonzero(within != mean):
+            moved = np.clip(mean[row] + self._effects[row] * sizes, least[row], most[row]) - within[row]
+            self._effects[row] = np.divide(moved, sizes, out=np.zeros_like(sizes), where=sizes != 0.0)
+
+    def carry(self, transition: FloatArray) -> None:
+        """Account for a Kalman prediction with a transition matrix (n, n) of the quantities."""
+        self._effects = transition @ self._effects
 
     def note(
-        self, sensors: Sequence[str], innovation: FloatArray, jacobian: FloatArray, variance: FloatArray, prior: Belief
+        self,
+        sensors: Sequence[str],
+        innovation: FloatArray,
+        jacobian: FloatArray,
+        variance: FloatArray,
+        prior: Belief,
+        told: bool = True,
     ) -> None:
         """Account for a Kalman update by measurements of k sensors; arguments as of `kalman.update`.
 
@@ -70,18 +108,26 @@ class Biases:
             jacobian: (k, n) derivatives of the predicted values.
             variance: (k,) of the noise.
             prior: belief before the update.
+            told: False for an update that moves the means, but will be repeated: it tells nothing.
         """
         of_errors = jacobian @ self._effects + (np.array(sensors)[:, None] == self._sensors)
         covariance = jacobian @ prior.covariance
         weighted = np.linalg.solve(covariance @ jacobian.T + np.diag(variance), of_errors)
+        self._effects -= covariance.T @ weighted
+        if not told:
+            return
         self._evidence += weighted.T @ innovation
         self._known += of_errors.T @ weighted
-        self._effects -= covariance.T @ weighted
-        self._restart(self._likelier < REFUTED)
         self._updates += 1
+        if self._recent:
+            self._renew()
+
+    def _renew(self) -> None:
+        """Begin anew with hypotheses that are refuted, and from time to time with the least likely recent ones."""
+        self._restart(self._likelier < REFUTED)
         if self._updates % RENEWED == 0:
-            later = self._likelier.reshape(1 + RECENT, -1)[1:]
-            self._restart((np.arange(1 + RECENT)[:, None] == 1 + later.argmin(axis=0)).ravel())
+            later = self._likelier.reshape(1 + self._recent, -1)[1:]
+            self._restart((np.arange(1 + self._recent)[:, None] == 1 + later.argmin(axis=0)).ravel())
 
     def surely(self) -> tuple[str, float]:
         """Sensor that is wrong for sure and its error; an empty name where there is none."""
@@ -92,17 +138,38 @@ class Biases:
             return "", 0.0
         return worst, float(self._sizes @ np.where(self._sensors == worst, weights, 0.0))
 
+    def judge(self, time: float, belief: Belief, doubts: Doubts) -> tuple[Belief, list[Alarm]]:
+        """Leave out a sensor that is wrong for sure; returns the belief without those left out by now, and alarms.
+
+        Args:
+            time: s.
+            belief: of the filter.
+            doubts: about its sensors.
+        """
+        alarms, (wrong, error) = [], self.surely()
+        if wrong and wrong not in doubts.left_out:
+            text = f"sensor {wrong} contradicts all others by {with_unit(error, 'N', 2)} and is left out"
+            alarms.append(doubts.leave_out(wrong, time, text))
+        for name in [name for name in doubts.left_out if name not in self._undone]:
+            belief = self.without(belief, name)
+            self._undone.add(name)
+        return belief, alarms
+
     def believed(self, belief: Belief) -> Belief:
         """Belief over all hypotheses, each as likely as it is: mean and covariance of their mixture."""
         return self._mixed(belief, self._weights(self._sensors))
 
     def agreed(self, belief: Belief) -> Belief:
-        """Belief in which all hypotheses agree, however unlikely: `CERTAIN` deviations cover those of each of them."""
+        """Belief of which `CERTAIN` deviations cover all that is as probable over all hypotheses as that many of one.
+
+        Beyond them is only what hypotheses agree on, but those which are less probable than that by themselves.
+        """
+        weights = self._weights(self._sensors)
+        shares = np.append(weights, 1.0 - weights.sum())
         effects = np.column_stack([self._effects, np.zeros(belief.mean.size)])
         means = belief.mean[:, None] + effects * np.append(self._sizes, 0.0)
         variances = np.diag(belief.covariance)[:, None] + effects**2 / np.append(np.diag(self._known), 1.0)
-        margins = CERTAIN * np.sqrt(variances)
-        least, most = (means - margins).min(axis=1), (means + margins).max(axis=1)
+        least, most = (side * _quantiles(side * means, np.sqrt(variances), shares) for side in (-1.0, 1.0))
         return Belief(0.5 * (least + most), np.diag(((most - least) / (2.0 * CERTAIN)) ** 2))
 
     def without(self, belief: Belief, sensor: str) -> Belief:
@@ -135,3 +202,21 @@ class Biases:
         self._effects[:, which], self._evidence[which] = 0.0, 0.0
         self._known[which], self._known[:, which] = 0.0, 0.0
         self._known[which, which] = self._least[which]
+
+
+def _quantiles(means: FloatArray, deviations: FloatArray, shares: FloatArray) -> FloatArray:
+    """Values (n,) that n mixtures of normal distributions exceed as rarely as one exceeds `CERTAIN` deviations.
+
+    Args:
+        means: (n, m) of the m parts of each.
+        deviations: (n, m) likewise.
+        shares: (m,) of the parts, 1 in all.
+    """
+    rare = float(scipy.special.ndtr(-CERTAIN))
+    low, high = (side(means + CERTAIN * deviations, axis=1) for side in (np.min, np.max))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        beyond = scipy.special.ndtr((means - middle[:, None]) / deviations) @ shares > rare
+        low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
+    found: FloatArray = 0.5 * (low + high)
+    return found

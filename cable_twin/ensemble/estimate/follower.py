@@ -19,15 +19,18 @@ import scipy  # loads `special` where it is used
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
+from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
+from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.changes import best_change
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
+from cable_twin.ensemble.estimate.linear_range import loads_went_far, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
-    OF_SQUARE,
     Estimate,
     Hidden,
     Reading,
     Slow,
+    bounds,
     friction_errors,
     hidden_quantities,
     readings,
@@ -61,8 +64,6 @@ RARER = 4.0  # logarithm of how much rarer that is than a change of the plant th
 BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
 FASTER = 20.0  # times the usual drift of a quantity of which an alarm has told: ice that has come may go on coming
 SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
-FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
-FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
 MOVED = 1.0  # m, from which on a plant has moved
 RESTS = 8  # at most, that are tried for one window
 FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
@@ -129,7 +130,10 @@ class Follower:
         mean = np.concatenate([[one.mean for one in self.slow], np.zeros(len(self._fast) + errors.size)])
         swing = np.full(len(self._fast), PRIOR)
         self._belief = Belief(mean, np.diag(np.concatenate([self._deviation, swing, errors]) ** 2))
-        self._points, self._at_tower, self._stirred = self._stencil(), False, 0.0
+        cells = [(name, one.of) for name, one in scenario.sensors.items() if one.kind == "load_cell"]
+        self._biases = Biases({name: WRONG_CELL * scale[of] for name, of in cells}, mean.size, recent=0)
+        self._biases.expect(dict(zip(self.readings, errors.tolist(), strict=True)))
+        self._points, self._at_tower, self._stirred = self._stencil(self._belief), False, 0.0
         self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
         self._change(rest=True)
         self._swing()
@@ -176,9 +180,11 @@ class Follower:
         covariance[fast, fast] = (ANY_SWING if under_way else PRIOR) ** 2 * np.eye(len(self._fast))
         of_friction = self._of_friction if self._has_moved(motion) else 0.0
         self._errors = np.hypot(self._usual_errors, of_friction)
+        self._biases.expect(dict(zip(self.readings, self._errors.tolist(), strict=True)))
         of_sensors = range(fast.stop, mean.size)
         covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[fast.stop :], self._errors**2)
         self._belief = Belief(mean, covariance)
+        self._biases.forget(range(fast.start, fast.stop))
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
         self._stands, self._begun = not under_way, time
@@ -269,14 +275,20 @@ class Follower:
             self._belief = update(before, *terms)
             self._note_scatter(time - self._since)  # about the corrected model; it counts in this window already
             self._belief = before
-            self._belief = update(before, *self._linear(used))
-            if self._went_far(before, self._belief):
+            terms = self._linear(used)
+            self._belief = update(before, *terms)
+            far = wind_went_far(self.slow, self._points[0], before, self._belief)
+            self._biases.note([row.sensor for row in used], *terms, before, told=not far)
+            if far:
                 self._belief, self._stirred = self._belief._replace(covariance=self._stirred_up(before)), 1.0
             else:
                 self._doubt_steps()
+        self._belief, wrong = self._biases.judge(time, self._belief, self.doubts)
         lasted, self._since, self._from = time - self._since, time, time
-        hidden, slow = self._hidden(numbers), self._slow()
-        alarms += self._departures.alarms(time, slow, self._expected)
+        believed = self._biases.believed(self._belief)
+        hidden, slow = self._hidden(numbers, believed), self._slow(believed)
+        agreed = self._slow(self._biases.agreed(self._belief))
+        alarms += [*wrong, *self._departures.alarms(time, slow, self._expected, agreed)]
         self._go_on(lasted, numbers)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
 
@@ -291,24 +303,19 @@ class Follower:
         Returns:
             Whether the members have been restarted.
         """
-        first, anew, count = (self._belief, self._points), False, len(self.slow)
+        first, anew, before = self._points, False, self._belief
         for _ in range(RESTS):
-            before = self._belief
             if not self._rows:
                 break
             found = update(before, *self._linear(self._rows))
-            if not self._went_far(before, found) and not self._loads_went_far(before, found):
+            moved = self.slow, self._points[0], before, found
+            if not wind_went_far(*moved) and not loads_went_far(*moved):
                 break
-            mean = before.mean.copy()
-            mean[:count] = found.mean[:count]
-            self._belief = before._replace(mean=mean)
-            if not self._rest(time, self._stencil()):
-                self._belief = before
+            if not self._rest(time, self._stencil(before._replace(mean=found.mean))):
                 break
             anew = True
         if anew and self._contradicting()[1]:  # it was not the wind
-            self._belief, points = first
-            self._rest(time, points)
+            self._rest(time, first)
         return anew
 
     def _rest(self, time: float, points: FloatArray) -> bool:
@@ -319,34 +326,13 @@ class Follower:
         except (EquilibriumError, ValueError):
             self._points = before
             return False
-        self._zero, self._belief = time, self._belief._replace(mean=self._belief.mean.copy())
-        self._belief.mean[: len(self.slow)] = points[0]
+        self._zero = time
         self._swing()
         numbers = self._ensemble.numbers()
         self._rows = [
             row._replace(predicted=self.readings[row.sensor].of(numbers), numbers=numbers) for row in self._rows
         ]
         return True
-
-    def _went_far(self, before: Belief, after: Belief) -> bool:
-        """Whether a correction moves a wind that is little known beyond the range in which its effects are linear.
-
-        Such a correction only tells where to linearise: the quadratic effect of the wind would be attributed to
-        payloads and friction, with standard deviations too small to be corrected later.
-        """
-        number = [row for row, one in enumerate(self.slow) if one.curvature == OF_SQUARE]
-        moved, deviations = after.mean - before.mean, np.sqrt(np.diag(before.covariance))
-        far = np.maximum(FAR, FAR_SHARE * np.abs(after.mean))
-        return bool(((np.abs(moved) > far) & (deviations > FAR))[number].any())
-
-    def _loads_went_far(self, before: Belief, after: Belief) -> bool:
-        """Whether a correction moves a little known payload beyond the range in which its effects are linear."""
-        moved, deviations = np.abs(after.mean - before.mean), np.sqrt(np.diag(before.covariance))
-        return any(
-            min(moved[row], deviations[row]) > FAR_LOAD * one.high
-            for row, one in enumerate(self.slow)
-            if one.payload_of
-        )
 
     def _stirred_up(self, before: Belief) -> FloatArray:
         """Covariance before a correction with larger variances of all swings, which a sudden change of wind excites."""
@@ -374,18 +360,21 @@ class Follower:
         added = np.concatenate([walks**2 * lasted, gained, (1.0 - kept**2) * self._errors**2])
         self._rows = []
         if self._ensemble.alike:
-            wanted, fast = self._stencil(), slice(count, count + swinging)
+            wanted, fast = self._stencil(self._belief), slice(count, count + swinging)
             self._ensemble.blend(self._weights(wanted, self._belief.mean[fast] / SIZE))
             self._points = wanted
             moved = np.eye(decay.size)
             moved[fast, fast] = carried(self._fast, numbers, self._first)
             mean = self._belief.mean.copy()
+            self._biases.keep_within(*bounds(self.slow), self._belief.mean)
+            self._biases.carry(moved)
             mean[:count], mean[fast] = wanted[0], 0.0
             self._belief = Belief(mean, moved @ self._belief.covariance @ moved.T)
             self._change()
             self._swing()
         else:
             added[count : count + swinging] = 0.0  # the members still have the swings of the window before
+        self._biases.carry(np.diag(decay))
         self._belief = predict(self._belief, decay, added)
 
     def _weights(self, wanted: FloatArray, shares: FloatArray) -> FloatArray:
@@ -423,8 +412,9 @@ class Follower:
 
     def _excused(self, rows: list[_Row]) -> list[_Row]:
         """Rows of one sensor, with more variance where waves within the window alone keep it from contradicting."""
-        terms = self._linear(rows) if rows else None
-        if not terms or normalised_square(*terms, self._belief.covariance) < scipy.special.chdtri(len(rows), SURE):
+        believed = self._biases.believed(self._belief)
+        terms = self._linear(rows, believed) if rows else None
+        if not terms or normalised_square(*terms, believed.covariance) < scipy.special.chdtri(len(rows), SURE):
             return rows
         return [row._replace(variance=row.variance + excuse(terms[0], terms[2])) for row in rows]
 
@@ -433,8 +423,9 @@ class Follower:
         if not self._rows:
             return
         count, numbers = len(self.slow), self._rows[-1].numbers[0]
-        innovation, jacobian, variance = self._linear(self._rows)
-        total = jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance)
+        believed = self._biases.believed(self._belief)
+        innovation, jacobian, variance = self._linear(self._rows, believed)
+        total = jacobian @ believed.covariance @ jacobian.T + np.diag(variance)
         of_sensors = slice(count + len(self._fast), None)
         sizes = [0.0 if one.payload_of and not self._boards(one, numbers) else one.change for one in self.slow]
         wrong = [WRONG * reading.noise for reading in self.readings.values()]
@@ -445,7 +436,8 @@ class Follower:
             covariance = self._belief.covariance.copy()
             covariance[found.number, found.number] += found.size**2
             self._belief = self._belief._replace(covariance=covariance)
-            self._departures.changed(self.time, self.slow[found.number].name, float(self._belief.mean[found.number]))
+            agreed = self._biases.agreed(self._belief).mean
+            self._departures.changed(self.time, self.slow[found.number].name, float(agreed[found.number]))
 
     def _walk(self, one: Slow, numbers: FloatArray) -> float:
         """Standard deviation of what a slow quantity may change by in a second, by the values (n,) of a frame."""
@@ -468,15 +460,16 @@ class Follower:
     def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
         """Measurements of a window by sensor, and the sensor or swapped pair of sensors that contradicts all others."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
+        believed = self._biases.believed(self._belief)
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
             found = {}
             for sensor in sensors:
                 rows = [self._read_as(row, to[sensor]) for row in of[sensor]] if sensor in to else of[sensor]
                 limit = float(scipy.special.chdtri(len(rows), SURE))
-                innovation, jacobian, variance = self._linear(rows)
+                innovation, jacobian, variance = self._linear(rows, believed)
                 variance = variance + excuse(innovation, variance)
-                found[sensor] = normalised_square(innovation, jacobian, variance, self._belief.covariance) / limit
+                found[sensor] = normalised_square(innovation, jacobian, variance, believed.covariance) / limit
             return found
 
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
@@ -532,8 +525,13 @@ class Follower:
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
-    def _linear(self, rows: Sequence[_Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
+    def _linear(self, rows: Sequence[_Row], belief: Belief | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window.
+
+        Args:
+            rows: m.
+            belief: by which they are predicted; None for that of the filter.
+        """
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted for row in rows])
         jacobian = np.zeros((len(rows), self._belief.mean.size))
@@ -542,7 +540,9 @@ class Follower:
             jacobian[:, : len(self.slow)] = 0.0
         columns = [count + self._rows_of[row.sensor] for row in rows]
         jacobian[range(len(rows)), columns] = 1.0
-        innovation = np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending()
+        innovation = (
+            np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending(belief or self._belief)
+        )
         others = {row.sensor: SLOWER**2 * self._unexplained(self.readings[row.sensor].unit, row.sensor) for row in rows}
         return innovation, jacobian, np.array([row.variance + others[row.sensor] for row in rows])
 
@@ -554,24 +554,24 @@ class Follower:
         fast = (predicted[:, first:] - predicted[:, :1]) / SIZE
         return np.hstack([slow, fast])
 
-    def _pending(self) -> FloatArray:
-        """Differences (n,) of the estimate from the quantities of the middle member."""
-        mean = self._belief.mean.copy()
+    def _pending(self, belief: Belief) -> FloatArray:
+        """Differences (n,) of a belief from the quantities of the middle member."""
+        mean = belief.mean.copy()
         mean[: len(self.slow)] -= self._points[0]
         return mean
 
-    def _slow(self) -> dict[str, Estimate]:
-        deviations = np.sqrt(np.diag(self._belief.covariance))
+    def _slow(self, belief: Belief) -> dict[str, Estimate]:
+        deviations = np.sqrt(np.diag(belief.covariance))
         return {
             one.name: Estimate(float(np.clip(mean, one.low, one.high)), float(deviation), one.unit)
-            for one, mean, deviation in zip(self.slow, self._belief.mean, deviations, strict=False)
+            for one, mean, deviation in zip(self.slow, belief.mean, deviations, strict=False)
         }
 
-    def _hidden(self, numbers: FloatArray) -> dict[str, Estimate]:
+    def _hidden(self, numbers: FloatArray, belief: Belief) -> dict[str, Estimate]:
         """Estimates of unmeasured quantities; deviations follow from the slow quantities and the model's error."""
         count, found = len(self.slow) + len(self._fast), {}
-        shift = self._pending()[:count]
-        covariance = self._belief.covariance[:count, :count]
+        shift = self._pending(belief)[:count]
+        covariance = belief.covariance[:count, :count]
         for one in self.hidden:
             rows = numbers[:, one.places]
             values = rows[:, 0] if one.places.size == 1 else np.linalg.norm(rows, axis=1)
@@ -583,10 +583,10 @@ class Follower:
             found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
         return found
 
-    def _stencil(self) -> FloatArray:
+    def _stencil(self, belief: Belief) -> FloatArray:
         count = len(self.slow)
-        deviations = np.sqrt(np.diag(self._belief.covariance)[:count])
-        return stencil(self._belief.mean[:count], np.maximum(deviations, NARROWEST * self._deviation), self.slow)
+        deviations = np.sqrt(np.diag(belief.covariance)[:count])
+        return stencil(belief.mean[:count], np.maximum(deviations, NARROWEST * self._deviation), self.slow)
 
     def _change(self, rest: bool = False) -> None:
         """Set the slow quantities of each member to its stencil point, of the swing members to the middle point."""

@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy  # loads `special` where it is used
 
-from cable_twin.basics.units import with_unit
 from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
-from cable_twin.ensemble.estimate.biases import Biases
+from cable_twin.ensemble.estimate.biases import WRONG, Biases
 from cable_twin.ensemble.estimate.follower import Correction
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.line_statics import EMPTY, PAYLOAD, Carried, LineStatics
@@ -38,7 +37,6 @@ ROLLING_TOLERANCE = 0.5  # of that of the scenario, by which it may differ witho
 FIRST_ICE = 1.0  # kg/m, standard deviation of the ice on all ropes
 BIAS, FAST = 0.002, 0.003  # of the load of a tower at rest: slow and fast error of the model
 DRIVE_BIAS, DRIVE_FAST = 8e-4, 1.6e-3  # of the load of all towers at rest: the same of a drive
-WRONG = 0.05  # of the load of a tower at rest, by which a load cell may be wrong, a standard deviation
 FORGOTTEN = 200.0  # s, in which a slow error changes
 LAGS = 4  # windows over which waves are looked at
 REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, and times their variance that counts
@@ -160,7 +158,6 @@ class LineFollower:
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         cells = [name for name in self._of_forces if self._kinds[name] == "load_cell"]
         self._biases = Biases({name: WRONG * self._rest[self._of[name]] for name in cells}, size)
-        self._undone: set[str] = set()  # sensors left out, of which nothing is in the belief
         self._plan = start.columns.payload[self._rows].copy()
         self._sums: dict[str, list[_Sample]] = {}
         self._fast = FastErrors({name: self._scale(name, FAST, DRIVE_FAST) for name in self._of_forces})
@@ -241,7 +238,7 @@ class LineFollower:
         believed = self._biases.believed(self._belief)  # of this window, before the doubt of the next one
         slow, hidden = self._slow(believed), self._hidden(snapshot, believed)
         agreed = self._slow(self._biases.agreed(self._belief))
-        alarms += self._departures.alarms(time, agreed, self._expected())
+        alarms += self._departures.alarms(time, slow, self._expected(), agreed)
         self._drift(time - self._since)
         self._since, self._sums = time, {}
         return Correction(time, slow, hidden, innovation, tuple(alarms))
@@ -257,13 +254,8 @@ class LineFollower:
             innovation = normalised_square(*terms, self._belief.covariance) / len(sensors)
             self._biases.note([*sensors], *terms, self._belief)
             self._belief = update(self._belief, *terms)
-        wrong, error = self._biases.surely()
-        if wrong and wrong not in self.left_out:
-            text = f"sensor {wrong} contradicts all others by {with_unit(error, 'N', 2)} and is left out"
-            alarms.append(self.doubts.leave_out(wrong, time, text))
-        for name in self.left_out.keys() - self._undone:
-            self._belief = self._biases.without(self._belief, name)
-            self._undone.add(name)
+        self._belief, wrong = self._biases.judge(time, self._belief, self.doubts)
+        alarms += wrong
         return innovation
 
     def _drift(self, lasted: float) -> None:
@@ -272,7 +264,7 @@ class LineFollower:
         walks = np.zeros(known)
         walks[-1] = ICE_WALK**2 * lasted
         decay = np.concatenate([np.ones(known), np.full(self._bias.size, kept)])
-        self._biases.decay(decay)
+        self._biases.carry(np.diag(decay))
         self._belief = predict(self._belief, decay, np.concatenate([walks, (1.0 - kept**2) * self._bias**2]))
 
     def _terms(

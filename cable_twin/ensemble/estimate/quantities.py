@@ -309,9 +309,14 @@ def weights_of(points: FloatArray, wanted: FloatArray) -> FloatArray:
     return weights
 
 
+def bounds(quantities: Sequence[Slow]) -> tuple[FloatArray, FloatArray]:
+    """Least and largest values (n,) of slow quantities."""
+    return np.array([one.low for one in quantities]), np.array([one.high for one in quantities])
+
+
 def stencil(mean: FloatArray, deviation: FloatArray, quantities: Sequence[Slow]) -> FloatArray:
     """Stencil points (2 n + 1, n): the mean within bounds, and a deviation above and below it in each quantity."""
-    low, high = (np.array([getattr(one, side) for one in quantities]) for side in ("low", "high"))
+    low, high = bounds(quantities)
     middle = np.clip(mean, low, high)
     points = np.tile(middle, (2 * middle.size + 1, 1))
     for number in range(middle.size):

@@ -1,0 +1,48 @@
+"""Range about the members of an ensemble in which the effects of slow quantities are linear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cable_twin.ensemble.estimate.kalman import Belief
+from cable_twin.ensemble.estimate.quantities import OF_SQUARE, Slow, bounds
+from cable_twin.mechanics.parameters import FloatArray
+
+FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
+FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
+
+
+def wind_went_far(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Belief) -> bool:
+    """Whether a correction moves a wind that is little known beyond the range in which its effects are linear.
+
+    Such a correction only tells where to linearise: the quadratic effect of the wind would be attributed to
+    payloads and friction, with standard deviations too small to be corrected later.
+
+    Args:
+        slow: n quantities.
+        middle: (n,) values of the middle member.
+        before: belief before the correction.
+        after: belief after it.
+    """
+    moved, deviations = _moved(slow, middle, before, after)
+    far = np.maximum(FAR, FAR_SHARE * np.abs(after.mean[: len(slow)]))
+    of_wind = [one.curvature == OF_SQUARE for one in slow]
+    return bool(((moved > far) & (deviations > FAR))[of_wind].any())
+
+
+def loads_went_far(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Belief) -> bool:
+    """Whether a correction moves a little known payload beyond that range; arguments as of `wind_went_far`."""
+    moved, deviations = _moved(slow, middle, before, after)
+    return any(
+        min(size, deviation) > FAR_LOAD * one.high
+        for one, size, deviation in zip(slow, moved, deviations, strict=True)
+        if one.payload_of
+    )
+
+
+def _moved(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Belief) -> tuple[FloatArray, FloatArray]:
+    """Distances (n,) of the estimates from the middle member, and standard deviations (n,) before the correction."""
+    found = np.clip(after.mean[: len(slow)], *bounds(slow))
+    return np.abs(found - middle), np.sqrt(np.diag(before.covariance)[: len(slow)])
