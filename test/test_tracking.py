@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cable_twin.ensemble.estimate.arrivals import OTHER_CLOCK, RESET, Arrivals
-from cable_twin.ensemble.estimate.pursuit import APART, CLOSING, Pursuit
+from cable_twin.ensemble.estimate.pursuit import APART, BELOW, CLOSING, Pursuit
 from cable_twin.ensemble.estimate.tracker import ALONE, FOLLOWING, SILENT, WAITING, Tracker
 from cable_twin.frame.sensors import Measurement, Sensors, standard_sensors
 from cable_twin.scenario import load_scenario
@@ -68,9 +68,11 @@ def test_a_drive_goes_as_commanded_and_makes_up_for_a_distance():
     assert pursuit.wanted(1.0, "cabin", 12.0) == pytest.approx(7.0)  # measured, as nothing is commanded
     pursuit.command(1.0, {"cabin": 6.5})
     assert pursuit.wanted(1.0, "cabin", 12.0) == 6.5
+    assert not pursuit.catching_up
     behind = 2.0 * APART + 0.7
     assert pursuit.wanted(1.1, "cabin", 12.0 - behind) == pytest.approx(7.0 + behind / CLOSING)
-    assert pursuit.wanted(1.1, "cabin", -500.0) == 10.0
+    assert pursuit.catching_up
+    assert pursuit.wanted(1.1, "cabin", -500.0) == BELOW * 10.0
     assert pursuit.wanted(1.1, "cabin", 112.0) == pytest.approx(7.0 - np.sqrt(0.2 * 100.0))  # room to brake
 
 

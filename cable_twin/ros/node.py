@@ -231,6 +231,7 @@ class TwinNode(Node):
             publish=self._publish_outlook,
             warn=self._log_warning,
             **{key: self._settings[f"outlook_{key}"] for key in ("horizon", "rate", "gust")},
+            passing=lambda: self._plant is not None and self._plant.catching_up,
         )
 
     def _follow(self) -> PlantSubscriber:

@@ -83,6 +83,11 @@ class PlantSubscriber:
                 message_class(topic.type), topic.name, partial(self._take, name, topic.name), quality, raw=True
             )
 
+    @property
+    def catching_up(self) -> bool:
+        """Whether a drive of the twin is brought to the place of the plant at present."""
+        return self._pursuit.catching_up
+
     def doubled(self) -> list[str]:
         """Topics on which several plants publish."""
         return [one.name for one in self._known.values() if self._node.count_publishers(one.name) > 1]

@@ -61,6 +61,7 @@ class LiveOutlook(Companion):
         horizon: length of the futures (s).
         rate: outlooks a second, where the machine is fast enough.
         gust: amplitude (m/s) of the announced gust.
+        passing: tells whether the drives have speeds that will not last: no outlook begins then.
     """
 
     def __init__(
@@ -74,7 +75,9 @@ class LiveOutlook(Companion):
         horizon: float,
         rate: float,
         gust: float,
+        passing: Callable[[], bool] = lambda: False,
     ) -> None:
+        self._passing = passing
         self._simulation, self._loop, self._stamp_ns = simulation, loop, stamp_ns
         self._publish, self._warn, self._period = publish, warn, 1.0 / rate
         self._options = {"scenario": simulation.scenario.resolved(), "horizon": horizon, "gust": gust}
@@ -95,7 +98,8 @@ class LiveOutlook(Companion):
             if full is None:
                 return
             question = Question.of(full, self._stamp_ns(full.time), begun)
-            if self._last != (now := (question.time, question.blocks[0])):  # else it stands still, as while paused
+            now = question.time, question.blocks[0]
+            if self._last != now and not self._passing():  # else it stands still, as while paused
                 send(questions, question)
                 answer = receive(answers)
                 if answer is None:

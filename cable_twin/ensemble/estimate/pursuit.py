@@ -11,6 +11,7 @@ FRESH = 0.6  # s, for which a command of the plant holds
 APART, NEAR = 0.3, 0.1  # m beyond the way of `TIMING`, from which a place is pursued, and up to which
 TIMING = 0.1  # s, by which commands of a plant may be earlier or later in the twin
 CLOSING = 4.0  # s, in which a distance is made up for
+BELOW = 0.95  # of its largest speed, which a drive does not pass to make up for a distance, unless its plant does
 SLOWING = 0.1  # m/s^2, by which a twin that made up for a distance becomes slower: less than any drive can
 SPAN, LONG_SPAN = 1.0, 2.0  # s, over which a measured speed is averaged, and an acceleration
 CHANGED = 0.02  # m/s, from which on another speed is commanded
@@ -23,6 +24,9 @@ class Pursuit:
     A twin that gets all commands of its plant moves as the plant does. A twin that missed some, as of an emergency stop
     on the spot, is brought to the place of the plant by its speed.
 
+    Attributes:
+        catching_up: whether a drive is brought to the place of the plant at present, by a speed that the plant has not.
+
     Args:
         most: largest speed (m/s) by name of a carriage or drive.
         period: distance (m) after which places of a drive are alike, as round a loop, by name.
@@ -34,6 +38,11 @@ class Pursuit:
         self._places: dict[str, deque[tuple[float, float]]] = {}  # times (s) and places (m) of the last `LONG_SPAN`
         self._given: dict[str, tuple[float, float]] = {}
         self._pursued: set[str] = set()
+
+    @property
+    def catching_up(self) -> bool:
+        """Whether a drive is brought to the place of the plant at present."""
+        return bool(self._pursued)
 
     def command(self, time: float, speeds: Mapping[str, float]) -> None:
         """Record the speeds (m/s) that a plant was commanded at a time (s), by name of carriage or drive."""
@@ -106,7 +115,8 @@ class Pursuit:
         speed = commanded if fresh else measured
         if name in self._pursued:
             closing = min(abs(apart) / CLOSING, float(np.sqrt(2.0 * SLOWING * abs(apart))))
-            speed = measured + float(np.copysign(closing, apart))
+            fastest = max(BELOW * self._most.get(name, np.inf), abs(measured))
+            speed = float(np.clip(measured + np.copysign(closing, apart), -fastest, fastest))
         return self._give(time, name, speed)
 
     def _give(self, time: float, name: str, speed: float) -> float | None:
