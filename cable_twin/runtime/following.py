@@ -92,7 +92,8 @@ class LiveFollowing(Companion):
         text += f"; left out: {', '.join(last.left_out)}" if last.left_out else ""
         if self.shut:
             text += f"; several plants publish on {', '.join(sorted(self.shut))}, which is left out"
-        return last.state in (STARTING, FOLLOWING) and not last.left_out and not self.shut, text, values
+        well = last.state in (STARTING, FOLLOWING) and last.behind <= BEHIND
+        return well and not last.left_out and not self.shut, text, values
 
     def shut_out(self, topics: Sequence[str]) -> None:
         """Leave out the messages of topics on which several plants publish, and log each change."""

@@ -98,7 +98,8 @@ class Arrivals:
             return True
         self._elsewhere.append(offset)
         if len(self._elsewhere) >= RESET and max(self._elsewhere) - min(self._elsewhere) < 1.0:
-            self.notes.append(f"stamps of the plant jumped by {-delay:.3f} s: it is followed by its new clock")
+            why = ", or messages no longer come late" if delay < 0.0 else ""
+            self.notes.append(f"stamps of the plant jumped by {-delay:.3f} s{why}: it is followed by its new clock")
             self._offsets = deque([(arrival, min(self._elsewhere))])
             self._elsewhere = []
             self._waiting.clear()

@@ -168,9 +168,8 @@ class TagState:
 
     def _recover(self, now_ns: int) -> None:
         if self._told_reason:
-            self._tell(
-                "info", f"tags.{self.name}: right again, after {self._out} sample{'s' * (self._out != 1)} left out"
-            )
+            after = f", after {self._out} sample{'s' * (self._out != 1)} left out" if self._out else ""
+            self._tell("info", f"tags.{self.name}: right again{after}")
             self._told_reason, self._out = "", 0
         self._reason = ""
 

@@ -1,4 +1,4 @@
-"""Outlook beside a running twin: none begins while a drive makes up for a distance from its plant."""
+"""Twin that follows a plant: no outlook begins while it makes up for a distance; it is not well while it is late."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from cable_twin.runtime.companion import receive
+from cable_twin.runtime.following import FOLLOWING, Estimated, LiveFollowing
 from cable_twin.runtime.outlook import LiveOutlook, Question
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -44,3 +45,11 @@ def test_no_outlook_begins_while_a_speed_will_not_last(passing):
     assert isinstance(receive(questions), Question)
     assert receive(questions) is None
     assert len(captured) == len(passing)
+
+
+@pytest.mark.parametrize(("behind", "well", "said"), [(4.0, True, "follows"), (19.0, False, "19 s behind the plant")])
+def test_a_twin_that_is_behind_its_plant_is_not_well(behind, well, said):
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail)
+    following._last = Estimated(7.0, b"", (), FOLLOWING, {}, {}, behind)
+    assert following.status()[0] == well
+    assert following.status()[1].endswith(said)
