@@ -258,6 +258,17 @@ def test_a_load_cell_that_is_wrong_from_the_start_is_no_ice_and_is_named(measure
     assert tensions["end/force"].deviation < (3500.0 if at == "rest" else 1000.0)
 
 
+def test_members_rest_with_the_payload_of_the_plant_although_a_load_cell_lies(measured):
+    """The plan has 6400 kg, the middle of the prior 3200 kg: blended to 4200 kg, members would not be at rest."""
+
+    def changed(one):
+        return replace(one, values=tuple(1.05 * value for value in one.values)) if one.sensor == "load_end" else one
+
+    _, corrections = followed(measured, changed, until=1.5)
+    got = corrections[0].slow["cabin/payload"]
+    assert abs(got.value - TRUTH) < 3.0 * got.deviation < 300.0  # kg; else it would be 470 kg
+
+
 def test_a_twin_that_is_a_little_off_its_place_does_not_suspect_the_encoder(measured):
     """A live drive is brought to the place of its plant to 0.3 m, also where both stand."""
     scenario, found = measured

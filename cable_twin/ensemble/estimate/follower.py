@@ -31,6 +31,7 @@ from cable_twin.ensemble.estimate.quantities import (
     Reading,
     Slow,
     bounds,
+    estimates_of,
     friction_errors,
     hidden_quantities,
     readings,
@@ -286,8 +287,8 @@ class Follower:
         self._belief, wrong = self._biases.judge(time, self._belief, self.doubts)
         lasted, self._since, self._from = time - self._since, time, time
         believed = self._biases.believed(self._belief)
-        hidden, slow = self._hidden(numbers, believed), self._slow(believed)
-        agreed = self._slow(self._biases.agreed(self._belief))
+        hidden, slow = self._hidden(numbers, believed), estimates_of(self.slow, believed)
+        agreed = estimates_of(self.slow, self._biases.agreed(self._belief))
         alarms += [*wrong, *self._departures.alarms(time, slow, self._expected, agreed)]
         self._go_on(lasted, numbers)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
@@ -298,24 +299,33 @@ class Follower:
         At rest the measurements of a window hold at any time, so that they can correct the restarted members again
         (iterated Kalman filter, Bell and Cathey 1993). Unlike a twin in which a wind sets in, one at rest in that wind
         does not swing; members blended to a payload far from theirs would not be at rest either, by the second order of
-        its effects.
+        its effects. A sensor that contradicts the rest which it has led to is not asked again.
 
         Returns:
             Whether the members have been restarted.
         """
-        first, anew, before = self._points, False, self._belief
-        for _ in range(RESTS):
-            if not self._rows:
+        first, anew, out = self._points, False, ""
+        while self._rest_without(time, out):
+            anew, wrong = True, self._contradicting()[1]
+            if wrong in ("", out):
                 break
-            found = update(before, *self._linear(self._rows))
+            self._rest(time, first)  # it was not the wind
+            if out or wrong not in self.readings:
+                break
+            out = wrong
+        return anew
+
+    def _rest_without(self, time: float, sensor: str) -> bool:
+        """Restart all members where a window without a sensor has them; False where that is no restart."""
+        anew, before, rows = False, self._belief, [row for row in self._rows if row.sensor != sensor]
+        for _ in range(RESTS if rows else 0):
+            found = update(before, *self._linear(rows))
             moved = self.slow, self._points[0], before, found
             if not wind_went_far(*moved) and not loads_went_far(*moved):
                 break
             if not self._rest(time, self._stencil(before._replace(mean=found.mean))):
                 break
-            anew = True
-        if anew and self._contradicting()[1]:  # it was not the wind
-            self._rest(time, first)
+            anew, rows = True, [row for row in self._rows if row.sensor != sensor]
         return anew
 
     def _rest(self, time: float, points: FloatArray) -> bool:
@@ -559,13 +569,6 @@ class Follower:
         mean = belief.mean.copy()
         mean[: len(self.slow)] -= self._points[0]
         return mean
-
-    def _slow(self, belief: Belief) -> dict[str, Estimate]:
-        deviations = np.sqrt(np.diag(belief.covariance))
-        return {
-            one.name: Estimate(float(np.clip(mean, one.low, one.high)), float(deviation), one.unit)
-            for one, mean, deviation in zip(self.slow, belief.mean, deviations, strict=False)
-        }
 
     def _hidden(self, numbers: FloatArray, belief: Belief) -> dict[str, Estimate]:
         """Estimates of unmeasured quantities; deviations follow from the slow quantities and the model's error."""

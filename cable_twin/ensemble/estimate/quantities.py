@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_twin.ensemble.estimate.kalman import Belief
 from cable_twin.frame.sensors import ANGLES, Measurement, body_of
 from cable_twin.frame.snapshot import Layout
 from cable_twin.mechanics.parameters import FloatArray
@@ -249,6 +250,15 @@ class Estimate(NamedTuple):
     value: float
     deviation: float
     unit: str
+
+
+def estimates_of(slow: Sequence[Slow], belief: Belief) -> dict[str, Estimate]:
+    """Estimates of slow quantities, the first ones in a belief, by name, within their bounds."""
+    deviations = np.sqrt(np.diag(belief.covariance))
+    return {
+        one.name: Estimate(float(np.clip(mean, one.low, one.high)), float(deviation), one.unit)
+        for one, mean, deviation in zip(slow, belief.mean, deviations, strict=False)
+    }
 
 
 class Hidden(NamedTuple):
