@@ -9,7 +9,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cable_twin.basics.units import rounded
+from cable_twin.frame.records import FloatArray
 from cable_twin.offline.import_profile import tell_rest
 from cable_twin.offline.lines.at_rest import Line, plan_line
 from cable_twin.offline.survey.designing import (
@@ -23,11 +26,12 @@ from cable_twin.offline.survey.designing import (
 from cable_twin.offline.survey.line_model import DesignError, LineModel, line_model
 from cable_twin.offline.survey.marked import rewritten
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_file, scenario_lines
+from cable_twin.scenario.command_limits import sense_of
 from cable_twin.scenario.spans import SpanError
 from cable_twin.terminal.command_line import OneLineParser, fail, number
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
-PLACES = 4  # of the vehicle, at which the result is calculated
+PLACES = 4  # of the vehicle, at which the result is calculated; of a pinned track rope also the middle of each span
 WANTED = ("length", "tension", "rope", "towers")
 EPILOG = """\
 One of these follows from all else, for both strands of a lift with a counterweight, one track rope with a cabin, or
@@ -127,10 +131,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail("design", error, FAILED)
     print(f"{options.output} at rest:")
     line = plan_line(scenario, PLACES, None)
+    if model.cabin and not model.mass_keys:
+        line.places = np.union1d(line.places, _middles(line))
     code = tell_rest("design", line)
     if options.factor is not None and (told := _wanted(line, model, options.factor)):
         print(told)
     return code
+
+
+def _middles(line: Line) -> FloatArray:
+    """Places (n,) in m of a line at which a cabin is in the middle of a span, where a pinned rope is tautest."""
+    scenario = line.scenario
+    model = line_model(scenario)
+    bare = model.spans(model.tension(), 2).length
+    middles = np.cumsum(bare) - 0.5 * bare
+    if line.moved in scenario.carriages:
+        return middles
+    ways = [sense_of(scenario, name) * (middles - one.arc_length) for name, one in scenario.carriages.items()]
+    found = np.concatenate(ways)
+    return found[(found > line.places[0]) & (found < line.places[-1])]
 
 
 def _wanted(line: Line, model: LineModel, factor: float) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 
 from cable_twin.offline import design, import_profile
 from cable_twin.offline.lines.at_rest import Line, calculate
@@ -30,6 +31,11 @@ def rest_of(scenario):
     line = Line(scenario, "", np.zeros(1))
     calculate(line)
     return {(one.id.quantity, one.id.subject, one.id.statistic): one.value for one in line.figures}
+
+
+def least_factor(scenario):
+    """Lowest safety factor of the ropes of a line at rest."""
+    return min(value for (quantity, *_), value in rest_of(scenario).items() if quantity == "rope_safety_factor")
 
 
 def test_the_highest_tension_has_its_factor_and_the_length_its_travel():
@@ -72,6 +78,85 @@ def test_a_thicker_rope_is_told_with_its_bullwheels_and_the_wanted_factor(tmp_pa
     assert "sheaves.drive: diameter over that of the rope 40.7, 100 before; radius as it is" in told
     (factor, verdict), *_ = re.findall(r"rope safety factor ([\d.]+), wanted by --factor at least 20: ([a-z ]+);", told)
     assert (float(factor) >= 19.98) is (verdict == "kept")
+
+
+PINNED = {
+    **dict.fromkeys(("cable.start.mass", "cable.start.direction", "cable.start.travel")),
+    "cable.start.support": "pinned",
+    "cable.unstrained_length": 1044.0,
+    "carriages.cabin.arc_length": 726.0,  # the middle of the longer span
+}
+
+
+def test_a_rope_between_pinned_ends_has_its_factor_with_the_cabin_in_mid_span():
+    """Formerly of the bare rope: 48 mm for a factor of 3.15, with which the whole model had 2.66 in place of 3.196."""
+    before = load_scenario("aerial_tramway", PINNED)
+    model = line_model(before)
+    assert least_factor(before) == pytest.approx(model.strength / model.highest_tension(model.tension()), rel=0.01)
+    found = design_rope(model, 3.6)
+    told = float(re.search(r"it has ([\d.]+)", found.lines[0]).group(1))
+    assert found.lines[-1].endswith(f" kN with the full vehicle, a safety factor of {told:.3f}")
+    after = load_scenario(before.resolved(), {key: one.value for key, one in found.changes.items()})
+    has = least_factor(after)
+    assert has == pytest.approx(told, rel=0.01)
+    assert 3.6 < has < 3.6 * 1.05  # no more than a millimetre above
+
+
+def test_the_tension_of_a_pinned_rope_with_a_cabin_is_that_of_a_parabola():
+    """H^2 (stretch of H) = cable and load: w^2 l^3 / 24 + P (P + w l) l / 8, of a level span l with P in its middle."""
+    span, weight, stiffness, load, bare = 800.0, 150.0, 3.0e8, 5.0e4, 7.0e5
+    rope = {"axial_stiffness": stiffness}
+    level = np.array([(0.0, 0.0), (span, 0.0)])
+    model = replace(
+        line_model(load_scenario("single_span")),
+        corner=level,
+        rope=rope,
+        weights=(weight, weight, weight),
+        cabin=load,
+        hauled=True,
+    )
+
+    def slack(pull, of):  # m, by which the rope is longer than its chord, less its stretch
+        sag = (weight**2 * span**3 / 24.0 + of * (of + weight * span) * span / 8.0) / pull**2
+        return sag - span * pull / stiffness
+
+    middle = np.sqrt(bare**2 - (0.5 * weight * span) ** 2)  # pull at mid-span of the bare rope
+    pull = scipy.optimize.brentq(lambda one: slack(one, load) - slack(middle, 0.0), middle, 3.0 * middle)
+    assert pull > 1.3 * middle
+    end = np.hypot(pull, 0.5 * (weight * span + load))
+    assert model.highest_tension(bare) == pytest.approx(end, rel=2e-3)
+
+
+def test_the_highest_tension_of_a_counterweight_in_the_upper_station():
+    """Its tension is the highest itself; formerly no tension kept any factor."""
+    upper = {
+        **{key: value for key, value in PINNED.items() if key.startswith("cable.start")},
+        "cable.end": {
+            "position": [1000.0, 300.0],
+            "support": "counterweight",
+            "direction": [0.948, 0.318],
+            "mass": 1.4e5,
+            "travel": [-3.0, 3.0],
+        },
+    }
+    before = load_scenario("aerial_tramway", upper)
+    model = line_model(before)
+    found = design_tension(model, 3.5)
+    mass = found.changes["cable.end.mass"].value
+    assert mass * 9.81 == pytest.approx(model.pull_per_tension * 4.95e6 / 3.5, rel=1e-3)
+    after = load_scenario(before.resolved(), {key: one.value for key, one in found.changes.items()})
+    assert least_factor(after) == pytest.approx(3.5, rel=5e-3)
+
+
+def test_a_cabin_with_a_drive_of_its_own_loads_the_track_rope_above_it():
+    """Of a rope with its counterweight below: formerly the tension of the bare rope."""
+    before = load_scenario("aerial_tramway", {"carriages.cabin.drive": {"mode": "speed"}})
+    model = line_model(before)
+    bare = float(model.spans(model.tension(), 2).tension.max())
+    highest = model.highest_tension(model.tension())
+    assert highest - bare > model.cabin * np.sin(np.arctan2(142.0, 400.0))  # of the steepest chord, and the sag more
+    top = load_scenario(before.resolved(), {"carriages.cabin.arc_length": 1030.0})
+    assert least_factor(top) == pytest.approx(model.strength / highest, rel=0.01)
 
 
 @pytest.mark.parametrize(("name", "tension"), [("single_span", 1.2e6), ("seed_example", 5e3), ("seed_example", 1e3)])

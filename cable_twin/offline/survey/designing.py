@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from math import ceil, log10
+from math import ceil, log10, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -55,12 +55,11 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
         tension, why = choose_tension(model.corner, model.rope, model.weights, model.towers, factor)
         return for_tension(model, tension, why)
 
-    def miss(tension: float) -> float:
-        return model.highest_tension(tension) - strength / factor
-
+    tension = most = strength / factor
     try:
-        tension = float(scipy.optimize.brentq(miss, SLACKEST * strength, strength / factor, rtol=1e-9))
-    except (ValueError, SpanError):
+        for _ in range(4):  # along the rope the tension changes by nearly the same, whatever it is
+            tension += most - model.highest_tension(tension)
+    except SpanError:
         raise DesignError(
             f"tension: given a safety factor of {factor:.3g}, which no tension keeps; allowed: a stronger rope"
         ) from None
@@ -90,10 +89,15 @@ def for_tension(model: LineModel, tension: float, why: str) -> Designed:
     shorter = length if model.mass_keys else length - model.lengths((1.0 + SAME) * tension)
     length = _rounded_within(length, shorter, 2)
     middle = "the counterweight is then near the middle of its travel"
-    reason = middle if model.mass_keys else f"for {with_unit(tension, 'N')} in the rope: {why}"
+    rope = "bare rope" if model.cabin else "rope"
+    reason = middle if model.mass_keys else f"for {with_unit(tension, 'N')} in the {rope}: {why}"
     for key in model.rope_keys:
         changes[f"{key}.unstrained_length"] = Change(length, f"m, design: {reason}")
     lines.append(f"{', '.join(model.rope_keys)}: unstrained_length {length} m: {reason}")
+    if model.cabin and not model.mass_keys:
+        highest = model.highest_tension(tension)
+        has = f", a safety factor of {model.strength / highest:.3f}" if "breaking_force" in model.rope else ""
+        lines.append(f"{', '.join(model.rope_keys)}: up to {with_unit(highest, 'N')} with the full vehicle{has}")
     return Designed(changes, lines)
 
 
@@ -153,8 +157,8 @@ def _carrying(model: LineModel, strength: float) -> float:
 def design_rope(model: LineModel, factor: float | None = None) -> Designed:
     """Design the thinnest rope of equal construction, in whole millimetres, that keeps the required safety factor.
 
-    The counterweight stays; steel, weight, stiffness and strength go with the square of the diameter, the bending
-    stiffness with its fourth power.
+    The counterweight stays, or without one the tension of the bare rope; steel, weight, stiffness and strength go with
+    the square of the diameter, the bending stiffness with its fourth power.
 
     Args:
         model: the line.
@@ -166,15 +170,20 @@ def design_rope(model: LineModel, factor: float | None = None) -> Designed:
     diameter = model.rope.get("diameter")
     if diameter is None:
         raise DesignError("diameter: given none; allowed: that of the rope, in m, from which others are scaled")
-    factor, tension, _ = factor or model.factor, model.tension(), model.strength
-    for millimetres in range(max(8, ceil(1e3 * diameter / LARGEST)), ceil(1e3 * diameter * LARGEST) + 1):
+    factor, tension = factor or model.factor, model.tension()
+    least = 1e3 * diameter * max(1.0 / LARGEST, sqrt(factor * tension / model.strength))  # of the tensioned end alone
+    millimetres, most = max(8, ceil(least)), ceil(1e3 * diameter * LARGEST)
+    while millimetres <= most:
         other = model.with_rope(_scaled(model.rope, 1e-3 * millimetres / diameter))
         try:
-            has = other.rope["breaking_force"] / other.highest_tension(tension)
+            has = other.strength / other.highest_tension(tension)
         except SpanError:
+            millimetres += 1
             continue
         if has >= factor:
             break
+        # strength goes with the square of the diameter, and a thicker rope is not less taut
+        millimetres = max(millimetres + 1, ceil(millimetres * sqrt(factor / has)))
     else:
         raise DesignError(
             f"rope: given a safety factor of {factor:g}, which no diameter up to {LARGEST * diameter * 1e3:.0f} mm "

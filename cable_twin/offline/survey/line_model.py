@@ -19,6 +19,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
 
 PER_SPAN = 21  # points of a span at which clearance is taken
+MIDDLE, ENDS = (0.5,), (0.02, 0.98)  # shares of a span, places of the cabin at which the tension is taken
 STATION = 40.0  # m from both ends, within which vehicles may come down to the ground; assumed
 
 
@@ -44,6 +45,7 @@ class LineModel:
         pull_per_tension: -, force of the counterweight over the tension at its end.
         free_stretch: -, length without tension, at the temperature of the scenario, over the unstrained length.
         forward: whether the first rope of the file starts at the tensioned end.
+        hauled: whether a haul rope holds the cabin along its track rope, which otherwise does so itself.
         supports: for each tower, names in the file of all supports on it, with their heights (m) over `corner`; empty
             where a tower is in the file by its own name.
     """
@@ -61,6 +63,7 @@ class LineModel:
     pull_per_tension: float
     free_stretch: float
     forward: bool
+    hauled: bool = True
     supports: tuple[tuple[tuple[str, float], ...], ...] = ()
 
     @property
@@ -100,8 +103,21 @@ class LineModel:
         bare = float(self.spans(tension, 2).length.sum())
         if not self.mass_keys:
             return bare
-        loaded = with_cabin(self.corner, tension, self.weights[2], self.rope["axial_stiffness"], self.cabin)
-        return 0.5 * (bare + float(loaded.length.sum()))
+        return 0.5 * (bare + float(self._with_cabin(tension).length.sum()))
+
+    def _with_cabin(self, tension: float, at: tuple[int, float] | None = None) -> Spans:
+        """Spans of a track rope with the full cabin, for a tension (N) at its tensioned end; `at`: see `with_cabin`."""
+        stiffness = self.rope["axial_stiffness"]
+        return with_cabin(
+            self.corner,
+            tension,
+            self.weights[2],
+            stiffness,
+            self.cabin,
+            self.free_stretch,
+            at=at,
+            hauled=self.hauled,
+        )
 
     def tension(self) -> float:
         """Tension (N) of the rope at the tensioned end, by the counterweight, or by the length between pinned ends."""
@@ -124,8 +140,46 @@ class LineModel:
         raise DesignError(f"unstrained_length: given {length:g} m; allowed: one with which the rope is taut")
 
     def highest_tension(self, tension: float) -> float:
-        """Highest tension (N) of the rope with full vehicles, for a tension (N) at the tensioned end."""
-        return float(self.spans(tension, 2 if self.cabin else 0).tension.max())
+        """Highest tension (N) of the rope with full vehicles, for a tension (N) at the tensioned end.
+
+        A cabin makes a track rope without a counterweight tauter, most in the middle of a span, as the length stays;
+        `tension` is then that of the bare rope. With a counterweight it does so only above itself, most next to the
+        steeper end of a span, if the track rope holds it.
+
+        Raises:
+            SpanError: the rope does not carry the vehicles.
+        """
+        if not self.cabin:
+            return float(self.spans(tension, 0).tension.max())
+        bare = self.spans(tension, 2)
+        shares = ENDS if self.mass_keys else MIDDLE
+        places = [(row, share) for row in range(len(self.corner) - 1) for share in shares]
+        length = float(bare.length.sum())
+        return max(float(bare.tension.max()), *(self._tension_at(tension, length, at) for at in places))
+
+    def _tension_at(self, tension: float, length: float, at: tuple[int, float]) -> float:
+        """Highest tension (N) with the cabin at a place, for that (N) and the length (m) of the bare rope."""
+        if not self.mass_keys:
+            tension = self._pinned(tension, length, at)
+        return float(self._with_cabin(tension, at).tension.max())
+
+    def _pinned(self, tension: float, length: float, at: tuple[int, float]) -> float:
+        """Tension (N) at the start of a rope of a length (m) with the cabin at a place, from that (N) without it."""
+
+        def miss(tried: float) -> float:
+            try:
+                return float(self._with_cabin(tried, at).length.sum()) - length
+            except SpanError:
+                return length  # hangs too low
+
+        low = high = tension
+        while miss(high) > 0.0:
+            low, high = high, 1.2 * high
+            if high > self.rope["axial_stiffness"]:
+                raise SpanError(f"unstrained_length: given {length:g} m, with which the rope does not carry its cabin")
+        while miss(low) < 0.0:  # the track rope holds the cabin, which then takes tension off the part below it
+            low, high = low / 1.2, low
+        return float(scipy.optimize.brentq(miss, low, high, rtol=1e-5)) if low < high else tension
 
     def heights(self, tension: float) -> FloatArray:
         """Heights (spans, points) in m of the lowest points of full vehicles over the ground along each span.
@@ -285,6 +339,7 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
         along,
         cable.free_stretch(scenario.air.temperature),
         weighted != ["end"],
+        all(one.drive.haul_rope is not None or one.clamped_to for one in scenario.carriages.values()),
         supports,
     )
 

@@ -102,37 +102,60 @@ class TrackRope:
         return bends(self.bare) + load / self.tension
 
 
-def with_cabin(corner: FloatArray, tension: float, weight: float, stiffness: float, load: float) -> Spans:
-    """Spans of a track rope with a cabin in the middle of its longest span, held by a haul rope along the track.
+def with_cabin(
+    corner: FloatArray,
+    tension: float,
+    weight: float,
+    stiffness: float,
+    load: float,
+    free_stretch: float = 1.0,
+    *,
+    at: tuple[int, float] | None = None,
+    hauled: bool = True,
+) -> Spans:
+    """Spans of a track rope with a cabin on it, which is a further support there.
 
     Args:
-        corner: (spans + 1, 2) m, supports from the lower station on.
-        tension: N, at the lower end.
+        corner: (spans + 1, 2) m, supports from the tensioned end on.
+        tension: N, at the tensioned end.
         weight: N/m.
         stiffness: N, EA.
         load: N, weight of the cabin.
+        free_stretch: -, length without tension over the unstrained one.
+        at: row of the span, and share of it before the cabin; None: the middle of the longest span.
+        hauled: whether a haul rope along the track holds the cabin; otherwise the track rope does, and its tension is
+            higher above the cabin by the part of the cabin's weight along the track.
 
     Raises:
         SpanError: the rope does not carry the cabin.
     """
-    longest = int(np.diff(corner[:, 0]).argmax())
-    low, high = corner[longest : longest + 2]
-    middle, slope = 0.5 * (low + high), np.arctan2(high[1] - low[1], high[0] - low[0])
+    row, share = (int(np.diff(corner[:, 0]).argmax()), 0.5) if at is None else at
+    low, high = corner[row : row + 2]
+    place = low + share * (high - low)
 
     def loaded(depth: float) -> Spans:
-        there = np.insert(corner, longest + 1, [middle[0], middle[1] - depth], axis=0)
-        return spans_under_tension(there, tension, weight, stiffness)
+        here = place - [0.0, depth]
+        before = spans_under_tension(np.array([*corner[: row + 1], here]), tension, weight, stiffness, free_stretch)
+        start = float(before.tension[-1])
+        if not hauled:  # the slope of the cabin is between those of the rope below and above it
+            ways = np.array([before.pull_after[-1], high - here])
+            start += load * float(np.sin(np.arctan2(ways[:, 1], ways[:, 0]).mean()))
+        after = spans_under_tension(np.array([here, *corner[row + 1 :]]), start, weight, stiffness, free_stretch)
+        pull, length = (np.concatenate([getattr(one, key) for one in (before, after)]) for key in ("pull", "length"))
+        return Spans(np.insert(corner, row + 1, here, axis=0), pull, length, weight, stiffness, free_stretch)
 
     def miss(depth: float) -> float:
-        return float(loaded(depth).loads()[longest, 1] - load * np.cos(slope) ** 2)
+        across, down = loaded(depth).loads()[row].tolist()
+        share_of_load = down**2 / (across**2 + down**2) if hauled else 1.0  # of the slope of the cabin, cos^2
+        return float(down - load * share_of_load)
 
-    deepest = 0.25 * float(high[0] - low[0])
+    width = float(high[0] - low[0])
     try:
-        depth = float(scipy.optimize.brentq(miss, 0.0, deepest, xtol=1e-6))
+        depth = float(scipy.optimize.brentq(miss, 0.0, min(share, 1.0 - share) * 0.5 * width, xtol=1e-6))
     except ValueError:
         raise SpanError(
             f"a tension of {tension / 1e3:.4g} kN does not carry a cabin of {load / 1e3:.4g} kN over "
-            f"{high[0] - low[0]:.4g} m; allowed: more tension"
+            f"{width:.4g} m; allowed: more tension"
         ) from None
     return loaded(depth)
 
