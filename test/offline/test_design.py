@@ -225,6 +225,22 @@ def test_heights_of_towers_keep_least_loads_and_clearance(lift, tmp_path, capsys
     assert np.min(margins) >= 0.0
 
 
+def test_a_span_within_a_station_has_no_condition_of_clearance(lift):
+    """Formerly its margin was infinite: the search ended where it began, and no heights kept all conditions."""
+    there = load_scenario(str(lift))
+    near = load_scenario(str(lift), {"towers.T1_up.position.x": 38.0, "towers.T1_down.position.x": 38.0})
+    with np.errstate(invalid="raise"):
+        found, other = (design_towers(line_model(one), 3.0, 10.0) for one in (near, there))
+    heights, others = ({key: one.value for key, one in each.changes.items() if ".z" in key} for each in (found, other))
+    assert heights.keys() == others.keys()
+    assert list(heights.values()) == pytest.approx(list(others.values()), abs=1.0)
+    after = line_model(load_scenario(near.resolved(), {key: one.value for key, one in found.changes.items()}))
+    assert not np.isfinite(after.heights(after.tension())[0]).any()
+    assert after.heights(after.tension()).min() >= 2.5
+    with pytest.raises(DesignError, match=r"found no heights .* is missed by [\d.]+ (kN|m); allowed: wider bounds"):
+        design_towers(line_model(near), 0.1, 0.1)
+
+
 @pytest.mark.parametrize(
     ("options", "code", "told"),
     [

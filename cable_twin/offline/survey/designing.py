@@ -213,9 +213,10 @@ def _scaled(rope: dict[str, float], ratio: float) -> dict[str, float]:
 
 
 class Conditions(NamedTuple):
-    """Conditions on tower heights in a design: names, and a function from heights to margins (m or kN), at least 0."""
+    """Conditions on tower heights in a design: names and units, and a function from heights to margins, at least 0."""
 
     names: list[str]
+    units: list[str]
     margins: Callable[[FloatArray], FloatArray]
 
 
@@ -257,10 +258,13 @@ def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
     if kept.min() < -1e-6:
         worst = int(kept.argmin())
         raise DesignError(
-            f"towers: no heights from {-lower:g} to {raise_:g} m keep all conditions, {conditions.names[worst]} is "
-            f"missed by {-kept[worst]:.3g}; allowed: wider bounds (--lower, --raise), another tension, or more towers"
+            f"towers: found no heights from {-lower:g} to {raise_:g} m that keep all conditions, "
+            f"{conditions.names[worst]} is missed by {-kept[worst]:.3g} {conditions.units[worst]}; allowed: wider bounds (--lower, --raise), another tension, or more towers"
         )
-    return _heights(model, tension, before, moved, conditions)
+    designed = _heights(model, tension, before, moved, conditions)
+    if not found.success:
+        designed.lines.append(f"towers: changes may not be the least, the search ended with: {found.message}")
+    return designed
 
 
 def _conditions(model: LineModel, tension: float) -> Conditions:
@@ -269,8 +273,12 @@ def _conditions(model: LineModel, tension: float) -> Conditions:
     names = [f"rope on {name}" for name in model.towers.names]
     if not model.cabin:
         names += [f"least load of the sheaves of {name}" for name in model.towers.names]
-    clear = model.terrain.size > 0
-    names += [f"clearance from {low} to {high}" for low, high in pairwise(ends)] if clear else []
+    units = ["kN"] * len(names)
+    asked = np.zeros(len(ends) - 1, dtype=bool)
+    if model.terrain.size > 0:  # not of a span within a station
+        asked = np.isfinite(model.heights(tension)).any(axis=1)
+    names += [f"clearance from {low} to {high}" for (low, high), one in zip(pairwise(ends), asked, strict=True) if one]
+    units += ["m"] * int(asked.sum())
 
     def margins(heights: FloatArray) -> FloatArray:
         there = model.with_heights(heights)
@@ -280,11 +288,11 @@ def _conditions(model: LineModel, tension: float) -> Conditions:
         else:
             loads = tower_margins(there.corner, tension, model.rope["axial_stiffness"], model.weights, model.towers)
             parts = [1e-3 * one for one in loads]
-        if clear:
-            parts.append(there.heights(tension).min(axis=1) - model.clearance)
+        if asked.any():
+            parts.append(there.heights(tension)[asked].min(axis=1) - model.clearance)
         return np.concatenate(parts)
 
-    return Conditions(names, margins)
+    return Conditions(names, units, margins)
 
 
 def _heights(

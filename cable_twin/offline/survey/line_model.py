@@ -199,7 +199,8 @@ class LineModel:
             apart = self.scenario.spacing
             places[..., 1] -= (self.weights[0] - self.weights[2]) * apart**2 / (8.0 * rope.pull[:, :1])
         ground = np.interp(places[..., 0], *self.terrain.T)
-        inside = (places[..., 0] > STATION) & (places[..., 0] < self.corner[-1, 0] - STATION)
+        along = np.linspace(self.corner[:-1, 0], self.corner[1:, 0], PER_SPAN, axis=1)  # as shape, whatever the heights
+        inside = (along >= STATION) & (along <= self.corner[-1, 0] - STATION)
         return np.where(inside, places[..., 1] - self.depth - ground, np.inf)
 
     def with_heights(self, heights: FloatArray) -> LineModel:
