@@ -17,11 +17,11 @@ from cable_twin.offline.import_profile import tell_rest
 from cable_twin.offline.lines.at_rest import Line, plan_line
 from cable_twin.offline.survey.designing import (
     Designed,
+    design_length,
     design_rope,
     design_sag,
     design_tension,
     design_towers,
-    for_tension,
 )
 from cable_twin.offline.survey.line_model import DesignError, LineModel, line_model
 from cable_twin.offline.survey.marked import rewritten
@@ -174,7 +174,7 @@ def _designed(model: LineModel, options: Any) -> Designed:
         return design_towers(model, options.to_lower, options.to_raise)
     if options.sag is not None:
         return design_sag(model, *options.sag)
-    return for_tension(model, options.tension, "given")
+    return design_length(model, options.tension, "the option")
 
 
 if __name__ == "__main__":

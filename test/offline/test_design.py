@@ -225,6 +225,16 @@ def test_heights_of_towers_keep_least_loads_and_clearance(lift, tmp_path, capsys
     assert np.min(margins) >= 0.0
 
 
+def test_a_tension_that_lifts_the_rope_off_a_tower_is_refused_without_a_file(lift, tmp_path, refusal):
+    """Formerly a scenario was written that has no rest."""
+    file = tmp_path / "taut.yaml"
+    told = refusal(design.main, lift, "--for", "length", "--tension", "1e6", "--output", file, code=1)
+    assert re.search(
+        r"length: given 1000 kN in the rope by the option, with which it lifts off T\d with [\d.]+ kN", told
+    )
+    assert not file.exists()
+
+
 def test_a_span_within_a_station_has_no_condition_of_clearance(lift):
     """Formerly its margin was infinite: the search ended where it began, and no heights kept all conditions."""
     there = load_scenario(str(lift))

@@ -12,7 +12,7 @@ import scipy  # loads `optimize` where it is used
 
 from cable_twin.basics.units import rounded, with_unit
 from cable_twin.frame.records import FloatArray
-from cable_twin.offline.survey.lift import LEAST_BARE, MARGIN, choose_tension, tower_margins
+from cable_twin.offline.survey.lift import LEAST_BARE, MARGIN, choose_tension, tower_margin, tower_margins
 from cable_twin.offline.survey.line_model import DesignError, LineModel
 from cable_twin.offline.survey.marked import Change
 from cable_twin.offline.survey.tramway import TRANSVERSE
@@ -70,6 +70,23 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
             "lighter cabin"
         )
     return for_tension(model, tension, f"safety factor {factor:.3g} of {strength / 1e3:.0f} kN")
+
+
+def design_length(model: LineModel, tension: float, why: str) -> Designed:
+    """Design the length for a tension (N), with its reason `why`, as `for_tension` does.
+
+    Raises:
+        DesignError: the rope of a lift would lift off a tower.
+    """
+    if not model.cabin:
+        loads = tower_margin(model.corner, tension, model.rope["axial_stiffness"], model.weights, model.towers)
+        if loads.touches < -LEAST_BARE:
+            raise DesignError(
+                f"length: given {with_unit(tension, 'N')} in the rope by {why}, with which it lifts off {loads.name} "
+                f"with {with_unit(-loads.touches - LEAST_BARE, 'N')}; allowed: less tension, or other heights "
+                "(--for towers)"
+            )
+    return for_tension(model, tension, why)
 
 
 def for_tension(model: LineModel, tension: float, why: str) -> Designed:
@@ -137,7 +154,7 @@ def design_sag(model: LineModel, span: int, sag: float) -> Designed:
             f"--sag: given {sag:g} m in span {span}; allowed: above {taut}, which the rope has near its breaking "
             "force, and below that of a slack rope"
         ) from None
-    return for_tension(model, tension, f"a sag of {sag:g} m in span {span}")
+    return design_length(model, tension, f"a sag of {sag:g} m in span {span}")
 
 
 def _carrying(model: LineModel, strength: float) -> float:
@@ -259,7 +276,8 @@ def design_towers(model: LineModel, lower: float, raise_: float) -> Designed:
         worst = int(kept.argmin())
         raise DesignError(
             f"towers: found no heights from {-lower:g} to {raise_:g} m that keep all conditions, "
-            f"{conditions.names[worst]} is missed by {-kept[worst]:.3g} {conditions.units[worst]}; allowed: wider bounds (--lower, --raise), another tension, or more towers"
+            f"{conditions.names[worst]} is missed by {-kept[worst]:.3g} {conditions.units[worst]}; "
+            "allowed: wider bounds (--lower, --raise), another tension, or more towers"
         )
     designed = _heights(model, tension, before, moved, conditions)
     if not found.success:
