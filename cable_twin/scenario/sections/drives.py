@@ -15,11 +15,18 @@ class Limits(Section):
     speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
     deceleration: float | None = quantity(
-        "m/s^2", "deceleration of a service stop; null: as the acceleration", None, gt=0
+        "m/s^2",
+        "deceleration of a service stop; null: as the acceleration; only for the drive of a carriage",
+        None,
+        gt=0,
     )
     jerk: float | None = quantity("m/s^3", "highest rate of the acceleration", None, gt=0)
-    force: float | None = quantity("N", "highest drive force along the cable", None, gt=0)
-    power: float | None = quantity("W", "highest power, driving or braking: force times speed", None, gt=0)
+    force: float | None = quantity(
+        "N", "highest drive force along the cable; only for the drive of a carriage", None, gt=0
+    )
+    power: float | None = quantity(
+        "W", "highest power, driving or braking: force times speed; only for the drive of a carriage", None, gt=0
+    )
     emergency_deceleration: float = quantity("m/s^2", "deceleration of an emergency stop", 1.5, gt=0)
 
 
