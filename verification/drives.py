@@ -134,11 +134,10 @@ def jerk_limited() -> Iterator[Result]:
         duration = speed / acceleration + acceleration / jerk if full else 2.0 * np.sqrt(speed / jerk)
         peak = acceleration if full else np.sqrt(speed * jerk)
         label = f"jerk limit {jerk:g} m/s³"
-        yield Result(f"time to speed, {label}", "s", float(duration), reached, 5e-3)
+        yield Result(f"time to speed, {label}", "s", float(duration), reached, step)
         yield Result(f"highest acceleration, {label}", "m/s²", float(peak), float(rates.max()), 1e-3)
-        # the one step that lands on the target is cut short, which can add to the last change of the acceleration
         highest = float(np.abs(np.diff(rates)).max() / step)
-        yield Result(f"highest jerk, {label}", "m/s³", jerk, highest, 0.15 * jerk)
+        yield Result(f"highest jerk, {label}", "m/s³", jerk, highest, 1e-6)
         yield Result(f"highest speed, {label}", "m/s", speed, max(speeds), 1e-12)
 
 

@@ -52,18 +52,47 @@ def test_jerk_limit_holds_and_the_target_is_not_passed(jerk, target):
     acceleration = 0.5
     system, state = drive(25.0, acceleration=acceleration, jerk=jerk)
     path = run(system, state, 16.0, target)
-    rates = np.diff(path[:, 1]) / STEP
-    assert np.abs(rates).max() <= acceleration + 1e-12
-    # all steps but the one that lands keep to the limit
-    jerks = np.abs(np.diff(rates, prepend=0.0)) / STEP
-    assert np.sort(jerks)[-2] <= jerk * (1.0 + 1e-6)
-    assert jerks.max() <= 2.0 * jerk
+    assert np.abs(path[:, 2]).max() <= acceleration
+    assert np.abs(np.diff(path[:, 2])).max() <= jerk * STEP * (1.0 + 1e-6)
     assert np.all(np.abs(path[:, 1]) <= abs(target))
     assert path[-1, 1] == target
     full = acceleration**2 / jerk <= abs(target)
     duration = abs(target) / acceleration + acceleration / jerk if full else 2.0 * sqrt(abs(target) / jerk)
     if duration < 16.0:
-        assert STEP * np.argmax(path[:, 1] == target) == pytest.approx(duration, abs=3 * STEP)
+        assert STEP * np.argmax(path[:, 1] == target) == pytest.approx(duration, abs=STEP)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.005, 0.0025, 0.37])
+@pytest.mark.parametrize(("acceleration", "peak"), [(0.3, 0.3), (2.0, sqrt(0.2 * 3.0))])
+def test_jerk_limited_motion_is_the_closed_form_whatever_the_step(step, acceleration, peak):
+    """Cubic pieces up to 3 m/s: the acceleration grows to its peak, may stay there, and falls."""
+    jerk, speed = 0.2, 3.0
+    system, state = drive(5.0, acceleration=acceleration, jerk=jerk)
+    path = run(system, state, 15.0, speed, step)
+    time = step * np.arange(len(path))
+    growing, ramping = peak / jerk, speed / peak + peak / jerk  # s
+    jumps = (0.0, 1.0), (growing, -1.0), (ramping - growing, -1.0), (ramping, 1.0)
+    since = [(np.maximum(time - at, 0.0), sign * jerk) for at, sign in jumps]
+    np.testing.assert_allclose(path[:, 2], sum(jump * t for t, jump in since), atol=1e-9)
+    np.testing.assert_allclose(path[:, 1], sum(jump * t**2 / 2.0 for t, jump in since), atol=1e-9)
+    np.testing.assert_allclose(path[:, 0], 5.0 + sum(jump * t**3 / 6.0 for t, jump in since), atol=1e-9)
+
+
+@pytest.mark.parametrize("jerk", [{}, {"jerk": 0.4}])
+def test_commands_on_the_way_give_the_same_motion_whatever_the_step(jerk):
+    """New targets while the acceleration is on, a reversal with its own deceleration, and an emergency stop."""
+    ends = []
+    for step in (0.01, 0.1, 0.5):
+        system, state = drive(25.0, acceleration=0.7, deceleration=0.45, emergency_deceleration=1.3, **jerk)
+        for target, duration in ((1.5, 2.0), (0.4, 1.0), (2.0, 1.5), (-1.0, 4.0), (0.0, 0.5), (-1.7, 3.0)):
+            run(system, state, duration, target, step)
+        state.drives.braking[0] = True
+        run(system, state, 0.5, 0.0, step)
+        ends.append(np.array(state.reference)[:, 0])
+        run(system, state, 3.0, 0.0, step)
+        ends[-1] = np.append(ends[-1], np.array(state.reference)[:, 0])
+    np.testing.assert_allclose(ends, [ends[0]] * len(ends), atol=1e-12)
+    assert ends[0][4:].tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("jerk", [None, 0.3])

@@ -117,6 +117,7 @@ def classical_step(system, state, start, total, h, work):
     copy_state(start, state)
     begin_step(system, state, h)
     copy_state(state, total)
+    even_out(start.reference, state.reference, h)
     for stage in range(4):
         if not solve_accelerations(system, state, FEEDBACK / system.solver.step, work):
             return False
@@ -127,8 +128,16 @@ def classical_step(system, state, start, total, h, work):
     copy_place(total.bodies, state.bodies)
     make_unit(state.bodies.position, like)
     copy_place(total.joints, state.joints)
+    copy_array(total.reference.acceleration, state.reference.acceleration)
     prescribe(system, state)
     return True
+
+
+@kernel
+def even_out(before, after, h):
+    """Set the accelerations of reference motions to their means over a step of `h` (s), for all of its stages."""
+    for number in range(after.velocity.size):
+        after.acceleration[number] = (after.velocity[number] - before.velocity[number]) / h
 
 
 @kernel
