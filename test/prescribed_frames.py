@@ -80,6 +80,7 @@ def put(
     """Fill in the numbers of a vehicle in a frame."""
     c = writable(one)
     c.arc_length[row], c.speed[row], c.drive_force[row] = place, speed, drive_force
+    c.drive_power[row] = drive_force * speed
     c.contact_force[row] = 0.0, 0.0, weight
     c.attached[row] = attached
     c.body_position[row] = (place, 0.0, height(min(place, LENGTH)) - 5.0) if body is None else (body[0], 0.0, body[1])

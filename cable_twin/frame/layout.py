@@ -223,14 +223,6 @@ class Layout:
         rows = [self.vehicle_rows[name] for name in self.commanded if name in self.vehicle_rows]
         return np.concatenate([of_carriages[..., rows], of_drives], axis=-1)
 
-    @staticmethod
-    def drive_speed(c: Columns) -> FloatArray:
-        """Speed (..., vehicles) in m/s at which each vehicle's drive works: of its haul drum, or of the vehicle itself.
-
-        A vehicle on an elastic haul rope is now faster than the drum, now slower.
-        """
-        return np.where(np.isnan(c.haul_speed), c.speed, c.haul_speed)
-
     def force_used(self, c: Columns) -> FloatArray:
         """Utilisation (..., names) of the force limits of commanded objects: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit

@@ -145,7 +145,7 @@ def _adhesion(layout: Layout, c: Columns) -> FloatArray:
 
 
 def _power(layout: Layout, c: Columns) -> FloatArray:
-    return driven(layout, c).force * (c.drive_speed if layout.drives else layout.drive_speed(c))
+    return c.moving_cable_force * c.drive_speed if layout.drives else c.drive_power
 
 
 SIGNALS: Mapping[str, Signal] = {

@@ -80,8 +80,9 @@ def take_frame(extremes, constants, columns):
     vehicles = columns.arc_length.size
     for drive in range(columns.drive_position.size):
         position, speed = columns.drive_position[drive], columns.drive_speed[drive]
+        force = columns.moving_cable_force[drive]
         highest(extremes.speed, vehicles + drive, abs(speed), time, position, NO_ROPE)
-        take_drive(extremes, vehicles + drive, time, position, NO_ROPE, speed, columns.moving_cable_force[drive])
+        take_drive(extremes, vehicles + drive, time, position, NO_ROPE, force, force * speed)
     take_vehicles(extremes, constants, time, columns)
     take_sheaves(extremes, constants, time, columns)
     take_couplings(extremes, time, columns)
@@ -162,16 +163,16 @@ def take_supports(extremes, constants, time, columns):
 
 @inlined_kernel
 def drive_speed_of(columns, vehicle):
-    """Speed (m/s) of the drive of a vehicle (`Layout.drive_speed`): that of its haul drum, or of the vehicle itself."""
+    """Speed (m/s) of the drive of a vehicle: that of its haul drum, or of the vehicle itself."""
     return columns.speed[vehicle] if isnan(columns.haul_speed[vehicle]) else columns.haul_speed[vehicle]
 
 
 @inlined_kernel
-def take_drive(extremes, index, time, place, rope, speed, force):
-    """Update force and power of the drive of a vehicle or of ropes by its place (m), speed (m/s) and force (N)."""
+def take_drive(extremes, index, time, place, rope, force, power):
+    """Update force (N) and power (W) of the drive of a vehicle or of ropes at its place (m)."""
     highest(extremes.force, index, abs(force), time, place, rope)
-    highest(extremes.power, index, force * speed, time, place, rope)
-    lowest(extremes.lowest_power, index, force * speed, time, place, rope)
+    highest(extremes.power, index, power, time, place, rope)
+    lowest(extremes.lowest_power, index, power, time, place, rope)
 
 
 @inlined_kernel
@@ -199,7 +200,7 @@ def take_vehicles(extremes, constants, time, columns):
             if constants.braked[vehicle] and columns.command_kind[vehicle] == STOPPING:
                 highest(extremes.brake_force, vehicle, abs(force), time, place, rope)
             else:
-                take_drive(extremes, vehicle, time, place, rope, at_drive, force)
+                take_drive(extremes, vehicle, time, place, rope, force, columns.drive_power[vehicle])
             if constants.stroke[vehicle] > 0.0:
                 take_end_stop(extremes, vehicle, time, place, rope, speed, constants)
             angles = columns.body_angles[body]

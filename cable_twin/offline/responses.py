@@ -120,7 +120,7 @@ class Responses:
         speeds = layout.of_commanded(c.speed[own], c.drive_speed)
         forces = layout.of_commanded(c.drive_force[own], c.moving_cable_force)
         elapsed = snapshot.time - self._last_time
-        powers = forces * layout.of_commanded(layout.drive_speed(c)[own], c.drive_speed)
+        powers = layout.of_commanded(c.drive_power[own], c.moving_cable_force * c.drive_speed)
         numbers = (one.tolist() for one in (commanded, reference, speeds, forces, powers))
         for name, command, follows, speed, force, power in zip(layout.commanded, *numbers, strict=True):
             self._take_effort(name, speed - follows, force, power, elapsed)

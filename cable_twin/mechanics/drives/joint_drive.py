@@ -15,9 +15,11 @@ from cable_twin.mechanics.drives.haul_rope import condense_drum, haul_direction,
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store, subtract
 from cable_twin.mechanics.on_rope.buffer import push_on
+from cable_twin.mechanics.on_rope.load_node import rope_passing
 from cable_twin.mechanics.on_rope.presence import vehicles_of
 from cable_twin.mechanics.on_rope.sliding_joint import driven_force, joint_tangent
 from cable_twin.mechanics.parameters import DRUM, JOINT, SPEED, IntArray, System
+from cable_twin.mechanics.rope.patch import at_node
 
 
 @inlined_kernel
@@ -60,6 +62,21 @@ def recover_drive(state, carriage, moved, work):
     """Store the increments of a vehicle's haul rope and drum, from the displacement (dim,) of its joint."""
     if state.axis[carriage] == DRUM:
         recover_drum(carriage, moved, work)
+
+
+@kernel
+def way_per_metre(system, state, carriage):
+    """Way (-) of a vehicle's drive per metre of its travel: times force (N) and speed (m/s) it is the power (W).
+
+    A drive on the carriage pulls along the stretched rope, and its speed counts unstrained rope: the way is |r_x|, at a
+    node the mean of both sides. That of a haul rope pulls with the force that belongs to its travel.
+    """
+    if state.axis[carriage] == DRUM:
+        return 1.0
+    if at_node(system.cable, state, carriage):
+        return rope_passing(state.nodes.position, state.joint_node[carriage], system.cable.gravity)
+    r_x = joint_tangent(system.cable, state, carriage)
+    return sqrt(dot(r_x, r_x))
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cable_twin.mechanics.drives.haul_rope import drum_force, haul_direction
+from cable_twin.mechanics.drives.joint_drive import way_per_metre
 from cable_twin.mechanics.drives.moving_rope import move_rope
 from cable_twin.mechanics.drives.speed_reference import advance_reference, follow
 from cable_twin.mechanics.language.compilation import kernel
@@ -64,7 +65,8 @@ def find_saturated(system, state, before, work):
             continue
         if before.drives.mode[carriage] == SPEED and not system.carriages.clamped[carriage]:
             force = drive_force(system, state, carriage)
-            limit = force_limit(system.carriages, state, carriage, before.reference.velocity[carriage])
+            speed = before.reference.velocity[carriage] * way_per_metre(system, before, carriage)
+            limit = force_limit(system.carriages, state, carriage, speed)
             if abs(force) > limit:
                 work.saturation[carriage] = limit if force > 0.0 else -limit
                 saturated = True

@@ -25,7 +25,7 @@ def brake_force(carriages, state, carriage, brake):
 
 @kernel
 def force_limit(carriages, state, carriage, speed):
-    """Available force (N) of a vehicle's drive at a speed (m/s), or of its brakes in an emergency stop."""
+    """Available force (N) of a vehicle's drive at a speed (m/s) of its way, or of its brakes in an emergency stop."""
     if carriages.fixed[carriage]:
         return inf
     if state.drives.braking[carriage]:

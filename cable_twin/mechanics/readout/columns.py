@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf, isnan, nan
 from typing import Annotated, NamedTuple
 
-from cable_twin.mechanics.drives.joint_drive import joint_forces, observe_haul
+from cable_twin.mechanics.drives.joint_drive import joint_forces, observe_haul, way_per_metre
 from cable_twin.mechanics.drives.moving_rope import moving_rope_force
 from cable_twin.mechanics.language.by_reference import by_reference
 from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
@@ -41,6 +41,7 @@ class Columns(NamedTuple):
     arc_length: Annotated[FloatArray, Of("vehicles", unit="m")]  # of the joint, unstrained
     speed: Annotated[FloatArray, Of("vehicles", unit="m/s")]  # rate of arc_length
     drive_force: Annotated[FloatArray, Of("vehicles", unit="N")]  # along the cable, on the vehicle or on its haul drum
+    drive_power: Annotated[FloatArray, Of("vehicles", unit="W")]  # of this force, on its way along the stretched rope
     joint_position: Annotated[FloatArray, Of("vehicles", 3, unit="m")]
     contact_force: Annotated[FloatArray, Of("vehicles", 3, unit="N")]  # of the cable on the vehicle
     tension_over_load: Annotated[
@@ -179,6 +180,8 @@ def observe_vehicle(system, state, vehicle, lateral, columns):
         columns.haul_pull[vehicle] = nan
     elif isnan(travel):  # of a clamp, with the force of the vehicle's own drive
         columns.drive_force[vehicle] += force
+    pace = state.drums.velocity[vehicle] if state.axis[vehicle] == DRUM else state.joints.velocity[vehicle]
+    columns.drive_power[vehicle] = columns.drive_force[vehicle] * pace * way_per_metre(system, state, vehicle)
     push, touch = state.push[vehicle], state.touch[vehicle]
     columns.push[vehicle], columns.push_highest[vehicle] = push[FORCE_NOW], push[HIGHEST]
     columns.touched[vehicle], columns.touch_place[vehicle], columns.touch_speed[vehicle] = touch[0], touch[1], touch[2]
@@ -202,7 +205,7 @@ def observe_command(system, state, carriage, columns):
         told_force = state.drives.force[carriage] if mode == FORCE else 0.0
         if mode == SPEED:
             place, speed = state.reference.position[carriage], state.reference.velocity[carriage]
-        limit = force_limit(system.carriages, state, carriage, speed)
+        limit = force_limit(system.carriages, state, carriage, speed * way_per_metre(system, state, carriage))
     columns.command_kind[carriage] = kind
     columns.commanded_speed[carriage], columns.commanded_force[carriage] = told_speed, told_force
     columns.reference_position[carriage], columns.reference_speed[carriage] = place, speed

@@ -12,7 +12,7 @@ from cable_twin.scenario.sections.quantities import FromList, Section, Vector, q
 class Limits(Section):
     """Limits of a drive; null without a limit."""
 
-    speed: float | None = quantity("m/s", "highest speed along the cable", None, gt=0)
+    speed: float | None = quantity("m/s", "highest speed along the cable, in metres of unstrained rope", None, gt=0)
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
     deceleration: float | None = quantity(
         "m/s^2",
@@ -25,7 +25,10 @@ class Limits(Section):
         "N", "highest drive force along the cable; only for the drive of a carriage", None, gt=0
     )
     power: float | None = quantity(
-        "W", "highest power, driving or braking: force times speed; only for the drive of a carriage", None, gt=0
+        "W",
+        "highest power, driving or braking: force times speed along the rope, stretched; only for the drive of a carriage",
+        None,
+        gt=0,
     )
     emergency_deceleration: float = quantity("m/s^2", "deceleration of an emergency stop", 1.5, gt=0)
 
