@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from cable_twin.mechanics.parameters import mesh_fields
-from cable_twin.mechanics.rope.point import element_at
+from cable_twin.mechanics.rope.point import element_at, position_on_cable
 from cable_twin.mechanics.state import allocate_state
 from cable_twin.scenario import Grading, build_system, load_scenario
 from cable_twin.scenario.builders.mesh import graded_nodes, short_zones
@@ -52,6 +52,24 @@ def test_towers_are_found_where_the_rope_lies_on_them():
         places = simulation.state.contact_arc_length[offset[tower] : offset[tower + 1]]
         assert (places > first).all()
         assert (places < last).all()
+
+
+def test_a_load_hangs_as_low_as_short_elements_beside_it_let_it():
+    """12 t on a rope of 1044 m; with 40 equal elements it hangs 0.1 m too high."""
+    from cable_twin.simulation import Simulation  # noqa: PLC0415 - the other tests here need no solver
+
+    heights = {}
+    for at_load in (1.0, 0.25):
+        elements = {"target": 26.0, "at_towers": at_load, "growth": 2.0}
+        loads = [{"arc_length": 522.0, "force": [0.0, -117720.0]}]
+        simulation = Simulation(
+            load_scenario("single_span", {"carriages": {}, "cable.loads": loads, "cable.elements": elements})
+        )
+        heights[at_load] = position_on_cable(simulation.system.cable, simulation.state, 522.0)[1]
+        assert simulation.system.cable.element_count < 65
+    # two catenaries, and what the bending stiffness adds to them: at most sqrt(EI/T) F/2T
+    assert 109.3056 < heights[0.25] < 109.3056 + 0.0115
+    assert heights[1.0] == pytest.approx(heights[0.25], abs=2.5e-3)
 
 
 def test_a_target_as_short_as_at_towers_is_an_even_mesh():

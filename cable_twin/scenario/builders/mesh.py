@@ -1,4 +1,4 @@
-"""Mesh of a rope, built from a scenario: elements that are short at ends and towers and grow away from them."""
+"""Mesh of a rope, built from a scenario: elements that are short at ends, towers and loads and grow away from them."""
 
 from __future__ import annotations
 
@@ -46,14 +46,15 @@ def with_marks(nodes: FloatArray, marks: FloatArray) -> FloatArray:
 
 
 def short_zones(scenario: Scenario, system: System) -> FloatArray:
-    """First and last arc length (zones, 2) in m of the zones of short elements at ends and towers."""
+    """First and last arc length (zones, 2) in m of the zones of short elements at ends, towers and loads."""
     elements, length = scenario.cable.elements, scenario.cable.unstrained_length
     assert isinstance(elements, Grading)
     towers = [*scenario.towers.values()]
     half = np.array([0.5 * tower.length for tower in towers]) + MARGIN * elements.at_towers
     middle = _equilibrium_at_towers(system)
-    ends = np.array([[0.0, 0.0], [length, length]])
-    return np.concatenate([ends[:1], np.stack([middle - half, middle + half], axis=1), ends[1:]])
+    places = np.array([0.0, *(load.arc_length for load in scenario.cable.loads), length])
+    points = np.stack([places, places], axis=1)
+    return np.concatenate([points[:-1], np.stack([middle - half, middle + half], axis=1), points[-1:]])
 
 
 def _equilibrium_at_towers(system: System) -> FloatArray:

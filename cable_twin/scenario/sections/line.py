@@ -45,7 +45,7 @@ ElasticModel: Any = Literal[ELASTIC_MODELS]  # type: ignore[valid-type]  # those
 
 
 class Load(Section):
-    """Constant load at a point of the cable."""
+    """Constant load at a point of the cable, whose bend there is rounded over an element."""
 
     arc_length: float = quantity("m", "unstrained arc length from the start", ge=0)
     force: Place = quantity("N", "force on the cable as x, z, in space as x, y, z", (0.0, 0.0))
@@ -62,10 +62,10 @@ def warn_of_kinks() -> None:
 
 
 class Grading(Section):
-    """Graded mesh: short elements at towers and ends only."""
+    """Graded mesh: short elements at towers, loads and ends only."""
 
-    target: float = quantity("m", "length of an element far from towers and ends", gt=0)
-    at_towers: float = quantity("m", "length of an element at towers and ends", gt=0)
+    target: float = quantity("m", "length of an element far from towers, loads and ends", gt=0)
+    at_towers: float = quantity("m", "length of an element at towers, loads and ends", gt=0)
     growth: float = quantity("-", "ratio of the lengths of neighbours between these", 1.5, gt=1, le=4)
 
 
