@@ -135,6 +135,63 @@ def test_a_twin_begins_at_a_constant_speed_alone(measured):
     tracker.follower.close()
 
 
+@pytest.mark.parametrize("needs_rest", [True, False])
+def test_a_twin_that_waits_listens_anew_after_a_gap(measured, needs_rest):
+    scenario, found = measured
+    tracker, lines = Tracker(scenario), []
+    tracker.follower.needs_rest = needs_rest
+    for number in range(120):
+        now = 0.05 * (number + 1)
+        arrived = [one for one in found if now - 0.05 < one.time <= now and not 0.9 < one.time < 4.0]
+        tracker.measure(arrived, now)
+        lines += [line for news in tracker.advance(now) for line in news.lines]
+    if needs_rest:  # it goes by with 7 m/s
+        assert lines == ["waits until cabin of the plant stands still"]
+        assert tracker.state == WAITING
+    else:
+        assert lines[-1].startswith("follows the plant from 5.")
+        assert float(lines[-1].split()[-2]) == pytest.approx(SPEED, abs=0.1)
+    tracker.follower.close()
+
+
+def test_what_was_learned_at_a_wrong_place_is_forgotten(measured):
+    scenario, found = measured
+    tracker, lines, corrections = Tracker(scenario), [], []
+    before = tracker.follower.learned
+    for number in range(120):
+        now = 0.05 * (number + 1)
+        arrived = [one for one in found if now - 0.05 < one.time <= now]
+        stands = now < 4.0
+        tracker.measure(
+            [replace(one, values=(150.0,)) if one.sensor == "encoder_cabin" and stands else one for one in arrived], now
+        )
+        for news in tracker.advance(now):
+            lines.extend(news.lines)
+            corrections.extend([news.correction] if news.correction else [])
+    begun, far, waits = (line for line in lines if not line[0].isdigit())
+    assert begun.endswith("cabin at 150.00 m with 0.00 m/s")
+    assert "which begins anew there; what was learned since 1." in far
+    assert waits == "waits until cabin of the plant stands still"
+    assert corrections
+    (belief, needs_rest, _), known = tracker.follower.learned
+    assert needs_rest
+    assert known == before[1]
+    np.testing.assert_array_equal(belief.mean, before[0][0].mean)
+    np.testing.assert_array_equal(belief.covariance, before[0][0].covariance)
+    tracker.follower.close()
+
+
+def test_a_speed_is_known_of_an_encoder_that_measures_seldom():
+    pursuit = Pursuit({"cabin": 10.0})
+    for number in range(4):
+        assert pursuit.speed_of("cabin") is None or number == 3
+        pursuit.measure(1.5 * number, "cabin", 5.0 + 3.0 * number)
+    assert pursuit.speed_of("cabin") == pytest.approx(2.0)
+    pursuit.forget()
+    assert pursuit.speed_of("cabin") is None
+    assert pursuit.knows("cabin")
+
+
 def test_a_twin_begins_where_its_plant_is_goes_on_alone_and_follows_again(measured):
     scenario, found = measured
     tracker, lines, estimates = tracker_of(scenario), [], []

@@ -11,6 +11,7 @@ differences). The error of the model in each sensor is a bias that is estimated 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offse
 from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
 from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.changes import best_change
+from cable_twin.ensemble.estimate.counterweights import Stuck, stuck_counterweight
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
 from cable_twin.ensemble.estimate.linear_range import loads_went_far, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
@@ -59,7 +61,6 @@ TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
 SURE = 1e-6  # probability at which a sensor contradicts the others
 NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
-SURELY = 5.0  # standard deviations of a change of tension at an end
 WRONG = 5.0  # times its noise, by which a sensor may be wrong all at once, a standard deviation
 RARER = 4.0  # logarithm of how much rarer that is than a change of the plant that explains as much
 BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
@@ -152,6 +153,15 @@ class Follower:
         return self.doubts.left_out
 
     @property
+    def learned(self) -> Any:
+        """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
+        return deepcopy((self._belief, self.needs_rest, self._departures)), self.doubts.known
+
+    @learned.setter
+    def learned(self, learned: Any) -> None:
+        (self._belief, self.needs_rest, self._departures), self.doubts.known = learned
+
+    @property
     def time(self) -> float:
         """Simulated time (s) of the twin."""
         return self._zero + float(self._ensemble.times[0])
@@ -167,11 +177,12 @@ class Follower:
             ScenarioError, EquilibriumError, ValueError: vehicles cannot be there; one line. The twin stays as it was.
         """
         values, offsets = values_at(self._scenario, motion)
-        before, self._motion = self._motion, values
+        before = self._motion, self._points
+        self._motion, self._points = values, self._stencil()
         try:
             self._change(rest=True)
         except (EquilibriumError, ValueError):
-            self._motion = before
+            self._motion, self._points = before
             raise
         self.readings |= with_offsets(self.readings, self._scenario, offsets)
         count, covariance = len(self.slow), self._belief.covariance.copy()
@@ -410,7 +421,8 @@ class Follower:
         """Rows of a window without a sensor that contradicts all others; adds an alarm for one that keeps doing so."""
         self._doubt_what_changed()
         of, contradicting = self._contradicting()
-        reason = self._fault_of_plant(of) if contradicting == PLANT else self._fault_of_drive(of.get(contradicting, []))
+        stuck = self._fault_of_plant(of) if contradicting == PLANT else Stuck()
+        reason = stuck.reason or self._fault_of_drive(of.get(contradicting, []))
         alarms += self.doubts.judge(time, contradicting, reason)
         if contradicting == PLANT:
             return []
@@ -484,26 +496,13 @@ class Follower:
 
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
 
-    def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> str:
-        """Message about a stuck counterweight, whose own load cell is farthest from the model; empty for none.
-
-        The other end of the rope has a change of tension of the same sign, smaller by the friction of towers.
-        """
-        cables, sensors = self._scenario.cables, self._scenario.sensors
+    def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> Stuck:
+        """Counterweight that is stuck, by the rows of each sensor in a window."""
+        sensors = self._scenario.sensors
         cells = {sensors[name].of: rows for name, rows in of.items() if rows and sensors[name].kind == "load_cell"}
         apart = {name: float(np.mean([row.value - row.predicted[0] for row in rows])) for name, rows in cells.items()}
-        sure = {name: apart[name] / np.sqrt(rows[0].variance / len(rows)) for name, rows in cells.items()}
-        for rope, cable in cables.items():
-            names = self._scenario.end_names(rope)
-            if not all(name in cells for name in names):
-                continue
-            for end, name, other in zip(cable.ends.values(), names, reversed(names), strict=True):
-                farthest = abs(sure[name]) >= max(map(abs, sure.values()))
-                against = sure[name] * sure[other] < 0.0 and abs(sure[other]) > SURELY
-                if end.support == "counterweight" and farthest and abs(sure[name]) > SURELY and not against:
-                    first, last = (f"{apart[one] / 1e3:+.1f}" for one in names)
-                    return f"the counterweight at {name} is stuck: tension changes by {first} and {last} kN at the ends"
-        return ""
+        sure = {name: apart[name] / float(np.sqrt(rows[0].variance / len(rows))) for name, rows in cells.items()}
+        return stuck_counterweight(self._scenario, apart, sure)
 
     def _fault_of_drive(self, rows: Sequence[_Row]) -> str:
         """Message about a drive whose force is not the predicted one, by its sensor's rows; empty for none."""

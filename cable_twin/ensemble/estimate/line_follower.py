@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from copy import deepcopy
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy  # loads `special` where it is used
@@ -169,6 +170,16 @@ class LineFollower:
     def left_out(self) -> dict[str, Alarm]:
         """Sensors that are left out as faulty, each with its alarm."""
         return self.doubts.left_out
+
+    @property
+    def learned(self) -> Any:
+        """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
+        own = deepcopy((self._belief, self._biases, self._undone, self._departures))
+        return own, self.doubts.known
+
+    @learned.setter
+    def learned(self, learned: Any) -> None:
+        (self._belief, self._biases, self._undone, self._departures), self.doubts.known = learned
 
     @property
     def time(self) -> float:

@@ -14,6 +14,7 @@ CLOSING = 4.0  # s, in which a distance is made up for
 BELOW = 0.95  # of its largest speed, which a drive does not pass to make up for a distance, unless its plant does
 SLOWING = 0.1  # m/s^2, by which a twin that made up for a distance becomes slower: less than any drive can
 SPAN, LONG_SPAN = 1.0, 2.0  # s, over which a measured speed is averaged, and an acceleration
+FEWEST = 4  # samples that are kept of a sensor that measures seldom
 CHANGED = 0.02  # m/s, from which on another speed is commanded
 LONGEST = 0.3  # s, after which a speed is commanded again
 
@@ -53,8 +54,12 @@ class Pursuit:
         """Record the place (m) of a carriage or drive that an encoder measured at a time (s)."""
         kept = self._places.setdefault(name, deque())
         kept.append((time, place))
-        while kept[-1][0] - kept[0][0] > LONG_SPAN + 1e-9:
+        while len(kept) > FEWEST and kept[-1][0] - kept[0][0] > LONG_SPAN + 1e-9:
             kept.popleft()
+
+    def knows(self, name: str) -> bool:
+        """Whether an encoder has measured a carriage or drive at any time, also before what is forgotten."""
+        return name in self._places
 
     def speed_of(self, name: str) -> float | None:
         """Measured speed (m/s) of a carriage or drive, mean of the last `SPAN`; None with too few measurements."""
@@ -68,7 +73,8 @@ class Pursuit:
     def _rate_of(self, name: str, span: float, degree: int) -> float | None:
         """Highest coefficient of a polynomial fit of the places measured in a span (s); None with few measurements."""
         kept = self._places.get(name, deque())
-        recent = [one for one in kept if kept[-1][0] - one[0] <= span + 1e-9]
+        few = len(kept) - degree - 2  # of a sensor that measures seldom: as many as a fit needs
+        recent = [one for row, one in enumerate(kept) if row >= few or kept[-1][0] - one[0] <= span + 1e-9]
         if len(recent) < degree + 2 or recent[-1][0] - recent[0][0] < 0.5 * span:
             return None
         times, places = np.array(recent).T
@@ -88,7 +94,8 @@ class Pursuit:
 
     def forget(self) -> None:
         """Forget all measured places, as after a silence of the plant."""
-        self._places.clear()
+        for kept in self._places.values():
+            kept.clear()
         self._pursued.clear()
 
     def leave(self, name: str) -> None:

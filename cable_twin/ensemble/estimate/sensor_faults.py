@@ -84,6 +84,15 @@ class Doubts:
             return ""
         return self._exchanged.get(sensor, sensor)
 
+    @property
+    def known(self) -> tuple[dict[str, Alarm], dict[str, str]]:
+        """Sensors that are left out, and those that are swapped, for `known` to be set to later."""
+        return dict(self.left_out), dict(self._exchanged)
+
+    @known.setter
+    def known(self, known: tuple[dict[str, Alarm], dict[str, str]]) -> None:
+        self.left_out, self._exchanged = known
+
     def forget(self) -> None:
         """Forget which sensors are suspected, as at a restart; sensors already left out stay so."""
         self._suspected.clear()

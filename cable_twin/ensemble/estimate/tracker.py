@@ -17,12 +17,13 @@ from cable_twin.frame.sensors import Measurement
 from cable_twin.scenario import Scenario, command_limits
 from cable_twin.simulation import EquilibriumError
 
-SILENT = 2.0  # s without a measurement, after which the twin says that it goes on by its model
+SILENT = 2.0  # s without a measurement, after which the twin goes on by its model, or listens anew while it waits
 LISTENING = 1.0  # s of measurements before the twin begins where the plant is
 STEADY, LONGEST_WAIT = 0.05, 900.0  # m/s^2, up to which a plant moves steadily; s, for which it is waited for
 MOVES = 0.1  # m/s, from which on a plant moves
 ELSEWHERE = 20.0  # m, by which a plant is too far away to be pursued
 TIMES = 5  # samples, one after the other, that say so
+PROVEN = 60.0  # s, after which a beginning was not at a wrong place or speed, unless the plant was elsewhere till then
 BEHIND, TOO_FAR = 5.0, 20.0  # s, by which it is behind its plant: told, and begun anew where the plant is now
 SOURCE = "plant"
 WAITING, FOLLOWING, ALONE = "waits for a plant", "follows", "goes on by its model"
@@ -57,7 +58,9 @@ class Tracker:
         self._pursuit = Pursuit(self._most)
         self.sensors = scenario.sensors
         self._encoders = {name: one.of for name, one in scenario.sensors.items() if one.kind == "encoder"}
-        self._first, self._waits = 0.0, False  # s, of the first measurement since it waits; whether for a steady plant
+        self._first, self._waits = 0.0, False  # s, of the first measurement since it listens; whether it said why
+        self._heard = -np.inf  # s, of the newest measurements while it waits
+        self._begun, self._learned = -np.inf, self.follower.learned  # s, and what was known then
         self._far: dict[str, int] = {}  # samples of each encoder that were elsewhere
         self._refused: set[str] = set()
         self.behind, self._told_behind = 0.0, False
@@ -108,6 +111,8 @@ class Tracker:
                         self._pursuit.leave(name)
                     if fault := self._drive(max(time, self.follower.time), name, place):
                         lines.append(fault)
+        if measured and self.state == WAITING:
+            self._listen(time)
         for one in measured:
             if one.sensor in self._encoders and one.sensor not in self.follower.left_out:
                 self._pursuit.measure(time, self._encoders[one.sensor], one.values[0])
@@ -143,11 +148,17 @@ class Tracker:
     def _wait(self) -> None:
         """Forget the places of the plant, and wait until the twin can begin anew where it is."""
         self._pursuit.forget()
-        self.state, self._first, self._waits = WAITING, 0.0, False
+        self.state, self._heard, self._waits = WAITING, -np.inf, False
+
+    def _listen(self, time: float) -> None:
+        """Note that a twin that waits has measurements of a time (s); what was before a gap in them is forgotten."""
+        if abs(time - self._heard) > SILENT:
+            self._pursuit.forget()
+            self._first = time
+        self._heard = time
 
     def _begin(self, time: float) -> Iterator[News]:
-        """Start the twin at the places of the plant's vehicles, after measurements of `LISTENING` (s)."""
-        self._first = self._first or time
+        """Start the twin at the places of the plant's vehicles, after measurements of `LISTENING` (s) without a gap."""
         if time - self._first < LISTENING:
             return
         changing = [name for name in self._encoders.values() if not self._is_steady(name)]
@@ -166,7 +177,9 @@ class Tracker:
         put down to payload, ice and friction.
         """
         speed, acceleration = self._pursuit.speed_of(name), self._pursuit.acceleration_of(name)
-        if speed is None or abs(speed) < MOVES:
+        if speed is None:
+            return not self._pursuit.knows(name)  # an encoder of which nothing is ever heard is not waited for
+        if abs(speed) < MOVES:
             return True
         return not self.follower.needs_rest and acceleration is not None and abs(acceleration) < STEADY
 
@@ -178,6 +191,7 @@ class Tracker:
                 most = self._most.get(name, np.inf)
                 motion[name] = place, 0.0 if speed is None or abs(speed) < MOVES else float(np.clip(speed, -most, most))
         where = ", ".join(f"{name} at {place:.2f} m with {speed:.2f} m/s" for name, (place, speed) in motion.items())
+        self._begun, self._learned = time, self.follower.learned
         try:
             self.follower.begin_at(time, motion)
         except (EquilibriumError, ValueError) as error:
@@ -198,7 +212,11 @@ class Tracker:
             if self._far[name] >= TIMES:
                 self._far.clear()
                 self._wait()
-                return [f"{name} is {apart:+.1f} m from the twin, which begins anew there"]
+                text = f"{name} is {apart:+.1f} m from the twin, which begins anew there"
+                if time - self._begun < PROVEN:
+                    self.follower.learned = self._learned
+                    text += f"; what was learned since {self._begun:.1f} s is forgotten"
+                return [text]
             if fault := self._drive(time, name, place):
                 return [fault]
         return []
