@@ -26,7 +26,7 @@ class Limits(Section):
     )
     power: float | None = quantity(
         "W",
-        "highest power, driving or braking: force times speed along the stretched rope; only for the drive of a carriage",
+        "highest power, driving or braking: force times speed on the stretched rope; only for the drive of a carriage",
         None,
         gt=0,
     )
