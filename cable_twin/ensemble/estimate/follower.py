@@ -155,11 +155,11 @@ class Follower:
     @property
     def learned(self) -> Any:
         """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
-        return deepcopy((self._belief, self.needs_rest, self._departures)), self.doubts.known
+        return deepcopy((self._belief, self._biases, self.needs_rest, self._departures)), self.doubts.known
 
     @learned.setter
     def learned(self, learned: Any) -> None:
-        (self._belief, self.needs_rest, self._departures), self.doubts.known = learned
+        (self._belief, self._biases, self.needs_rest, self._departures), self.doubts.known = learned
 
     @property
     def time(self) -> float:
@@ -178,7 +178,7 @@ class Follower:
         """
         values, offsets = values_at(self._scenario, motion)
         before = self._motion, self._points
-        self._motion, self._points = values, self._stencil()
+        self._motion, self._points = values, self._stencil(self._belief)
         try:
             self._change(rest=True)
         except (EquilibriumError, ValueError):

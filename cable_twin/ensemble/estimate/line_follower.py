@@ -174,12 +174,12 @@ class LineFollower:
     @property
     def learned(self) -> Any:
         """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
-        own = deepcopy((self._belief, self._biases, self._undone, self._departures))
+        own = deepcopy((self._belief, self._biases, self._departures))
         return own, self.doubts.known
 
     @learned.setter
     def learned(self, learned: Any) -> None:
-        (self._belief, self._biases, self._undone, self._departures), self.doubts.known = learned
+        (self._belief, self._biases, self._departures), self.doubts.known = learned
 
     @property
     def time(self) -> float:

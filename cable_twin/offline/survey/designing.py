@@ -294,7 +294,7 @@ def _conditions(model: LineModel, tension: float) -> Conditions:
     units = ["kN"] * len(names)
     asked = np.zeros(len(ends) - 1, dtype=bool)
     if model.terrain.size > 0:  # not of a span within a station
-        asked = np.isfinite(model.heights(tension)).any(axis=1)
+        asked[:] = np.isfinite(model.heights(tension)).any(axis=1)
     names += [f"clearance from {low} to {high}" for (low, high), one in zip(pairwise(ends), asked, strict=True) if one]
     units += ["m"] * int(asked.sum())
 
