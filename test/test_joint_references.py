@@ -63,6 +63,20 @@ def test_a_drive_in_saturation_says_so_and_its_reference_goes_on_from_its_speed(
     assert references(simulation)["cabin"][1] > 0.5
 
 
+def test_a_drive_with_a_limit_of_the_jerk_holds_its_force_limit():
+    """It is as fast as one without that limit, once both ask for more than they can give."""
+    resting = references(Simulation(load_scenario(TRAMWAY)))["cabin/limit"][0] * 900.0
+    limits = {"carriages.cabin.drive.limits.force": resting + 50.0}
+    speeds = []
+    for jerk in (None, 0.5):
+        simulation = Simulation(load_scenario(TRAMWAY, limits | {"carriages.cabin.drive.limits.jerk": jerk}))
+        simulation.command("cabin", speed=4.0)
+        simulation.advance_to(3.0)
+        speeds.append(references(simulation)["cabin"][1])
+    assert speeds[0] > 0.3
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.15)
+
+
 def test_forces_and_stops_have_their_kind():
     simulation = Simulation(load_scenario(TRAMWAY, DIRECT))
     simulation.command("cabin", force=700.0)

@@ -264,7 +264,7 @@ def drive(state: State, index: int, kind: str, value: float) -> None:
         return
     if state.drives.mode[index] != SPEED:
         state.drives.mode[index] = SPEED
-        as_python(take_over)(state, index)
+        as_python(take_over)(state, index, 0.0)
     state.drives.target[index] = value
 
 

@@ -84,18 +84,22 @@ def hold_at_limits(state, work):
 
 @kernel
 def follow_again(state, work):
-    """Switch saturated drives back to speed mode, their references starting at the place and speed reached."""
+    """Switch saturated drives back to speed mode, their references starting at the place and speed reached.
+
+    The acceleration asked for stays: a reference that has to build it up anew within its limit of the jerk would ask
+    for less than the drive can give.
+    """
     for carriage in range(work.saturation.size):
         if work.saturation[carriage] != 0.0:
             state.drives.mode[carriage] = SPEED
-            take_over(state, carriage)
+            take_over(state, carriage, state.reference.acceleration[carriage])
 
 
 @kernel
-def take_over(state, carriage):
-    """Start the reference of a drive at the present position (m) and speed (m/s) of its joint or drum."""
+def take_over(state, carriage, acceleration):
+    """Start the reference of a drive at the place and speed of its joint or drum, with an acceleration (m/s²)."""
     driven = state.drums if state.axis[carriage] == DRUM else state.joints
-    follow(state.reference, carriage, driven.position[carriage], driven.velocity[carriage], 0.0)
+    follow(state.reference, carriage, driven.position[carriage], driven.velocity[carriage], acceleration)
 
 
 @kernel
