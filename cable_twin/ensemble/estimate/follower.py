@@ -434,9 +434,8 @@ class Follower:
 
     def _excused(self, rows: list[_Row]) -> list[_Row]:
         """Rows of one sensor, with more variance where waves within the window alone keep it from contradicting."""
-        believed = self._biases.believed(self._belief)
-        terms = self._linear(rows, believed) if rows else None
-        if not terms or normalised_square(*terms, believed.covariance) < scipy.special.chdtri(len(rows), SURE):
+        terms = self._linear(rows) if rows else None
+        if not terms or normalised_square(*terms, self._belief.covariance) < scipy.special.chdtri(len(rows), SURE):
             return rows
         return [row._replace(variance=row.variance + excuse(terms[0], terms[2])) for row in rows]
 
@@ -445,9 +444,8 @@ class Follower:
         if not self._rows:
             return
         count, numbers = len(self.slow), self._rows[-1].numbers[0]
-        believed = self._biases.believed(self._belief)
-        innovation, jacobian, variance = self._linear(self._rows, believed)
-        total = jacobian @ believed.covariance @ jacobian.T + np.diag(variance)
+        innovation, jacobian, variance = self._linear(self._rows)
+        total = jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance)
         of_sensors = slice(count + len(self._fast), None)
         sizes = [0.0 if one.payload_of and not self._boards(one, numbers) else one.change for one in self.slow]
         wrong = [WRONG * reading.noise for reading in self.readings.values()]
@@ -482,16 +480,15 @@ class Follower:
     def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
         """Measurements of a window by sensor, and the sensor or swapped pair of sensors that contradicts all others."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
-        believed = self._biases.believed(self._belief)
 
         def squares(sensors: Sequence[str], to: Mapping[str, str]) -> dict[str, float]:
             found = {}
             for sensor in sensors:
                 rows = [self._read_as(row, to[sensor]) for row in of[sensor]] if sensor in to else of[sensor]
                 limit = float(scipy.special.chdtri(len(rows), SURE))
-                innovation, jacobian, variance = self._linear(rows, believed)
+                innovation, jacobian, variance = self._linear(rows)
                 variance = variance + excuse(innovation, variance)
-                found[sensor] = normalised_square(innovation, jacobian, variance, believed.covariance) / limit
+                found[sensor] = normalised_square(innovation, jacobian, variance, self._belief.covariance) / limit
             return found
 
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
@@ -534,13 +531,8 @@ class Follower:
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
-    def _linear(self, rows: Sequence[_Row], belief: Belief | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window.
-
-        Args:
-            rows: m.
-            belief: by which they are predicted; None for that of the filter.
-        """
+    def _linear(self, rows: Sequence[_Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted for row in rows])
         jacobian = np.zeros((len(rows), self._belief.mean.size))
@@ -549,9 +541,7 @@ class Follower:
             jacobian[:, : len(self.slow)] = 0.0
         columns = [count + self._rows_of[row.sensor] for row in rows]
         jacobian[range(len(rows)), columns] = 1.0
-        innovation = (
-            np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending(belief or self._belief)
-        )
+        innovation = np.array([row.value for row in rows]) - predicted[:, 0] - jacobian @ self._pending(self._belief)
         others = {row.sensor: SLOWER**2 * self._unexplained(self.readings[row.sensor].unit, row.sensor) for row in rows}
         return innovation, jacobian, np.array([row.variance + others[row.sensor] for row in rows])
 
