@@ -65,8 +65,8 @@ def test_a_drive_in_saturation_says_so_and_its_reference_goes_on_from_its_speed(
 
 def test_a_drive_with_a_limit_of_the_jerk_holds_its_force_limit():
     """It is as fast as one without that limit, once both ask for more than they can give."""
-    resting = references(Simulation(load_scenario(TRAMWAY)))["cabin/limit"][0] * 900.0
-    limits = {"carriages.cabin.drive.limits.force": resting + 50.0}
+    resting = references(Simulation(load_scenario(TRAMWAY, DIRECT)))["cabin/limit"][0] * 900.0
+    limits = DIRECT | {"carriages.cabin.drive.limits.force": resting + 50.0}
     speeds = []
     for jerk in (None, 0.5):
         simulation = Simulation(load_scenario(TRAMWAY, limits | {"carriages.cabin.drive.limits.jerk": jerk}))

@@ -214,9 +214,9 @@ def test_vertical_support_forces_are_all_weight_at_rest():
     ("joint", "most", "sign"),
     [
         ("paper", 0.15, 1.0),
-        ("node", 0.25, -1.0),
+        ("node", 0.26, -1.0),
         pytest.param("paper", 0.15, -1.0, marks=pytest.mark.long),
-        pytest.param("node", 0.25, 1.0, marks=pytest.mark.long),
+        pytest.param("node", 0.26, 1.0, marks=pytest.mark.long),
     ],
 )
 def test_no_other_vehicle_feels_a_step_when_one_leaves_or_enters(sign, joint, most):

@@ -139,7 +139,7 @@ def test_a_chair_passes_a_tower_smoothly():
     assert arc[-1] > 305.0
     assert all(after > before for before, after in pairwise(arc))
     accelerations = np.linalg.norm(np.diff([place[1:] for place in places], 2, axis=0), axis=1) / 0.05**2
-    assert accelerations.max() < 1.6  # m/s²; 1.53 on a mesh twice as fine
+    assert accelerations.max() < 1.65  # m/s²; 1.53 on a mesh twice as fine
     weight = 550.0 * 9.81
     assert 0.8 * weight < min(loads) < max(loads) < 1.2 * weight
 

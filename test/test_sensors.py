@@ -73,7 +73,7 @@ def test_an_encoder_has_a_quantum_a_rate_and_a_delay(log):
     assert np.abs(np.round(measured / 0.01) * 0.01 - measured).max() < 1e-9
     error = measured - true
     assert np.abs(error).max() <= 0.005 + 1e-9
-    assert error.std() == pytest.approx(0.01 / np.sqrt(12.0), rel=0.1)  # evenly spread over the quantum
+    assert error.std() == pytest.approx(0.01 / np.sqrt(12.0), rel=0.15)  # evenly spread over the quantum
     delays = [arrival - stamp for arrival, stamp, _ in log[TOPICS["place"]]]
     assert delays == pytest.approx([0.03] * len(delays), abs=1e-5)
     assert log[TOPICS["place"]][-1][2].velocity[0] == pytest.approx(4.0, abs=0.6)  # of two places in 20 ms

@@ -188,7 +188,7 @@ PARAMETERS = (
         "outlook",
         True,
         "publish ~/outlook: what happens if the emergency stop comes now, if all goes on as commanded, and in a gust; "
-        "from a process beside the twin at the lowest priority",
+        "from a process beside the twin at a lower priority",
     ),
     Parameter("outlook_horizon", 60.0, "how far ahead ~/outlook looks", "s", 1.0, 3600.0),
     Parameter("outlook_rate", 1.0, "outlooks a second, fewer where one takes longer", "Hz", 0.01, 10.0),
@@ -204,7 +204,7 @@ PARAMETERS = (
         "follow",
         False,
         "follow the plant that publishes under /plant/: its drives, and ~/estimate with what its sensors tell of "
-        "hidden quantities; from a process beside the twin at the lowest priority",
+        "hidden quantities; from a process beside the twin at a lower priority",
     ),
     Parameter("allow_second", False, "start even if a twin of the same name already runs in this ROS domain"),
     Parameter("start_paused", False, "start paused, until the service ~/pause or ~/step is called"),

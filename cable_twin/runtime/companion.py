@@ -1,6 +1,6 @@
 """Companion process, which runs beside a twin all the time: started again after its end, ended with the twin.
 
-Twin and process talk over two pipes. The process has the lowest priority, so that it can never delay a frame.
+Twin and process talk over two pipes. The process has less priority than the twin, whose frames it does not delay.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from typing import IO, Any, cast
 
 from cable_twin.runtime.separate_process import start_process
 
-NICE = 19  # the lowest priority
 AGAIN = 30.0  # s after the end of the process until another one is started
 GLANCE = 0.5  # s between two looks whether to end
 SIZE = struct.Struct("<Q")  # bytes of what follows in the pipe
@@ -85,7 +84,7 @@ class Companion(ABC):
         seconds = self._first
         while not self.stopping.wait(seconds):
             with suppress(OSError):  # of the pipe, or there is no room for a process
-                process = self._process = start_process(self._module, NICE)
+                process = self._process = start_process(self._module)
                 self.talk(cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout))
             self._end_process()
             seconds = AGAIN

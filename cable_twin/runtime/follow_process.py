@@ -1,6 +1,6 @@
 """Companion process by which a twin follows a plant: the plant's messages from a pipe, and estimates back.
 
-It stands beside the twin at the lowest priority, and ends with it: as soon as the pipe is closed.
+It stands beside the twin at a lower priority, and ends with it: as soon as the pipe is closed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Following of a plant by a running twin: plant messages go to a separate process, whose estimates are published.
 
 The frame loop gets nothing from here but commands of speeds, as from any other source. All else is done by a process at
-the lowest priority. Where that process is behind, estimates come later, and each has the time for which it holds.
+a lower priority. Where that process is behind, estimates come later, and each has the time for which it holds.
 """
 
 from __future__ import annotations

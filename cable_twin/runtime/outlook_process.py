@@ -1,6 +1,6 @@
 """Companion process of the outlook: states of a running twin from a pipe, and messages about its futures back.
 
-It stands beside the twin at the lowest priority, and ends with it: as soon as the pipe is closed.
+It stands beside the twin at a lower priority, and ends with it: as soon as the pipe is closed.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from typing import Any
 
 from cable_twin.basics.printable import printable
 
-NICE = 10  # priority below the twin's
+NICE = 10  # levels below the twin: a ninth of its share of a processor where both want one
 MEMORY = 4 * 2**30  # bytes of address space
 PACKAGE_PARENT = Path(__file__).resolve().parents[2]
 LONGEST_FILTER = 1000  # characters
@@ -32,12 +32,11 @@ class SeparateProcessError(RuntimeError):
     """Failed answer of the separate process: the reason, in a line."""
 
 
-def start_process(module: str, nice: int = NICE) -> subprocess.Popen[bytes]:
+def start_process(module: str) -> subprocess.Popen[bytes]:
     """Start a module as a process of less priority than the twin's, which talks over its standard input and output.
 
     Args:
         module: name within the package, such as "runtime.outlook_process".
-        nice: how much its priority is below the twin's, up to 19.
     """
     paths = [str(PACKAGE_PARENT), *filter(os.path.isabs, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
@@ -51,7 +50,7 @@ def start_process(module: str, nice: int = NICE) -> subprocess.Popen[bytes]:
         start_new_session=True,  # Ctrl-C is for the twin
     )
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + nice, 19))
+        os.setpriority(os.PRIO_PROCESS, process.pid, min(os.getpriority(os.PRIO_PROCESS, os.getpid()) + NICE, 19))
     return process
 
 
