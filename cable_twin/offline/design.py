@@ -24,11 +24,11 @@ from cable_twin.offline.survey.designing import (
     design_towers,
 )
 from cable_twin.offline.survey.line_model import DesignError, LineModel, line_model
-from cable_twin.offline.survey.marked import rewritten
+from cable_twin.offline.survey.marked import rewritten, write_scenario
 from cable_twin.scenario import ScenarioError, load_scenario, scenario_file, scenario_lines
 from cable_twin.scenario.command_limits import sense_of
 from cable_twin.scenario.spans import SpanError
-from cable_twin.terminal.command_line import OneLineParser, fail, number
+from cable_twin.terminal.command_line import OneLineParser, fail, number, tell
 
 DONE, FAILED, UNUSABLE = 0, 1, 2
 PLACES = 4  # of the vehicle, at which the result is calculated; of a pinned track rope also the middle of each span
@@ -123,12 +123,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     heading = f"Designed for {options.wanted} from {source}: `design:` beside a value says what decided it."
     try:
         text = scenario_file(source).read_text(encoding="utf-8")
-        options.output.write_text(rewritten(text, found.changes, heading), encoding="utf-8")
+        kept = write_scenario(options.output, rewritten(text, found.changes, heading))
         scenario = load_scenario(str(options.output))
     except OSError as error:
         return fail("design", f"{error.filename or options.output}: {error.strerror or error}", FAILED)
     except ScenarioError as error:
         return fail("design", error, FAILED)
+    if kept:
+        tell("design", f"the former {options.output} is {kept} now")
     print(f"{options.output} at rest:")
     line = plan_line(scenario, PLACES, None)
     if model.cabin and not model.mass_keys:

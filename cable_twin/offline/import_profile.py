@@ -18,7 +18,7 @@ from cable_twin.offline.simulate_options import add_changes
 from cable_twin.offline.survey.geodata import SUFFIXES, is_geodata, read_geodata
 from cable_twin.offline.survey.jig_back import jig_back_scenario
 from cable_twin.offline.survey.lift import CHAIRLIFT, GONDOLA, lift_scenario
-from cable_twin.offline.survey.marked import as_file, assumptions, missed, plain, with_changes
+from cable_twin.offline.survey.marked import as_file, assumptions, missed, plain, with_changes, write_scenario
 from cable_twin.offline.survey.profile import FEET, Survey, SurveyError
 from cable_twin.offline.survey.stations import Ends, ends_of
 from cable_twin.offline.survey.tables import read_survey
@@ -120,9 +120,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         "Values are of the survey, or have their origin beside them; what is assumed has to be looked at.",
     ]
     try:
-        options.output.write_text(as_file(written, heading), encoding="utf-8")
+        kept = write_scenario(options.output, as_file(written, heading))
     except OSError as error:
         return fail("import_profile", f"{error.filename or options.output}: {error.strerror or error}", FAILED)
+    if kept:
+        tell("import_profile", f"the former {options.output} is {kept} now")
     print(f"{options.output}: {scenario.description}")
     print(f"{len(found)} assumptions:")
     for line in found:

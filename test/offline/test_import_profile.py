@@ -50,6 +50,21 @@ def test_nine_towers_are_as_modelled_by_hand(tmp_path, capsys):
     assert len(given.carriages) == len(by_hand.carriages) == 72
 
 
+def test_a_scenario_changed_by_hand_is_kept_beside_the_new_one(tmp_path, capsys):
+    imported(tmp_path, *ENDS, "--no-rest")
+    assert imported(tmp_path, *ENDS, "--no-rest")[1] == 0
+    assert "former" not in capsys.readouterr().err  # the same once more
+    written(tmp_path, "lift.yaml", "name: by hand\n")
+    for _ in range(2):
+        file, code = imported(tmp_path, *ENDS, "--no-rest")
+        assert code == 0
+        written(tmp_path, "lift.yaml", "name: by hand 2\n")
+    kept = tmp_path / "lift.yaml.bak"
+    assert f"the former {file} is {kept} now" in capsys.readouterr().err
+    assert kept.read_text() == "name: by hand\n"
+    assert (tmp_path / "lift.yaml.bak1").read_text() == "name: by hand 2\n"
+
+
 def test_a_survey_in_feet_is_converted_with_a_line(tmp_path, capsys):
     lengths = [line.split(",") for line in TERRAIN.read_text().splitlines()[1:]]
     rows = "".join(f"{float(x) / 0.3048!r};{float(z) / 0.3048!r}\n" for x, z in lengths)

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from io import StringIO
+from itertools import count
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -267,3 +269,21 @@ def _remark(owner: CommentedMap, key: str, text: str) -> None:
         return
     _, _, below = there.value.partition("\n")
     there.value = f"# {text}\n{below}"
+
+
+def write_scenario(file: Path, text: str) -> Path | None:
+    """Write a scenario file; one of that name with another content is kept under a name of its own, FILE.bak.
+
+    Returns:
+        Where the former file is kept; None without one.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    kept = None
+    if file.is_file() and file.read_bytes() != text.encode():
+        names = (file.with_name(f"{file.name}.bak{number or ''}") for number in count())
+        kept = next(name for name in names if not name.exists())
+        file.replace(kept)
+    file.write_text(text, encoding="utf-8")
+    return kept
