@@ -62,4 +62,5 @@ def test_the_power_of_a_drive_on_the_carriage_keeps_to_its_limit():
     for frame in range(800):
         figures.update(simulation.advance_to(2 * frame * STEP))
     (highest,) = [one for one in figures.figures() if one.id.quantity == "drive_power" and one.value > 0.0]
-    assert highest.value == pytest.approx(60e3, rel=1e-3)  # by the speed at the start of a step
+    assert highest.value == pytest.approx(60e3, rel=1e-3)
+    assert highest.value <= 60e3

@@ -65,16 +65,16 @@ def test_a_drive_in_saturation_says_so_and_its_reference_goes_on_from_its_speed(
 
 def test_a_drive_with_a_limit_of_the_jerk_holds_its_force_limit():
     """It is as fast as one without that limit, once both ask for more than they can give."""
-    resting = references(Simulation(load_scenario(TRAMWAY, DIRECT)))["cabin/limit"][0] * 900.0
-    limits = DIRECT | {"carriages.cabin.drive.limits.force": resting + 50.0}
     speeds = []
-    for jerk in (None, 0.5):
-        simulation = Simulation(load_scenario(TRAMWAY, limits | {"carriages.cabin.drive.limits.jerk": jerk}))
+    for jerk in (None, 0.2):
+        limits = {"carriages.cabin.drive.limits.force": 34e3, "carriages.cabin.drive.limits.jerk": jerk}
+        simulation = Simulation(load_scenario("aerial_tramway", limits), samples=2)
         simulation.command("cabin", speed=4.0)
-        simulation.advance_to(3.0)
-        speeds.append(references(simulation)["cabin"][1])
-    assert speeds[0] > 0.3
-    assert speeds[1] == pytest.approx(speeds[0], rel=0.15)
+        simulation.advance_to(10.0)
+        speeds.append(float(simulation.snapshot.columns.haul_speed[0]))
+        assert simulation.snapshot.columns.drive_force[0] == pytest.approx(34e3, rel=1e-6)
+    assert speeds[0] > 0.4
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.1)
 
 
 def test_forces_and_stops_have_their_kind():

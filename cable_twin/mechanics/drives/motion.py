@@ -65,7 +65,8 @@ def find_saturated(system, state, before, work):
             continue
         if before.drives.mode[carriage] == SPEED and not system.carriages.clamped[carriage]:
             force = drive_force(system, state, carriage)
-            speed = before.reference.velocity[carriage] * way_per_metre(system, before, carriage)
+            speed = max(abs(before.reference.velocity[carriage]), abs(state.reference.velocity[carriage]))
+            speed *= way_per_metre(system, before, carriage)  # so that its power is within the limit all the step
             limit = force_limit(system.carriages, state, carriage, speed)
             if abs(force) > limit:
                 work.saturation[carriage] = limit if force > 0.0 else -limit
