@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cable_twin.ensemble.estimate.jumps import HALF, Jumps
+from cable_twin.ensemble.estimate.jumps import HALF, ROUGHER, SMALLEST, Jumps
 from cable_twin.ensemble.estimate.quantities import Errors, Reading
 from cable_twin.ensemble.estimate.sensor_faults import Doubts
 from cable_twin.frame.sensors import Measurement
@@ -76,6 +76,23 @@ def test_neither_a_restart_nor_a_correction_of_the_twin_is_a_jump():
     jumps.shift(0.5)  # of the twin, whose distance from the encoder becomes smaller
     assert not any(jumps.note(140.0 + time, 1.5) for time in TIMES)
     assert any(jumps.note(180.0 + time, 1.45) for time in TIMES)
+
+
+def test_a_quantum_and_a_bounce_at_once_are_no_jump_where_waves_are_expected():
+    """At 7 m/s and ten samples a second, so that all of them are at one place between two quanta."""
+    apart = """59.2 58.8 67.4 65.4 63.2 61.2 60.0 59.7 60.2 61.3 52.8 54.6 56.3 57.7 58.5 58.6 57.8 66.6 65.0 63.5 62.4
+        61.3 62.1 63.8 65.8 67.6 68.9 69.1 68.4 67.0 55.3 54.0 53.2 53.2 53.8 54.9 56.3 57.8 59.1 59.8 69.0 67.8 66.6
+        55.6 55.3 55.5 56.1 57.0 58.1 59.2 60.0 60.5 60.8 61.1 61.5 62.2 63.2 64.2 65.2 66.1"""
+    values = 1e-3 * np.array(apart.split(), dtype=float)  # m, of a plant whose counterweight was stuck
+    for smallest, more, said in (
+        (SMALLEST, 0.0, True),
+        (ROUGHER * SMALLEST, 0.0, False),
+        (ROUGHER * SMALLEST, 0.03, True),
+    ):
+        jumps = Jumps(NOISE)
+        jumps.smallest = smallest
+        moved = values - np.where(np.arange(values.size) >= HALF, more, 0.0)
+        assert any(jumps.note(time, one) for time, one in zip(TIMES.tolist(), moved.tolist(), strict=False)) == said
 
 
 def test_an_encoder_without_noise_may_be_corrected_by_a_little():

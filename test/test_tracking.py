@@ -173,7 +173,7 @@ def test_what_was_learned_at_a_wrong_place_is_forgotten(measured):
     assert "which begins anew there; what was learned since 1." in far
     assert waits == "waits until cabin of the plant stands still"
     assert corrections
-    (belief, _, needs_rest, _), known = tracker.follower.learned
+    (belief, needs_rest, *_), known = tracker.follower.learned
     assert needs_rest
     assert known == before[1]
     np.testing.assert_array_equal(belief.mean, before[0][0].mean)

@@ -10,6 +10,7 @@ import numpy as np
 from cable_twin.ensemble.estimate.quantities import Reading
 from cable_twin.scenario import Scenario
 
+MOVED = 1.0  # m, from which on a plant has moved
 Motion = Mapping[str, tuple[float, float]]  # place (m) and speed (m/s) by name of a carriage or drive
 
 
@@ -36,6 +37,12 @@ def values_at(scenario: Scenario, motion: Motion) -> tuple[dict[str, Any], dict[
             values[f"drives.{name}.speed"] = speed
             values |= _gone_by(scenario, name, place)
     return values, offsets
+
+
+def has_moved(scenario: Scenario, motion: Motion) -> bool:
+    """Whether a plant is not where its scenario begins, so that its towers hold the rope by an unknown friction."""
+    starts = {name: one.arc_length for name, one in scenario.carriages.items()}
+    return any(speed != 0.0 or abs(place - starts.get(name, 0.0)) > MOVED for name, (place, speed) in motion.items())
 
 
 def with_offsets(
@@ -69,4 +76,4 @@ def _gone_by(scenario: Scenario, drive: str, place: float) -> dict[str, Any]:
     return values
 
 
-__all__ = ["Motion", "values_at", "with_offsets"]
+__all__ = ["Motion", "has_moved", "values_at", "with_offsets"]

@@ -138,15 +138,16 @@ class Biases:
             return "", 0.0
         return worst, float(self._sizes @ np.where(self._sensors == worst, weights, 0.0))
 
-    def judge(self, time: float, belief: Belief, doubts: Doubts) -> tuple[Belief, list[Alarm]]:
+    def judge(self, time: float, belief: Belief, doubts: Doubts, may_name: bool = True) -> tuple[Belief, list[Alarm]]:
         """Leave out a sensor that is wrong for sure; returns the belief without those left out by now, and alarms.
 
         Args:
             time: s.
             belief: of the filter.
             doubts: about its sensors.
+            may_name: False where a fault of the plant may explain as much as a wrong sensor, so that none is left out.
         """
-        alarms, (wrong, error) = [], self.surely()
+        alarms, (wrong, error) = [], self.surely() if may_name else ("", 0.0)
         if wrong and wrong not in doubts.left_out:
             text = f"sensor {wrong} contradicts all others by {with_unit(error, 'N', 2)} and is left out"
             alarms.append(doubts.leave_out(wrong, time, text))

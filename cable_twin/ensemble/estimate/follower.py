@@ -19,19 +19,21 @@ import scipy  # loads `special` where it is used
 
 from cable_twin.ensemble.ensemble import ENDS_OF_CABLE, Ensemble
 from cable_twin.ensemble.estimate.alarms import Departures, Expected
-from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
+from cable_twin.ensemble.estimate.beginning import Motion, has_moved, values_at, with_offsets
 from cable_twin.ensemble.estimate.biases import WRONG as WRONG_CELL
 from cable_twin.ensemble.estimate.biases import Biases
 from cable_twin.ensemble.estimate.changes import best_change
-from cable_twin.ensemble.estimate.counterweights import Stuck, stuck_counterweight
+from cable_twin.ensemble.estimate.counterweights import Stuck, held_at, mass_of, stops_of
 from cable_twin.ensemble.estimate.kalman import Belief, normalised_square, predict, update
-from cable_twin.ensemble.estimate.linear_range import loads_went_far, wind_went_far
+from cable_twin.ensemble.estimate.linear_range import any_swing, loads_went_far, wind_went_far
 from cable_twin.ensemble.estimate.quantities import (
     LEAST_FORCE,
+    NEAR,
     Estimate,
     Hidden,
     Reading,
     Slow,
+    boards,
     bounds,
     estimates_of,
     friction_errors,
@@ -39,11 +41,13 @@ from cable_twin.ensemble.estimate.quantities import (
     readings,
     slow_quantities,
     stencil,
+    weights_along,
     weights_of,
 )
 from cable_twin.ensemble.estimate.scatter import SLOWER, Scatter, excuse
-from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts, fault_of_drive
+from cable_twin.ensemble.estimate.sensor_faults import PLANT, Alarm, Doubts
 from cable_twin.ensemble.estimate.swings import ANY_SWING, PRIOR, SIZE, anchored, carried, growth, swings
+from cable_twin.ensemble.estimate.windows import Row, contradiction, drive_at_fault, stuck_by
 from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Layout
@@ -60,15 +64,11 @@ CALMED = 300.0  # s, in which what a tower has stirred calms down
 TIMING = 0.05  # s, by which what a sensor measures may be earlier or later than in the model
 NARROWEST = 0.03  # of the prior deviation, apart from which members are at least
 SURE = 1e-6  # probability at which a sensor contradicts the others
-NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model
 WRONG = 5.0  # times its noise, by which a sensor may be wrong all at once, a standard deviation
 RARER = 4.0  # logarithm of how much rarer that is than a change of the plant that explains as much
 BOARDING = 0.01  # of the capacity, by which a payload may change in a second in a station, as WIND_WALK
 FASTER = 20.0  # times the usual drift of a quantity of which an alarm has told: ice that has come may go on coming
-SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
-MOVED = 1.0  # m, from which on a plant has moved
 RESTS = 8  # at most, that are tried for one window
-FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
 
 
 class Correction(NamedTuple):
@@ -79,16 +79,6 @@ class Correction(NamedTuple):
     hidden: dict[str, Estimate]
     innovation: float  # normalised square over its degrees of freedom
     alarms: tuple[Alarm, ...]  # new ones
-
-
-class _Row(NamedTuple):
-    """Measurement of a sensor with the predictions of all ensemble members."""
-
-    sensor: str
-    value: float
-    predicted: FloatArray  # (members,)
-    variance: float
-    numbers: FloatArray  # (members, n) of the frames of that time
 
 
 class Follower:
@@ -125,6 +115,9 @@ class Follower:
         self._tracks = start.layout.places.joint_position[:, 0].astype(np.intp)
         self.hidden: tuple[Hidden, ...] = hidden_quantities(scenario, start.layout)
         self._deviation = np.array([one.deviation for one in self.slow])
+        self._held: dict[str, Estimate] = {}  # counterweights that are stuck: what is said of their masses
+        self._stuck = Stuck()  # counterweight to be held
+        self._astray: dict[str, float] = {}  # variances by unit in a contradicting plant
         self.doubts, self._scatter = Doubts(self.readings), Scatter(tuple(self.readings))
         errors = np.array([one.error for one in self.readings.values()])
         self._usual_errors, self._of_friction = errors, friction_errors(scenario, self.readings, scale)
@@ -139,7 +132,7 @@ class Follower:
         self._motion: dict[str, Any] = {}  # places and speeds of vehicles at the last beginning, by key
         self._change(rest=True)
         self._swing()
-        self._rows: list[_Row] = []
+        self._rows: list[Row] = []
         self._before: tuple[float, FloatArray] | None = None
         self._since, self._from, self._zero = 0.0, 0.0, 0.0
         self._stands, self._begun = True, 0.0  # at rest, as no command has changed anything since the beginning, s
@@ -155,11 +148,13 @@ class Follower:
     @property
     def learned(self) -> Any:
         """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
-        return deepcopy((self._belief, self._biases, self.needs_rest, self._departures)), self.doubts.known
+        own = self._belief, self.needs_rest, self._departures, self._biases, self.slow, self._deviation, self._held
+        return deepcopy(own), self.doubts.known
 
     @learned.setter
     def learned(self, learned: Any) -> None:
-        (self._belief, self._biases, self.needs_rest, self._departures), self.doubts.known = learned
+        own, self.doubts.known = learned
+        self._belief, self.needs_rest, self._departures, self._biases, self.slow, self._deviation, self._held = own
 
     @property
     def time(self) -> float:
@@ -190,12 +185,8 @@ class Follower:
         mean[fast], covariance[fast, :], covariance[:, fast] = 0.0, 0.0, 0.0
         under_way = any(speed != 0.0 for _, speed in motion.values())
         covariance[fast, fast] = (ANY_SWING if under_way else PRIOR) ** 2 * np.eye(len(self._fast))
-        of_friction = self._of_friction if self._has_moved(motion) else 0.0
-        self._errors = np.hypot(self._usual_errors, of_friction)
-        self._biases.expect(dict(zip(self.readings, self._errors.tolist(), strict=True)))
-        of_sensors = range(fast.stop, mean.size)
-        covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[fast.stop :], self._errors**2)
         self._belief = Belief(mean, covariance)
+        self._expect(self._of_friction if has_moved(self._scenario, motion) else 0.0 * self._of_friction)
         self._biases.forget(range(fast.start, fast.stop))
         self._rows, self._before, self._zero = [], None, time
         self._since, self._from, self._at_tower = time, time, False
@@ -205,12 +196,14 @@ class Follower:
         self.doubts.forget()
         self._swing()
 
-    def _has_moved(self, motion: Motion) -> bool:
-        """Whether a plant is not where its scenario begins, so that its towers hold the rope by an unknown friction."""
-        starts = {name: one.arc_length for name, one in self._scenario.carriages.items()}
-        return any(
-            speed != 0.0 or abs(place - starts.get(name, 0.0)) > MOVED for name, (place, speed) in motion.items()
-        )
+    def _expect(self, friction: FloatArray) -> None:
+        """Doubt sensors by standard deviations (sensors,), as towers hold the rope by an unknown friction."""
+        self._errors = np.hypot(self._usual_errors, friction)
+        self._biases.expect(dict(zip(self.readings, self._errors.tolist(), strict=True)))
+        mean, covariance = self._belief.mean, self._belief.covariance.copy()
+        of_sensors = range(mean.size - self._errors.size, mean.size)
+        covariance[of_sensors, of_sensors] = np.maximum(np.diag(covariance)[of_sensors], self._errors**2)
+        self._belief = Belief(mean, covariance)
 
     def close(self) -> None:
         """End the threads of the ensemble."""
@@ -234,7 +227,8 @@ class Follower:
         """
         self._advance(time)
         numbers = self._ensemble.numbers()
-        self._alarms += self.doubts.of_samples(time, measurements, numbers[0], self._at_tower)
+        unlike = self._at_tower or bool(self._astray)
+        self._alarms += self.doubts.of_samples(time, measurements, numbers[0], unlike)
         then, before = self._before or (time, numbers[0])
         rates = np.abs(numbers[0] - before) / max(time - then, 1e-3)
         self._before = time, numbers[0].copy()
@@ -245,7 +239,7 @@ class Follower:
                 reading = self.readings[sensor]
                 value = reading.measured(one)
                 variance = self._variance(reading) + (TIMING * float(np.linalg.norm(rates[reading.places]))) ** 2
-                self._rows.append(_Row(sensor, value, reading.of(numbers), variance, numbers))
+                self._rows.append(Row(sensor, value, reading.of(numbers), variance, numbers))
         if self._passes_a_tower(numbers[0]) != self._at_tower:
             self._at_tower = not self._at_tower
             self._stirred = 1.0
@@ -290,16 +284,19 @@ class Follower:
             terms = self._linear(used)
             self._belief = update(before, *terms)
             far = wind_went_far(self.slow, self._points[0], before, self._belief)
-            self._biases.note([row.sensor for row in used], *terms, before, told=not far)
+            if not self._held:  # else what its towers hold is as much as an error of a cell
+                self._biases.note([row.sensor for row in used], *terms, before, told=not far)
             if far:
-                self._belief, self._stirred = self._belief._replace(covariance=self._stirred_up(before)), 1.0
+                swinging = any_swing(before, len(self.slow), len(self._fast))
+                self._belief, self._stirred = self._belief._replace(covariance=swinging), 1.0
             else:
                 self._doubt_steps()
-        self._belief, wrong = self._biases.judge(time, self._belief, self.doubts)
+        sure = not self._astray and not self._held  # else the plant may explain as much as a wrong cell
+        self._belief, wrong = self._biases.judge(time, self._belief, self.doubts, sure)
         lasted, self._since, self._from = time - self._since, time, time
         believed = self._biases.believed(self._belief)
-        hidden, slow = self._hidden(numbers, believed), estimates_of(self.slow, believed)
-        agreed = estimates_of(self.slow, self._biases.agreed(self._belief))
+        hidden, slow = self._hidden(numbers, believed), estimates_of(self.slow, believed) | self._held
+        agreed = estimates_of(self.slow, self._biases.agreed(self._belief)) | self._held
         alarms += [*wrong, *self._departures.alarms(time, slow, self._expected, agreed)]
         self._go_on(lasted, numbers)
         return Correction(time, slow, hidden, innovation, tuple(alarms))
@@ -355,13 +352,6 @@ class Follower:
         ]
         return True
 
-    def _stirred_up(self, before: Belief) -> FloatArray:
-        """Covariance before a correction with larger variances of all swings, which a sudden change of wind excites."""
-        covariance, count = before.covariance.copy(), len(self.slow)
-        for row in range(count, count + len(self._fast)):
-            covariance[row, row] = max(covariance[row, row], FAR_SWING**2)
-        return covariance
-
     def _doubt_steps(self) -> None:
         """Add the second-order error of the last correction to the variances of slow quantities."""
         count, covariance = len(self.slow), self._belief.covariance.copy()
@@ -382,7 +372,7 @@ class Follower:
         self._rows = []
         if self._ensemble.alike:
             wanted, fast = self._stencil(self._belief), slice(count, count + swinging)
-            self._ensemble.blend(self._weights(wanted, self._belief.mean[fast] / SIZE))
+            self._ensemble.blend(weights_of(self._points, wanted, self._belief.mean[fast] / SIZE))
             self._points = wanted
             moved = np.eye(decay.size)
             moved[fast, fast] = carried(self._fast, numbers, self._first)
@@ -393,38 +383,67 @@ class Follower:
             self._belief = Belief(mean, moved @ self._belief.covariance @ moved.T)
             self._change()
             self._swing()
+            if self._stuck.support:
+                self._hold()
         else:
             added[count : count + swinging] = 0.0  # the members still have the swings of the window before
         self._biases.carry(np.diag(decay))
         self._belief = predict(self._belief, decay, added)
 
-    def _weights(self, wanted: FloatArray, shares: FloatArray) -> FloatArray:
-        """Weights (members, members) of a blend to slow quantities (2 n + 1, n) and shares (m,) of the unit swings."""
-        size, first = len(self._ensemble), self._first
-        weights = np.zeros((size, size))
-        weights[:first, :first] = weights_of(self._points, wanted)
-        weights[:first, first:] += shares
-        weights[:first, 0] -= shares.sum()
-        weights[first:] = weights[0]
-        return weights
+    def _hold(self) -> None:
+        """Keep a stuck counterweight at its travel from now on, which is estimated instead of its mass.
+
+        The members with its mass above and below the estimate have their rope tensioned more and less. What they differ
+        by is what each member is moved by to one travel of all, and the two above and below it by more of that.
+        """
+        (support, _, tension), self._stuck = self._stuck, Stuck()
+        row = next(row for row, one in enumerate(self.slow) if one.name == mass_of(support))
+        place = self._layout.places.support_travel[self._layout.support_rows[support]]
+        sides = [1 + 2 * row, 2 + 2 * row]
+        mass, points, travels = self.slow[row], self._points[:, row], self._ensemble.numbers()[:, int(place)]
+        (more, less), (out, back) = points[sides], travels[sides]
+        held = held_at(mass, travels[0], (out - back) / (more - less), tension / self._scenario.gravity)
+        if held is None:
+            return
+        wanted = np.full(travels.size, held.mean)
+        wanted[sides] += held.deviation, -held.deviation
+        self._ensemble.blend(weights_along(travels, wanted, *sides))
+        self._ensemble.change({mass.key: float(points[0])})
+        points[:] = wanted[: points.size]
+        mean, covariance = self._belief.mean.copy(), self._belief.covariance.copy()
+        mean[row], covariance[row], covariance[:, row] = held.mean, 0.0, 0.0
+        covariance[row, row] = held.deviation**2
+        self._belief, self._deviation[row] = Belief(mean, covariance), held.deviation
+        self._expect(self._of_friction)
+        self._biases.forget(range(mean.size))  # they held for a counterweight that moves
+        self.slow = (*self.slow[:row], held, *self.slow[row + 1 :])
+        self._held[mass.name] = Estimate(mass.mean, mass.deviation, mass.unit)
+        self._change()
+        self._astray, self._stirred = {}, 1.0
+        self.doubts.forget()
+        self.doubts.expect_waves()
 
     def _swing(self) -> None:
         """Rotate bodies in the last members, each by the unit swing of one angle or rate."""
         for number, one in enumerate(self._fast):
             self._ensemble.swing(self._first + number, [one.turn(SIZE)])
 
-    def _of_swing(self) -> list[_Row]:
+    def _of_swing(self) -> list[Row]:
         """Rows of a window with measured angles, which show the swing of vehicles."""
         return [row for row in self._rows if self.readings[row.sensor].unit == "rad"]
 
-    def _consistent(self, time: float, alarms: list[Alarm]) -> list[_Row]:
+    def _consistent(self, time: float, alarms: list[Alarm]) -> list[Row]:
         """Rows of a window without a sensor that contradicts all others; adds an alarm for one that keeps doing so."""
         self._doubt_what_changed()
         of, contradicting = self._contradicting()
-        stuck = self._fault_of_plant(of) if contradicting == PLANT else Stuck()
-        reason = stuck.reason or self._fault_of_drive(of.get(contradicting, []))
-        alarms += self.doubts.judge(time, contradicting, reason)
+        stuck = stuck_by(self._scenario, of, self._held) if contradicting == PLANT else Stuck()
+        reason = stuck.reason or drive_at_fault(self._scenario, self.readings, of.get(contradicting, []))
+        told = self.doubts.judge(time, contradicting, reason)
+        alarms += told
+        self._astray = {}
         if contradicting == PLANT:
+            self._stuck = stuck if told else self._stuck
+            self._astray = contradiction(self.readings, of)
             return []
         one, _, other = contradicting.partition("/")
         if not other:
@@ -432,7 +451,7 @@ class Follower:
         to = {one: other, other: one}
         return [self._read_as(row, to[row.sensor]) if row.sensor in to else row for row in self._rows]
 
-    def _excused(self, rows: list[_Row]) -> list[_Row]:
+    def _excused(self, rows: list[Row]) -> list[Row]:
         """Rows of one sensor, with more variance where waves within the window alone keep it from contradicting."""
         terms = self._linear(rows) if rows else None
         if not terms or normalised_square(*terms, self._belief.covariance) < scipy.special.chdtri(len(rows), SURE):
@@ -447,7 +466,10 @@ class Follower:
         innovation, jacobian, variance = self._linear(self._rows)
         total = jacobian @ self._belief.covariance @ jacobian.T + np.diag(variance)
         of_sensors = slice(count + len(self._fast), None)
-        sizes = [0.0 if one.payload_of and not self._boards(one, numbers) else one.change for one in self.slow]
+        sizes = [
+            0.0 if one.payload_of and not boards(one, self._scenario, self._layout, numbers) else one.change
+            for one in self.slow
+        ]
         wrong = [WRONG * reading.noise for reading in self.readings.values()]
         effects = np.hstack([jacobian[:, :count], jacobian[:, of_sensors]])
         rarer = np.repeat([0.0, RARER], [count, len(wrong)])
@@ -457,27 +479,16 @@ class Follower:
             covariance[found.number, found.number] += found.size**2
             self._belief = self._belief._replace(covariance=covariance)
             agreed = self._biases.agreed(self._belief).mean
-            self._departures.changed(self.time, self.slow[found.number].name, float(agreed[found.number]))
+            if (name := self.slow[found.number].name) not in self._held:
+                self._departures.changed(self.time, name, float(agreed[found.number]))
 
     def _walk(self, one: Slow, numbers: FloatArray) -> float:
         """Standard deviation of what a slow quantity may change by in a second, by the values (n,) of a frame."""
-        if self._boards(one, numbers):
+        if boards(one, self._scenario, self._layout, numbers):
             return BOARDING * one.high
         return one.walk * (FASTER if self._departures.told(self.time, one.name) else 1.0)
 
-    def _boards(self, one: Slow, numbers: FloatArray) -> bool:
-        """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame."""
-        if not one.payload_of:
-            return False
-        row, places = self._layout.vehicle_rows[one.payload_of], self._layout.places
-        carriage = self._scenario.carriages[one.payload_of]
-        assert carriage.payload is not None
-        length = self._scenario.cables[self._scenario.rope_of(carriage)].unstrained_length
-        place, speed = float(numbers[places.arc_length[row]]), float(numbers[places.speed[row]])
-        near = min(place, length - place) <= (carriage.payload.station_distance or NEAR)
-        return near and abs(speed) <= max(carriage.payload.station_speed, SLOW)
-
-    def _contradicting(self) -> tuple[dict[str, list[_Row]], str]:
+    def _contradicting(self) -> tuple[dict[str, list[Row]], str]:
         """Measurements of a window by sensor, and the sensor or swapped pair of sensors that contradicts all others."""
         of = {name: [row for row in self._rows if row.sensor == name] for name in self._rows_of}
 
@@ -492,21 +503,6 @@ class Follower:
             return found
 
         return of, self.doubts.contradicting([name for name, rows in of.items() if rows], squares)
-
-    def _fault_of_plant(self, of: Mapping[str, Sequence[_Row]]) -> Stuck:
-        """Counterweight that is stuck, by the rows of each sensor in a window."""
-        sensors = self._scenario.sensors
-        cells = {sensors[name].of: rows for name, rows in of.items() if rows and sensors[name].kind == "load_cell"}
-        apart = {name: float(np.mean([row.value - row.predicted[0] for row in rows])) for name, rows in cells.items()}
-        sure = {name: apart[name] / float(np.sqrt(rows[0].variance / len(rows))) for name, rows in cells.items()}
-        return stuck_counterweight(self._scenario, apart, sure)
-
-    def _fault_of_drive(self, rows: Sequence[_Row]) -> str:
-        """Message about a drive whose force is not the predicted one, by its sensor's rows; empty for none."""
-        if not rows or (sensor := self._scenario.sensors[rows[0].sensor]).kind != "drive_force":
-            return ""
-        got, wanted = (float(np.mean(of)) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
-        return fault_of_drive(self.readings[rows[0].sensor], sensor.of, got, wanted)
 
     def _variance(self, reading: Reading) -> float:
         """Variance of a sample: noise of the sensor and usual fast error of the model."""
@@ -526,12 +522,12 @@ class Follower:
             sensors, assumed = [row.sensor for row in self._rows], np.array([row.variance for row in self._rows])
             self._scatter.note(lasted, sensors, self._linear(self._rows)[0], assumed)
 
-    def _read_as(self, row: _Row, sensor: str) -> _Row:
+    def _read_as(self, row: Row, sensor: str) -> Row:
         """Row of a measurement with the prediction and variance of another sensor, to test for swapped sensors."""
         reading = self.readings[sensor]
         return row._replace(sensor=sensor, predicted=reading.of(row.numbers), variance=self._variance(reading))
 
-    def _linear(self, rows: Sequence[_Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _linear(self, rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Innovation (m,), Jacobian (m, n) and noise variance (m,) of the measurements in rows of a window."""
         count = len(self.slow) + len(self._fast)
         predicted = np.array([row.predicted for row in rows])
@@ -571,7 +567,7 @@ class Follower:
             value = float(values[0] + slopes @ shift)
             errors = one.errors.scaled(max(abs(value), LEAST_FORCE) if one.unit == "N" else 1.0)
             variance = slopes @ covariance @ slopes + errors.variance(self._stirred, self._at_tower)
-            variance += self._unexplained(one.unit)
+            variance += self._unexplained(one.unit) + self._astray.get(one.unit, 0.0)
             found[one.name] = Estimate(value, float(np.sqrt(variance)), one.unit)
         return found
 
@@ -583,6 +579,10 @@ class Follower:
     def _change(self, rest: bool = False) -> None:
         """Set the slow quantities of each member to its stencil point, of the swing members to the middle point."""
         points = np.vstack([self._points, np.tile(self._points[0], (len(self._fast), 1))])
-        values = {key: points[:, row].tolist() for row, one in enumerate(self.slow) for key in (one.key, *one.also)}
-        each = {key: [value] * len(points) for key, value in self._motion.items()}
+        values = {
+            key: [one.value_at(value) for value in points[:, row].tolist()]
+            for row, one in enumerate(self.slow)
+            for key in (one.key, *one.also)
+        }
+        each = {key: [value] * len(points) for key, value in {**stops_of(self._scenario), **self._motion}.items()}
         self._ensemble.change({**values, **each} if rest else values, rest=rest)

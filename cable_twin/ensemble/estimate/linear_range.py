@@ -12,6 +12,7 @@ from cable_twin.mechanics.parameters import FloatArray
 
 FAR, FAR_SHARE = 3.0, 0.15  # m/s and share of it, by which a correction moves wind too far for its slopes
 FAR_LOAD = 0.03  # of the capacity, by which one of the first corrections moves a payload too far for its slopes
+FAR_SWING = 0.1  # rad and rad/s, standard deviation of the swing after such a correction
 
 
 def wind_went_far(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Belief) -> bool:
@@ -40,6 +41,14 @@ def loads_went_far(slow: Sequence[Slow], middle: FloatArray, before: Belief, aft
         for one, size, deviation in zip(slow, moved, deviations, strict=True)
         if one.payload_of
     )
+
+
+def any_swing(belief: Belief, first: int, count: int) -> FloatArray:
+    """Covariance with larger variances of all swings, `count` from row `first` on, which a change of wind excites."""
+    covariance = belief.covariance.copy()
+    for row in range(first, first + count):
+        covariance[row, row] = max(covariance[row, row], FAR_SWING**2)
+    return covariance
 
 
 def _moved(slow: Sequence[Slow], middle: FloatArray, before: Belief, after: Belief) -> tuple[FloatArray, FloatArray]:

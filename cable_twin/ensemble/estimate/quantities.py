@@ -73,6 +73,8 @@ ICE, ICE_TOLERANCE, ICE_WALK = 0.5, 0.3, 5e-3  # kg/m: prior deviation, without 
 ICING = 0.05  # kg/m, standard deviation of ice that comes or falls off within a window
 PAYLOAD_TOLERANCE = 0.015  # of the capacity, without an alarm
 HELD = 0.1  # of the friction of all towers, standard deviation of what it holds of a tension after earlier motion
+NEAR = 40.0  # m along the track from a tower, where slow quantities go on by the model, and of a station
+SLOW = 0.1  # m/s, below which the twin of a vehicle that stands in a station counts as standing
 QUANTISED = 12**-0.5  # standard deviation of rounding, in quanta
 NOISE = 1e-12  # least standard deviation, of a sensor without any
 
@@ -94,6 +96,11 @@ class Slow(NamedTuple):
     also: tuple[str, ...] = ()  # further keys of the scenario with the same value
     change: float = 0.0  # standard deviation of a sudden change; 0 where there is none
     payload_of: str = ""  # carriage whose payload it is, which changes in stations alone
+    room: float = 0.0  # of a value of the scenario that is an interval: half of it, about the quantity
+
+    def value_at(self, value: float) -> float | list[float]:
+        """Value of the scenario for a value of the quantity."""
+        return [value - self.room, value + self.room] if self.room > 0.0 else value
 
 
 class Reading(NamedTuple):
@@ -177,6 +184,19 @@ def _rolling(scenario: Scenario) -> list[Slow]:
         rolling = Slow(name, key, "-", usual, 0.4 * usual, low, high, usual, tolerance, change=0.6 * usual)
         found.append(rolling._replace(also=tuple(also)))
     return found
+
+
+def boards(one: Slow, scenario: Scenario, layout: Layout, numbers: FloatArray) -> bool:
+    """Whether a quantity is the payload of a carriage that stands in a station, by the values (n,) of a frame."""
+    if not one.payload_of:
+        return False
+    row, places = layout.vehicle_rows[one.payload_of], layout.places
+    carriage = scenario.carriages[one.payload_of]
+    assert carriage.payload is not None
+    length = scenario.cables[scenario.rope_of(carriage)].unstrained_length
+    place, speed = float(numbers[places.arc_length[row]]), float(numbers[places.speed[row]])
+    near = min(place, length - place) <= (carriage.payload.station_distance or NEAR)
+    return near and abs(speed) <= max(carriage.payload.station_speed, SLOW)
 
 
 def readings(scenario: Scenario, layout: Layout, scale: Mapping[str, float]) -> dict[str, Reading]:
@@ -301,21 +321,40 @@ def hidden_quantities(scenario: Scenario, layout: Layout) -> tuple[Hidden, ...]:
     return tuple(found)
 
 
-def weights_of(points: FloatArray, wanted: FloatArray) -> FloatArray:
+def weights_of(points: FloatArray, wanted: FloatArray, shares: FloatArray) -> FloatArray:
     """Weights (members, members) that blend the members' states from stencil points to other points, to first order.
 
     Args:
         points: (2 n + 1, n) slow quantities: the middle, then one above and one below it along each.
         wanted: (2 n + 1, n) likewise, after an update.
+        shares: (m,) of the swings of the m members behind them, which all members get.
     """
-    members, count = points.shape
-    weights = np.zeros((members, members))
-    weights[:, 0] = 1.0
+    (first, count), size = points.shape, points.shape[0] + shares.size
+    weights = np.zeros((size, size))
+    weights[:, 0] = 1.0 - shares.sum()
+    weights[:, first:] = shares
     for number in range(count):
         above, below = 1 + 2 * number, 2 + 2 * number
         share = (wanted[:, number] - points[0, number]) / (points[above, number] - points[below, number])
-        weights[:, above] += share
-        weights[:, below] -= share
+        weights[:first, above] += share
+        weights[:first, below] -= share
+    weights[first:] = weights[0]
+    return weights
+
+
+def weights_along(values: FloatArray, wanted: FloatArray, above: int, below: int) -> FloatArray:
+    """Weights (members, members) that move each member along the difference of two of them, to first order.
+
+    Args:
+        values: (members,) of a quantity that depends on the states.
+        wanted: (members,) its values after the move.
+        above: member on one side.
+        below: member on the other side.
+    """
+    weights = np.eye(values.size)
+    shares = (wanted - values) / (values[above] - values[below])
+    weights[:, above] += shares
+    weights[:, below] -= shares
     return weights
 
 

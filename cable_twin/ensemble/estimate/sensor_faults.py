@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cable_twin.basics.units import with_unit
-from cable_twin.ensemble.estimate.jumps import Jumps
+from cable_twin.ensemble.estimate.jumps import ROUGHER, SMALLEST, Jumps
 from cable_twin.ensemble.estimate.quantities import LEAST_FORCE, Reading
 from cable_twin.frame.sensors import Measurement
 from cable_twin.mechanics.parameters import FloatArray
@@ -98,8 +98,13 @@ class Doubts:
         self._suspected.clear()
         self._forget_places()
 
+    def expect_waves(self) -> None:
+        """Tell larger jumps of encoders alone from now on, as the plant has waves that its twin does not have."""
+        for jumps in self._jumps.values():
+            jumps.smallest = ROUGHER * SMALLEST
+
     def of_samples(
-        self, time: float, measurements: Sequence[Measurement], numbers: FloatArray, at_tower: bool = False
+        self, time: float, measurements: Sequence[Measurement], numbers: FloatArray, unlike: bool = False
     ) -> list[Alarm]:
         """Alarms for sensors that are stuck, jump or have a wrong unit, and which are then left out.
 
@@ -107,11 +112,11 @@ class Doubts:
             time: s.
             measurements: of that time.
             numbers: (n,) frame of the twin.
-            at_tower: whether a vehicle passes a tower, which shakes it otherwise than its twin; no jump is told then.
+            unlike: whether the plant moves otherwise than its twin, as at a tower; no jump is told then.
         """
         known = [one for one in measurements if one.sensor in self._readings]
         alarms = self._stuck(time, known, numbers) + self._of_another_unit(time, known, numbers)
-        if at_tower:
+        if unlike:
             self._forget_places()
             return alarms
         return alarms + self._jumped(time, known, numbers)

@@ -1,0 +1,58 @@
+"""Measurements of a window between two corrections, and faults of the plant that they show."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_twin.ensemble.estimate.counterweights import Stuck, stuck_counterweight
+from cable_twin.ensemble.estimate.quantities import Reading
+from cable_twin.ensemble.estimate.sensor_faults import fault_of_drive
+from cable_twin.mechanics.parameters import FloatArray
+from cable_twin.scenario import Scenario
+
+
+class Row(NamedTuple):
+    """Measurement of a sensor with the predictions of all ensemble members."""
+
+    sensor: str
+    value: float
+    predicted: FloatArray  # (members,)
+    variance: float
+    numbers: FloatArray  # (members, n) of the frames of that time
+
+
+def stuck_by(scenario: Scenario, of: Mapping[str, Sequence[Row]], held: Container[str]) -> Stuck:
+    """Counterweight that is stuck, by the rows of each sensor in a window; `held` as of `stuck_counterweight`."""
+    sensors = scenario.sensors
+    cells = {sensors[name].of: rows for name, rows in of.items() if rows and sensors[name].kind == "load_cell"}
+    apart = {name: _apart(rows) for name, rows in cells.items()}
+    sure = {name: apart[name] / float(np.sqrt(rows[0].variance / len(rows))) for name, rows in cells.items()}
+    return stuck_counterweight(scenario, apart, sure, held)
+
+
+def drive_at_fault(scenario: Scenario, readings: Mapping[str, Reading], rows: Sequence[Row]) -> str:
+    """Message about a drive whose force is not the predicted one, by its sensor's rows; empty for none."""
+    if not rows or (sensor := scenario.sensors[rows[0].sensor]).kind != "drive_force":
+        return ""
+    got, wanted = (float(np.mean(of)) for of in zip(*((row.value, row.predicted[0]) for row in rows), strict=True))
+    return fault_of_drive(readings[rows[0].sensor], sensor.of, got, wanted)
+
+
+def contradiction(readings: Mapping[str, Reading], of: Mapping[str, Sequence[Row]]) -> dict[str, float]:
+    """Variances of what is hidden, by unit, where the plant is not as the model: as far as sensors are from it."""
+    found: dict[str, float] = {}
+    for name, rows in of.items():
+        unit = readings[name].unit
+        found[unit] = max(found.get(unit, 0.0), _apart(rows) ** 2 if rows else 0.0)
+    return found
+
+
+def _apart(rows: Sequence[Row]) -> float:
+    """Mean measured less predicted value of one sensor."""
+    return float(np.mean([row.value - row.predicted[0] for row in rows]))
+
+
+__all__ = ["Row", "contradiction", "drive_at_fault", "stuck_by"]
