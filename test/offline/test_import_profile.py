@@ -199,13 +199,13 @@ def test_a_haul_rope_of_a_jig_back_is_pulled_over_the_ground_as_far_as_its_stren
     least = "least with which the haul rope keeps 0 m over the ground at x = 254 m"
     assert f"# kg, 86 kN a strand: {least}" in file.read_text(encoding="utf-8")
     imported(tmp_path, "--type=jig_back", "--no-rest", terrain=shipped, towers=towers)
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = [one for one in capsys.readouterr().err.splitlines() if "the former " not in one]
     assert "given 91 kN a strand, the most with a safety factor of 4.5: the haul rope comes to -5.63 m" in line
     assert line.endswith("allowed: at least 0 m, by a tower there, or a haul rope of 45 mm")
     free = ["--set=limits.rope_clearance=null", "--no-rest"]
     file, _ = imported(tmp_path, "--type=jig_back", *free, terrain=shipped, towers=towers)
     assert "83 kN a strand: at most 95 kN" in file.read_text(encoding="utf-8")
-    assert capsys.readouterr().err == ""
+    assert [one for one in capsys.readouterr().err.splitlines() if "the former " not in one] == []
 
 
 SCRIPT = "- {time: 0, name: haul_rope, speed: 2.3}\n- {time: 10, event: emergency_stop}\n"
