@@ -204,6 +204,15 @@ def test_the_effect_of_one_payload_is_that_of_a_rest_without_it(scenario):
         assert abs(statics.of_tower(name, full).payloads @ less - true) < 0.02 * bare.gravity * abs(less.sum()), name
 
 
+@pytest.mark.parametrize("scenario", ["chairlift", "bicable"])
+def test_effects_of_payloads_do_not_depend_on_whether_the_rope_runs_at_the_start(scenario):
+    standing, running = (load_scenario(scenario, {"drives.haul_rope.speed": speed}) for speed in (0.0, SPEED))
+    start = Simulation(standing, samples=2).snapshot
+    told = [LineStatics(one, Simulation(one, samples=2).snapshot) for one in (standing, running)]
+    effects = [one.of_drive("haul_rope", start).payloads for one in told]
+    np.testing.assert_allclose(*effects, rtol=1e-9, atol=1e-9)
+
+
 def test_a_bicable_lift_with_other_payloads_is_followed_and_no_sensor_is_suspected():
     """Cabins go up with 700 kg instead of 1200: track and haul rope, drive and rollers agree on that."""
     usual = standard_sensors(load_scenario("bicable"), Simulation(load_scenario("bicable"), samples=2).snapshot)

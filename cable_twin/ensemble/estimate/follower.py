@@ -147,7 +147,7 @@ class Follower:
 
     @property
     def learned(self) -> Any:
-        """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
+        """Estimates, alarms and faulty sensors so far, to restore them after the twin has begun at a wrong place."""
         own = self._belief, self.needs_rest, self._departures, self._biases, self.slow, self._deviation, self._held
         return deepcopy(own), self.doubts.known
 

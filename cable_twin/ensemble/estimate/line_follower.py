@@ -60,6 +60,15 @@ class _Sample(NamedTuple):
     number: int = 1  # of measurements
 
 
+class _Common(NamedTuple):
+    """Quantity that all carriers or towers share, as the scenario has it, and how far a plant may differ."""
+
+    value: float
+    deviation: float  # standard deviation, at first
+    tolerance: float  # without an alarm
+    unit: str
+
+
 class FastErrors:
     """Variance of the model's fast error in each sensor: at least a given one, more while waves run along the rope.
 
@@ -149,13 +158,24 @@ class LineFollower:
         kinds = scenario.carriers.kinds_by_path.values()
         self._capacity = max(kind.payload.capacity for kind in kinds if kind.payload is not None)
         self._statics = LineStatics(scenario, start)
-        self._rolling = scenario.carriers.friction.rolling if scenario.carriers.tracks else None
-        commons = [FRICTION, *([] if self._rolling is None else [ROLLING * self._rolling]), FIRST_ICE]
-        self._known = len(self.carriers) + len(commons)
+        ice, rolling = next(iter(scenario.cables.values())).ice, scenario.carriers.friction.rolling
+        self._commons = {
+            "towers/friction": _Common(1.0, FRICTION, FRICTION_TOLERANCE, "-"),
+            "carriers/rolling": _Common(rolling, ROLLING * rolling, ROLLING_TOLERANCE * rolling, "-"),
+            "ropes/ice": _Common(ice, FIRST_ICE, ICE_TOLERANCE, "kg/m"),
+        }
+        if not scenario.carriers.tracks:
+            del self._commons["carriers/rolling"]
+        self._known = len(self.carriers) + len(self._commons)
         size = self._known + len(self._of_forces)
-        self._ice = next(iter(scenario.cables.values())).ice
         self._bias = np.array([self._scale(name, BIAS, DRIVE_BIAS) for name in self._of_forces])
-        deviations = np.concatenate([[PAYLOAD * self._capacity] * len(self.carriers), commons, self._bias])
+        deviations = np.concatenate(
+            [
+                [PAYLOAD * self._capacity] * len(self.carriers),
+                [one.deviation for one in self._commons.values()],
+                self._bias,
+            ]
+        )
         self._belief = Belief(np.zeros(size), np.diag(deviations**2))
         cells = [name for name in self._of_forces if self._kinds[name] == "load_cell"]
         self._biases = Biases({name: WRONG * self._rest[self._of[name]] for name in cells}, size)
@@ -173,7 +193,7 @@ class LineFollower:
 
     @property
     def learned(self) -> Any:
-        """What is kept over a beginning, for `learned` to be set to if that was at a wrong place."""
+        """Estimates, alarms and faulty sensors so far, to restore them after the twin has begun at a wrong place."""
         own = deepcopy((self._belief, self._biases, self._departures))
         return own, self.doubts.known
 
@@ -338,13 +358,7 @@ class LineFollower:
                 f"{name}/payload": Expected(float(self._plan[row]), tolerance, may_change=True, source="plan")
                 for row, name in enumerate(self.carriers)
             },
-            "towers/friction": Expected(1.0, FRICTION_TOLERANCE, may_change=False),
-            **(
-                {}
-                if self._rolling is None
-                else {"carriers/rolling": Expected(self._rolling, ROLLING_TOLERANCE * self._rolling, may_change=False)}
-            ),
-            "ropes/ice": Expected(self._ice, ICE_TOLERANCE, may_change=False),
+            **{name: Expected(one.value, one.tolerance, may_change=False) for name, one in self._commons.items()},
         }
 
     def _slow(self, belief: Belief) -> dict[str, Estimate]:
@@ -353,19 +367,13 @@ class LineFollower:
             f"{name}/payload": Estimate(float(self._plan[row] + mean[row]), float(deviations[row]), "kg")
             for row, name in enumerate(self.carriers)
         }
-        commons = {
-            "towers/friction": (1.0, "-"),
-            "carriers/rolling": (self._rolling, "-"),
-            "ropes/ice": (self._ice, "kg/m"),
-        }
-        given = {name: one for name, one in commons.items() if one[0] is not None}
-        for row, (name, (value, unit)) in enumerate(given.items(), start=len(self.carriers)):
-            found[name] = Estimate(float(value + mean[row]), float(deviations[row]), unit)
+        for row, (name, one) in enumerate(self._commons.items(), start=len(self.carriers)):
+            found[name] = Estimate(float(one.value + mean[row]), float(deviations[row]), one.unit)
         return found
 
     def _known_effects(self, carried: Carried) -> FloatArray:
         """Derivatives by payloads and by what all carriers and towers share, in the order of the belief."""
-        rolling = [] if self._rolling is None else [carried.rolling]
+        rolling = [carried.rolling] if "carriers/rolling" in self._commons else []
         return np.array([*carried.payloads, carried.friction, *rolling, carried.ice])
 
     def _hidden(self, snapshot: Snapshot, belief: Belief) -> dict[str, Estimate]:

@@ -125,9 +125,9 @@ class LineStatics:
         for name in sensors:
             before, loaded, with_ice = (self._force(name, one) for one in (start, other, iced))
             self._ice[name] = (with_ice - before) / ICE
-            effects = self.of_tower(name, start) if name in self._towers else self.of_drive(name, start)
-            expected = float(effects.payloads @ change)
-            if abs(expected) > LEAST * float(np.abs(effects.payloads) @ np.abs(change)):
+            effects = self.of_tower(name, start).payloads if name in self._towers else self._along(start)
+            expected = float(effects @ change)  # without friction, as a rest has none
+            if abs(expected) > LEAST * float(np.abs(effects) @ np.abs(change)):
                 self._sizes[name] = float(np.clip((loaded - before) / expected, *SIZES))
 
     def _force(self, name: str, snapshot: Snapshot) -> float:
@@ -196,18 +196,13 @@ class LineStatics:
 
     def of_drive(self, name: str, snapshot: Snapshot) -> Carried:
         """Static effects on the force of a drive: weights along the rope, friction of towers and of carriers."""
-        payloads, friction, rolling, ice = np.zeros(self._rows.size), 0.0, 0.0, self._ice[name]
+        payloads, friction, rolling, ice = self._sizes[name] * self._along(snapshot), 0.0, 0.0, self._ice[name]
         sense = float(np.sign(snapshot.columns.drive_speed[self._drives[name]]))
         contact = snapshot.columns.contact_force[self._rows]
         for number, rope in enumerate(self._ropes):
-            if number != rope.carriers_of:  # they are on a track rope
-                continue
-            here, places = self._on(number, snapshot)
-            slopes = rope.slopes(places[:, 0])
-            rising = 1.0 if rope.profile[-1][1] > rope.profile[0][1] else -1.0
-            payloads += here * rising * self._gravity * np.abs(slopes) * self._sizes[name]
             if rope.is_track:
-                payloads += here * sense * rope.rolling * self._gravity * np.sqrt(1.0 - slopes**2)
+                here, places = self._on(number, snapshot)
+                payloads += here * sense * rope.rolling * self._gravity * np.sqrt(1.0 - rope.slopes(places[:, 0]) ** 2)
                 rolling += sense * float(np.linalg.norm(contact[here > 0.0], axis=1).sum())
         loads = np.linalg.norm(snapshot.columns.support_force, axis=1)
         for tower, one in self._towers.items():
@@ -217,6 +212,16 @@ class LineStatics:
                 ice += sense * one.friction * own.ice
                 friction += sense * one.friction * float(loads[self._supports[tower]])
         return Carried(payloads, friction, rolling, ice)
+
+    def _along(self, snapshot: Snapshot) -> FloatArray:
+        """Effects (carriers,) in N/kg of payloads on the force of a drive by their weight along the rope."""
+        payloads = np.zeros(self._rows.size)
+        for number, rope in enumerate(self._ropes):
+            if number == rope.carriers_of:  # not the haul rope of a track rope
+                here, places = self._on(number, snapshot)
+                rising = 1.0 if rope.profile[-1][1] > rope.profile[0][1] else -1.0
+                payloads += here * rising * self._gravity * np.abs(rope.slopes(places[:, 0]))
+        return payloads
 
     def _load(self, tower: str, snapshot: Snapshot) -> tuple[float, float]:
         """Load (N) of a tower by a rope, and the cosine of its direction to the vertical."""
