@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cable_twin.frame.records import FloatArray
 from cable_twin.mechanics.language.declared import declared
 from cable_twin.mechanics.readout.columns import Columns
-from cable_twin.scenario import Scenario, most_by_friction
+from cable_twin.scenario import Scenario, most_by_drive
 
 IntArray = NDArray[np.int64]
 COLUMNS = declared(Columns)  # name, shape, unit of each
@@ -51,7 +51,9 @@ class Layout:
         rope_supports: rows of the supports of each rope.
         tensioned: names of the bullwheels with a tensioning device.
         arms: (drives,) m, radius of the bullwheel of each drive.
-        drive_limits: (drives,) N, force of each at which the rope slips on its bullwheel; NaN of a moving cable.
+        drive_limits: (drives,) N, highest force of each, or that at which the rope slips on its bullwheel; NaN of a
+            moving cable.
+        drive_powers: (drives,) W, highest power of each, inf without a limit.
         grips: (sheaves,) friction times wrap of each bullwheel: highest logarithm of the ratio of its tensions.
         laterals: m by name, offset to the left of each rope and of its vehicles in views of a planar system.
         loop_offsets: (ropes,) m, arc length on its loop of the start of each rope that is a strand, else 0.
@@ -140,6 +142,7 @@ class Layout:
         self.tensioned: tuple[str, ...] = ()
         self.arms, self.grips = np.full(len(self.drives), np.nan), np.full(len(self.sheaves), np.nan)
         self.drive_limits = np.full(len(self.drives), np.nan)
+        self.drive_powers = np.full(len(self.drives), np.inf)
         self.loop_offsets, self.laterals = np.zeros(len(self.ropes)), dict.fromkeys(self.ropes, 0.0)
         self.joints = np.array([(0, row) for row in range(len(self.vehicles))], dtype=np.int64).reshape(-1, 2)
         self.rope_supports: tuple[slice, ...] = (slice(0, len(self.supports)),)
@@ -173,8 +176,9 @@ class Layout:
         layout.arms[:] = [wheels[one.sheave].radius if one.sheave else np.nan for one in scenario.drives.values()]
         layout.tensioned = tuple(name for name, wheel in wheels.items() if wheel.tensioning)
         layout.drive_limits[:] = [
-            most_by_friction(scenario, name) if one.sheave else np.nan for name, one in scenario.drives.items()
+            most_by_drive(scenario, name) if one.sheave else np.nan for name, one in scenario.drives.items()
         ]
+        layout.drive_powers[:] = [one.limits.power or np.inf for one in scenario.drives.values()]
         layout.grips[:] = [wheel.friction * wheel.wrap for wheel in wheels.values()]
         for row, (name, own) in enumerate(zip(names, alone, strict=True) if layout.several else ()):
             layout.laterals[name] = own.cable.lateral
@@ -226,7 +230,8 @@ class Layout:
     def force_used(self, c: Columns) -> FloatArray:
         """Utilisation (..., names) of the force limits of commanded objects: 1 in saturation, NaN without a limit."""
         share = np.abs(c.drive_force[..., : len(self.carriages)]) / c.force_limit
-        return self.of_commanded(share, np.abs(c.moving_cable_force) / self.drive_limits)
+        force, speed = np.abs(c.moving_cable_force), np.abs(c.drive_speed)
+        return self.of_commanded(share, np.maximum(force / self.drive_limits, force * speed / self.drive_powers))
 
     @cached_property
     def places(self) -> Columns:

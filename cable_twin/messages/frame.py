@@ -396,7 +396,7 @@ class ReferencesMessage:
     (N); without a ramp, the actual place and speed. NAME/command has the kind of the command (by its number
     in `COMMANDED`) as position, the commanded speed (m/s) and force (N). NAME/limit has the share of the force limit in
     use as position (1 in saturation) and the limit (N) as effort; both are 0 where there is no limit. The limit of a
-    bullwheel's drive is the force at which the rope slips on the wheel.
+    bullwheel's drive is the least of its limits of force and power and the force at which the rope slips on the wheel.
 
     Args:
         header: of the message.
@@ -418,9 +418,11 @@ class ReferencesMessage:
             if name in layout.vehicle_rows
         ]
         first = len(layout.commanded) - len(layout.drives)
-        self._on_bullwheels = [  # the same of drives, whose limits do not change
-            (first + row, limit, int(columns.moving_cable_force[row]))
-            for row, limit in enumerate(layout.drive_limits.tolist())
+        self._on_bullwheels = [  # of drives: limits of force and power, places of force and speed
+            (first + row, limit, power, int(columns.moving_cable_force[row]), int(columns.drive_speed[row]))
+            for row, (limit, power) in enumerate(
+                zip(layout.drive_limits.tolist(), layout.drive_powers.tolist(), strict=True)
+            )
             if limit > 0.0
         ]
 
@@ -432,7 +434,9 @@ class ReferencesMessage:
         for number, limit, force in self._limited:
             if (most := frame.item(limit)) > 0.0:  # there is one
                 shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
-        for number, most, force in self._on_bullwheels:
+        for number, limit, power, force, speed in self._on_bullwheels:
+            pace = abs(frame.item(speed))
+            most = min(limit, power / pace) if pace > 0.0 else limit
             shown[0, number, 2], shown[2, number, 2] = abs(frame.item(force)) / most, most
         return self._template.fill(stamp_ns)
 

@@ -8,7 +8,7 @@ from cable_twin.scenario.command_limits import (
     command_fault,
     command_limits,
     limits_of,
-    most_by_friction,
+    most_by_drive,
     places_of,
     unknown_name,
 )
@@ -43,7 +43,7 @@ __all__ = [
     "limits_of",
     "load_scenario",
     "masts",
-    "most_by_friction",
+    "most_by_drive",
     "parse_scenario",
     "places_of",
     "scenario_file",

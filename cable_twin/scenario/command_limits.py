@@ -34,7 +34,7 @@ def command_limits(scenario: Scenario) -> dict[str, CommandLimits]:
 def limits_of(scenario: Scenario, name: str) -> CommandLimits | None:
     """Command limits of a drive or carriage; None for a name that accepts no commands."""
     if (drive := scenario.drives.get(name)) is not None:
-        force = 0.0 if drive.sheave is None else most_by_friction(scenario, name)
+        force = 0.0 if drive.sheave is None else most_by_drive(scenario, name)
         return CommandLimits(_or_none(drive.limits.speed), force)
     carriage = scenario.carriages.get(name)
     if carriage is None or carriage.joint != "sliding" or carriage.clamped_to:
@@ -103,13 +103,15 @@ def places_of(scenario: Scenario, name: str) -> tuple[float, float]:
     return stroke, alone.cable.unstrained_length - stroke
 
 
-def most_by_friction(scenario: Scenario, name: str) -> float:
-    """Force (N) on a bullwheel above which the rope slips at its highest permissible tension."""
-    sheave = scenario.sheaves[str(scenario.drives[name].sheave)]
+def most_by_drive(scenario: Scenario, name: str) -> float:
+    """Force (N) on a bullwheel that its drive gives, and above which the rope slips at its highest allowed tension."""
+    drive = scenario.drives[name]
+    sheave = scenario.sheaves[str(drive.sheave)]
     ropes = [scenario.ropes[name] for name in sheave.ropes]
     breaking = [BREAKING_STRAIN * rope.axial_stiffness for rope in ropes]
     breaking += [rope.breaking_force for rope in ropes if rope.breaking_force is not None]
-    return min(breaking) / SAFETY * (1.0 - exp(-sheave.friction * sheave.wrap))
+    by_friction = min(breaking) / SAFETY * (1.0 - exp(-sheave.friction * sheave.wrap))
+    return min(by_friction, _or_none(drive.limits.force))
 
 
 def _or_none(limit: float | None) -> float:

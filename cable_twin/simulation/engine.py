@@ -330,6 +330,7 @@ class Engine:
         whole = {"bundle": bundle, "moving": moving, "scratch": self._ropes.scratch}
         inner: dict[str, Any] = {"sheaves": bundle.sheaves, "motion": moving.sheaves}
         inner |= {"moving_before": moving, "response": moving.response}
+        inner |= {"saturation": self._ropes.scratch.saturation, "saturated": False}
         inner["wheel_columns"] = self._ropes.scratch.wheel_columns
         inner["patch_columns"] = self._ropes.scratch.patch_columns
         counts = (

@@ -99,6 +99,7 @@ class Loop:
             write(laid, first.state)
             raise EquilibriumError(self._out_of_balance(lengths, rest) or str(error)) from None
         self.motion.traction[:] = self.motion.stretch * (self.motion.tension[:, 0] - self.motion.tension[:, 1])
+        self.motion.drives.force[:] = np.where(self._bundle.sheaves.driven, self.motion.traction, 0.0)
         self._begin_here()
         self._check_adhesion()
         self._check_travel()
@@ -238,11 +239,12 @@ class Loop:
     def drive(self, name: str, kind: str, value: float) -> None:
         """Apply a speed (m/s) or force (N) command to a drive."""
         row = self._drives[name]
-        self.motion.by_forces[row] = 0  # they are new
         if kind == "force":
+            self.motion.by_forces[row] = 0  # they are new
             self.motion.drives.mode[row], self.motion.drives.force[row] = FORCE, value
             return
         if self.motion.drives.mode[row] != SPEED:
+            self.motion.by_forces[row] = 0
             self.motion.drives.mode[row] = SPEED
             self.motion.rim.acceleration[row] = 0.0
         self.motion.drives.target[row] = value

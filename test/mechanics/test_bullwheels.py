@@ -72,7 +72,7 @@ def step(sheaves, motion, times=1):
                     moving.velocity[0] += c.gamma / (c.beta * STEP) * delta
                     moving.algorithmic[0] += delta / (c.beta * STEP**2)
                     moving.acceleration[0] += by_acceleration * delta
-        end_bullwheels(sheaves, motion)
+        end_bullwheels(sheaves, motion, np.zeros(1))
 
 
 def test_a_free_wheel_speeds_up_by_what_its_strands_pull():

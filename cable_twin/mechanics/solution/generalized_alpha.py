@@ -11,7 +11,12 @@ from cable_twin.mechanics.drives.motion import find_saturated, follow_again, hol
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.on_rope.load_node import update_load_nodes
-from cable_twin.mechanics.solution.bundle.bullwheels import wheels_gone_back
+from cable_twin.mechanics.solution.bundle.bullwheels import (
+    find_saturated_wheels,
+    hold_wheels_at_limits,
+    turn_by_speed_again,
+    wheels_gone_back,
+)
 from cable_twin.mechanics.solution.bundle.couplings import (
     end_couplings,
     move_couplings,
@@ -66,6 +71,7 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, c,
         Converged, iterations, last increment (m), largest gap of a joint (m).
     """
     iterations, gap, ropes = 0, 0.0, bundle.records.shape[0]
+    scratch.saturation[:] = 0.0
     for attempt in range(2):
         converged, used, increment = integrate(bundle, moving, scratch, system, state, work, c, h)
         iterations += used
@@ -83,7 +89,11 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, c,
             gap = max(gap, worst_coupling_gap(bundle, moving, system, state)) if isfinite(gap) else gap
         converged = converged and isfinite(gap)
         if converged and bundle.coupled:
-            end_couplings(bundle, moving, system, state)
+            end_couplings(bundle, moving, scratch, system, state)
+            if attempt == 1:
+                turn_by_speed_again(moving.sheaves, scratch)
+            elif find_saturated_wheels(bundle.sheaves, moving.sheaves, moving_before, scratch):
+                saturated = True
         if attempt == 1 or not converged or not saturated:
             break
         copy_ropes(bundle, column, STATE, state)
@@ -92,6 +102,7 @@ def step(bundle, moving, moving_before, scratch, system, state, work, column, c,
             hold_at_limits(here, room)
         if bundle.coupled:
             take_motion(moving_before, moving)
+            hold_wheels_at_limits(moving.sheaves, scratch.saturation)
     return converged, iterations, increment, gap
 
 

@@ -12,6 +12,7 @@ from cable_twin.basics.units import with_unit
 from cable_twin.scenario.builders.vehicles import BRAKES, inertia_tensor, stop_stroke
 from cable_twin.scenario.checks.fault import NOTHING, Fault, KeyPath, Phrase, listed, name_faults, refuse
 from cable_twin.scenario.schema import Scenario
+from cable_twin.scenario.sections.drives import Limits
 from cable_twin.scenario.sections.vehicles import Body, Carriage, CarrierPayload, Carriers, Payload
 
 SHORTEST_STAY = 0.1  # s in a station, in which passengers get in and out
@@ -69,10 +70,12 @@ def drive_faults(scenario: Scenario) -> Iterator[Fault]:
         path: KeyPath = ("drives", name)
         yield from name_faults(path)
         yield from _initial_speed(path, drive.speed, drive.limits.speed)
-        for key in ("force", "power", "deceleration"):
-            if (given := getattr(drive.limits, key)) is not None:
-                yield refuse((*path, "limits", key), given, "null; only the drive of a carriage has it")
+        yield from _deceleration(path, drive.limits)
         if not scenario.ropes:
+            for key in ("force", "power"):
+                if (given := getattr(drive.limits, key)) is not None:
+                    allowed = "null: a drive without a bullwheel moves the cable with any force that it needs"
+                    yield refuse((*path, "limits", key), given, allowed)
             if name != next(iter(scenario.drives)):
                 yield refuse(path, Phrase("a second drive of the cable"), "one drive for the cable")
             for key in ("travel", "sheave"):
@@ -224,12 +227,17 @@ def _clamped(scenario: Scenario, path: KeyPath, carriage: Carriage) -> Iterator[
         yield refuse((*path, "drive", "mode"), carriage.drive.mode, "free, as a clamped vehicle moves with the cable")
 
 
-def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault]:
-    """Errors in the drive of a carriage: decelerations, brakes of the emergency stop, haul rope, integrator."""
-    drive, limits, means = carriage.drive, carriage.drive.limits, carriage.drive.emergency_stop
+def _deceleration(path: KeyPath, limits: Limits) -> Iterator[Fault]:
+    """Error where a service stop would be harder than an emergency stop."""
     if limits.deceleration is not None and limits.deceleration > limits.emergency_deceleration:
         allowed = f"at most the emergency_deceleration of {limits.emergency_deceleration:g} m/s^2"
         yield refuse((*path, "limits", "deceleration"), limits.deceleration, allowed)
+
+
+def _drive(path: KeyPath, carriage: Carriage, integrator: str) -> Iterator[Fault]:
+    """Errors in the drive of a carriage: decelerations, brakes of the emergency stop, haul rope, integrator."""
+    drive, means = carriage.drive, carriage.drive.emergency_stop
+    yield from _deceleration(path, drive.limits)
     brakes = [name for name in BRAKES if getattr(drive, name) is not None]
     for name in means:
         if name != "drive" and name not in brakes:

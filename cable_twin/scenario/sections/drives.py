@@ -16,17 +16,20 @@ class Limits(Section):
     acceleration: float = quantity("m/s^2", "highest acceleration", 0.5, gt=0)
     deceleration: float | None = quantity(
         "m/s^2",
-        "deceleration of a service stop; null: as the acceleration; only for the drive of a carriage",
+        "deceleration of a service stop; null: as the acceleration",
         None,
         gt=0,
     )
     jerk: float | None = quantity("m/s^3", "highest rate of the acceleration", None, gt=0)
     force: float | None = quantity(
-        "N", "highest drive force along the cable; only for the drive of a carriage", None, gt=0
+        "N",
+        "highest force along the cable, or at the rim of a bullwheel; not in emergency stops",
+        None,
+        gt=0,
     )
     power: float | None = quantity(
         "W",
-        "highest power, driving or braking: force times speed on the stretched rope; only for the drive of a carriage",
+        "highest power, driving or braking: force times speed on the stretched rope; not in emergency stops",
         None,
         gt=0,
     )
@@ -79,7 +82,10 @@ class DriveOfRope(Section):
     """Keys of all drives of ropes."""
 
     speed: float = quantity("m/s", "initial speed, kept until a command", 0.0)
-    limits: Limits = Field(default_factory=Limits, description="limits of the drive; friction limits its force")
+    limits: Limits = Field(
+        default_factory=Limits,
+        description="limits of the drive; friction of the rope on its bullwheel limits its force as well",
+    )
     travel: Vector | None = quantity(
         "m", "range of the rope travel from the start on, within which the drive of a bullwheel stops", None
     )

@@ -202,14 +202,22 @@ def missing_travel(sheaves, motion, sheave, mass_factor, rate_factor):
 
 
 @kernel
-def end_bullwheels(sheaves, motion):
-    """End a step: store the traction of all bullwheels, and stop all once one has exceeded its rollback limit."""
+def end_bullwheels(sheaves, motion, saturation):
+    """End a step: store traction and drive force of all bullwheels, and stop all once one has rolled back too far.
+
+    Args:
+        sheaves: all bullwheels.
+        motion: theirs.
+        saturation: (wheels,) N, limit at which the drive of each was held in this step; 0 of others.
+    """
     back = False
     for sheave in range(sheaves.inertia.size):
         pulled = motion.stretch[sheave] * (motion.tension[sheave, 1] - motion.tension[sheave, 0])
         motion.traction[sheave] = sheaves.wrapped[sheave] * motion.rope.acceleration[sheave] - pulled
+        if motion.drives.mode[sheave] == SPEED:
+            motion.drives.force[sheave] = holding_force(sheaves, motion, sheave)
         hold_again(motion, sheave)
-        if way_back(motion, sheave) > sheaves.rollback[sheave]:
+        if way_back(motion, sheave, saturation[sheave] != 0.0) > sheaves.rollback[sheave]:
             motion.rolled_back[sheave] = 1
             back = True
     if back:
@@ -237,10 +245,14 @@ def hold_again(motion, sheave):
 
 
 @kernel
-def way_back(motion, sheave):
-    """Rollback (m) of a bullwheel's rim without speed control; in either direction before any drive has turned it."""
+def way_back(motion, sheave, saturated):
+    """Rollback (m) of a bullwheel's rim without speed control; in either direction before any drive has turned it.
+
+    A drive that was held at its limit in this step (`saturated`) controls no speed, but has one as its target.
+    """
     mode, place = motion.drives.mode[sheave], motion.rim.position[sheave]
-    wanted = motion.drives.target[sheave] if mode == SPEED else motion.drives.force[sheave] if mode == FORCE else 0.0
+    by_speed = mode == SPEED or saturated
+    wanted = motion.drives.target[sheave] if by_speed else motion.drives.force[sheave] if mode == FORCE else 0.0
     if motion.drives.braking[sheave]:
         return 0.0
     if wanted != 0.0:
@@ -269,7 +281,7 @@ def observe_bullwheels(sheaves, motion, driven, numbers, columns):
     for sheave in range(sheaves.inertia.size):
         rim, rope = motion.rim, motion.rope
         columns.sheave_position[sheave], columns.sheave_speed[sheave] = rope.position[sheave], rope.velocity[sheave]
-        columns.sheave_force[sheave] = force_of_drive(sheaves, motion, sheave)
+        columns.sheave_force[sheave] = motion.drives.force[sheave]
         columns.sheave_tension[sheave, 0] = motion.tension[sheave, 0]
         columns.sheave_tension[sheave, 1] = motion.tension[sheave, 1]
         fixed = sheaves.tensioning[sheave] == FIXED
@@ -288,16 +300,61 @@ def observe_bullwheels(sheaves, motion, driven, numbers, columns):
 
 
 @kernel
-def force_of_drive(sheaves, motion, sheave):
-    """Force (N) of a drive at the rim of a bullwheel; 0 without a drive, and under its brake."""
-    if not sheaves.driven[sheave] or (motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0):
+def holding_force(sheaves, motion, sheave):
+    """Force (N) at the rim of a bullwheel with which its drive holds the speed of its reference; 0 under a brake."""
+    if motion.drives.braking[sheave] and sheaves.brake_force[sheave] > 0.0:
         return 0.0
-    if motion.drives.mode[sheave] == FORCE and not motion.drives.braking[sheave]:
-        return motion.drives.force[sheave]  # bearings may hold the wheel with less than they have
     force = motion.traction[sheave] + sheaves.inertia[sheave] * motion.rim.acceleration[sheave]
     speed = motion.rim.velocity[sheave]
     sense = 1.0 if speed > 0.0 else -1.0 if speed < 0.0 else 0.0
     return force + sheaves.resistance[sheave] * sense
+
+
+@kernel
+def find_saturated_wheels(sheaves, motion, moving_before, scratch):
+    """Find drives of bullwheels beyond their limits of force and power, as `motion.find_saturated` does of vehicles.
+
+    Args:
+        sheaves: all bullwheels.
+        motion: theirs at the end of a step.
+        moving_before: motion of all couplings at its start.
+        scratch: its `saturation` is filled with the limits, and with 0 for drives within them, `asked` with the
+            accelerations of the references.
+
+    Returns:
+        Whether there is any.
+    """
+    saturated = False
+    for sheave in range(sheaves.inertia.size):
+        scratch.saturation[sheave], scratch.asked[sheave] = 0.0, motion.rim.acceleration[sheave]
+        if motion.drives.mode[sheave] != SPEED or motion.drives.braking[sheave]:
+            continue
+        speed = max(abs(moving_before.sheaves.rim.velocity[sheave]), abs(motion.rim.velocity[sheave]))
+        by_power = sheaves.limits.power[sheave] / speed if speed > 0.0 else inf
+        force, limit = motion.drives.force[sheave], min(sheaves.limits.force[sheave], by_power)
+        if abs(force) > limit:
+            scratch.saturation[sheave] = limit if force > 0.0 else -limit
+            saturated = True
+    return saturated
+
+
+@kernel
+def hold_wheels_at_limits(motion, saturation):
+    """Switch drives of bullwheels beyond their limits to force mode, at the limit (N) in `saturation` (wheels,)."""
+    for sheave in range(saturation.size):
+        if saturation[sheave] != 0.0:
+            motion.drives.mode[sheave], motion.drives.force[sheave] = FORCE, saturation[sheave]
+
+
+@kernel
+def turn_by_speed_again(motion, scratch):
+    """Switch saturated drives of bullwheels back to speed mode, their references going on from the speed reached.
+
+    The acceleration asked for stays that of the reference, as in `motion.follow_again`.
+    """
+    for sheave in range(scratch.saturation.size):
+        if scratch.saturation[sheave] != 0.0:
+            motion.drives.mode[sheave], motion.rim.acceleration[sheave] = SPEED, scratch.asked[sheave]
 
 
 @kernel

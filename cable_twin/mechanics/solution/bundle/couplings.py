@@ -102,10 +102,10 @@ def worst_coupling_gap(bundle, moving, system, state):
 
 
 @kernel
-def end_couplings(bundle, moving, system, state):
+def end_couplings(bundle, moving, scratch, system, state):
     """End a step: store tensions and traction at bullwheels, and transfer vehicles between tracks and stations."""
     update_end_tensions(bundle, moving.sheaves, system, state)
-    end_bullwheels(bundle.sheaves, moving.sheaves)
+    end_bullwheels(bundle.sheaves, moving.sheaves, scratch.saturation)
     ride_tracks(bundle, system, state)
 
 

@@ -254,6 +254,8 @@ class BundleWork(NamedTuple):
     ]  # of both strands: forces on rope over it and on its carriage, by slope of the end and both vectors beside that
     wheel_matrix: Annotated[FloatArray, Of("coordinate", "coordinate")]  # of the wheels by themselves: rope, carriage
     wheel_increment: Annotated[FloatArray, Of("coordinate", unit="m")]  # their right side, then their increments
+    saturation: Annotated[FloatArray, Of("wheel", unit="N")]  # limit at which its drive is held in this step, or 0
+    asked: Annotated[FloatArray, Of("wheel", unit="m/s²")]  # acceleration of its reference, before it was held
     lagging: Annotated[FloatArray, Of(1, unit="m")]  # what a kept response may leave of the last increment
     memory: Memory  # all of these
 
