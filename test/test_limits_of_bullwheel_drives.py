@@ -62,12 +62,11 @@ def test_a_drive_that_cannot_hold_its_load_is_stopped_by_the_watch_on_rollback()
     assert -0.6 < float(twin.snapshot.columns.drive_position[0]) <= -0.3
 
 
-def test_a_service_stop_has_its_own_deceleration_and_an_emergency_stop_is_not_limited():
+def test_a_service_stop_has_its_own_deceleration():
     given = {
         f"{LIMITS}.deceleration": 0.1,
         f"{LIMITS}.jerk": None,
         f"{LIMITS}.acceleration": 0.4,
-        f"{LIMITS}.force": 25e3,
     }
     twin = Simulation(load_scenario("chairlift", given))
     twin.command("haul_rope", speed=1.0)
