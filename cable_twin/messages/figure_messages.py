@@ -54,20 +54,30 @@ def outlook_statuses(outlook: Outlook, age: float) -> list[Status]:
     return found
 
 
-def estimate_message(estimates: Mapping[str, tuple[float, float, str]], alarms: Sequence[str], stamp_ns: int) -> bytes:
+def estimate_message(
+    estimates: Mapping[str, tuple[float, float, str]],
+    alarms: Sequence[str],
+    stamp_ns: int,
+    *,
+    measured: bool = True,
+    behind: float = 0.0,
+) -> bytes:
     """Encode estimates as a diagnostic_msgs/DiagnosticArray: a status with new alarms, then one of each estimate.
 
     Args:
         estimates: value, standard deviation and unit by name.
         alarms: new alarms, a line each.
         stamp_ns: ns.
+        measured: whether a plant is measured at present; else they are those of the model alone.
+        behind: s, by which the estimates are behind the plant.
     """
     count = counted(len(alarms), "alarm")
     whole = Status(
         WARNING if alarms else OK,
         "estimate",
         count if alarms else "no new alarm",
-        {f"alarm_{row + 1}": text for row, text in enumerate(alarms)},
+        {"measured": str(measured).lower(), "behind_s": f"{behind:.1f}"}
+        | {f"alarm_{row + 1}": text for row, text in enumerate(alarms)},
     )
     each = [
         Status(

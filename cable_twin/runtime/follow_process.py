@@ -11,7 +11,7 @@ from queue import Empty
 from typing import IO
 
 from cable_twin.basics.printable import printable
-from cable_twin.ensemble.estimate.tracker import WAITING, News, Tracker
+from cable_twin.ensemble.estimate.tracker import FOLLOWING, WAITING, News, Tracker
 from cable_twin.messages import SECOND, nanoseconds
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.figure_messages import estimate_message
@@ -61,7 +61,8 @@ def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimate
         alarms = [f"{one.time:.1f} s: {one.reason}" for one in correction.alarms]
         lines += alarms
         stamp_ns = epoch_ns + nanoseconds(correction.time)
-        message = estimate_message({**correction.slow, **correction.hidden}, alarms, stamp_ns)
+        estimates, measured = {**correction.slow, **correction.hidden}, tracker.state == FOLLOWING
+        message = estimate_message(estimates, alarms, stamp_ns, measured=measured, behind=tracker.behind)
     left_out = {name: one.reason for name, one in tracker.follower.left_out.items()}
     counts = dict(tracker.arrivals.left_out)
     yield Estimated(news.time, message, tuple(lines), tracker.state, left_out, counts, tracker.behind)

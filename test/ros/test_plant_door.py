@@ -296,11 +296,11 @@ def test_estimates_and_alarms_of_the_twin_are_variables(plant):
         publisher = plant.ros.node.create_publisher(DiagnosticArray, "/cable_twin/estimate", 10)
         estimates = {"cabin/payload": (4200.0, 25.0, "kg"), "wind/x": (float("nan"), 0.5, "m/s")}
 
-        def publish(*alarms):
-            publisher.publish(estimate_message(estimates, alarms, time.time_ns()))
+        def publish(*alarms, **state):
+            publisher.publish(estimate_message(estimates, alarms, time.time_ns(), **state))
 
-        def written(name):
-            publish()
+        def written(name, **state):
+            publish(**state)
             plant.ros.spin(0.05)
             found = reader.read(name)
             return None if found.StatusCode.name == "BadNodeIdUnknown" else found  # not there yet
@@ -315,6 +315,15 @@ def test_estimates_and_alarms_of_the_twin_are_variables(plant):
         publish("12.0 s: sensor load_tower contradicts all others and is left out")
         plant.ros.until(lambda: reader.read("Alarms/Count").Value.Value == 1, what="alarm")
         assert reader.read("Alarms/Newest").Value.Value.startswith("12.0 s: sensor load_tower contradicts")
+        # silence of the plant, and a twin that is late
+        for state, expected in (({"measured": False}, "SubNormal"), ({"behind": 60.0}, "LastUsableValue"), ({}, "")):
+            wanted = f"Uncertain{expected}" if expected else "Good"
+            plant.ros.until(
+                lambda state=state, wanted=wanted: (
+                    written("Estimates/cabin/payload", **state).StatusCode.name == wanted
+                ),
+                what=wanted,
+            )
         # silence of the twin
         old = plant.ros.until(
             lambda: (one := reader.read("Estimates/cabin/payload")).StatusCode.is_uncertain() and one, what="uncertain"

@@ -42,6 +42,7 @@ POLICIES = {
 }
 GOOD, WAITING = ua.StatusCodes.Good, ua.StatusCodes.BadWaitingForInitialData
 OLD, GONE = ua.StatusCodes.UncertainLastUsableValue, ua.StatusCodes.BadNoCommunication
+UNMEASURED = ua.StatusCodes.UncertainSubNormal  # of the model alone, while the plant is silent
 
 
 class _Users(UserManager):
@@ -86,7 +87,7 @@ class EstimateServer:
         self._alarms: deque[str] = deque(maxlen=ALARMS)
         self._count = 0
         self._heard: float | None = None  # monotonic time (s) of the newest estimate
-        self._status = WAITING
+        self._status = self._fresh = WAITING  # now, and of the newest estimates when they came
 
     def tell(self, level: Level, text: str) -> None:
         """Log a line, with all secrets replaced."""
@@ -193,7 +194,7 @@ class EstimateServer:
         """Write the estimates and alarms, or the statuses, of a twin's message to their variables."""
         if topic == "estimate":
             self._heard = time.monotonic()
-            self._status = GOOD
+            self._status = self._fresh = self._quality(statuses)
             for status in statuses:
                 if "value" in status.values:
                     await self._estimate(status, stamp_ns)
@@ -208,11 +209,18 @@ class EstimateServer:
                 ):
                     await self._set("Status", f"{name}/{key}", value, stamp_ns)
 
+    def _quality(self, statuses: Sequence[Status]) -> int:
+        """Status code of new estimates: of those of the model alone, or far behind the plant, uncertain."""
+        told = next((one.values for one in statuses if "measured" in one.values), {})
+        if told.get("measured", "true") != "true":
+            return UNMEASURED
+        return OLD if _number(told.get("behind_s", "0")) > self._section.stale_after else GOOD
+
     async def _estimate(self, status: Status, stamp_ns: int) -> None:
         name, unit = printable(status.name, 80), printable(status.values.get("unit", ""), 20)
         for key, at in (("value", name), ("standard_deviation", f"{name}/StandardDeviation")):
             value = _number(status.values.get(key, ""))
-            code = GOOD if math.isfinite(value) else ua.StatusCodes.BadNoData
+            code = self._fresh if math.isfinite(value) else ua.StatusCodes.BadNoData
             await self._set("Estimates", at, ua.Variant(value, ua.VariantType.Double), stamp_ns, code, unit)
 
     async def _alarm(self, new: Sequence[str], active: bool, stamp_ns: int) -> None:
@@ -243,10 +251,10 @@ class EstimateServer:
         age = time.monotonic() - self._heard
         await self._put("Status/Age", ua.Variant(age, ua.VariantType.Double), time.time_ns(), GOOD)
         stale = self._section.stale_after
-        status = GOOD if age <= stale else OLD if age <= LOST * stale else GONE
+        status = self._fresh if age <= stale else OLD if age <= LOST * stale else GONE
         if status == self._status:
             return
-        if status == OLD:
+        if status == OLD and age > stale:
             text = f"server: no estimate of {self._section.twin} for {stale:g} s; its values are uncertain"
             self.tell("warning", text)
         self._status = status
