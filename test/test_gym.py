@@ -294,3 +294,13 @@ def test_environments_in_processes_go_as_one_alone(env, context):
         observation, reward, *_ = env.step(np.array([speed]))
         assert np.array_equal(observations[row], observation)
         assert rewards[row] == reward
+
+
+def test_a_list_of_seeds_has_one_for_each_environment():
+    many = vector_env(2, "single_span", reward=nearer, period=0.1, duration=60.0)
+    with pytest.raises(ValueError, match=r"seed: given 3 seeds; allowed: one for each of 2 environments"):
+        many.reset(seed=[1, 2, 3])
+    with pytest.raises(ValueError, match="given 1 seeds"):
+        many.reset(seed=[1])
+    many.reset(seed=[1, 2])
+    many.close()

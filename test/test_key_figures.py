@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,8 @@ from cable_twin.basics.limited_yaml import read_yaml
 from cable_twin.frame.plotted_signals import SIGNALS
 from cable_twin.frame.records import AppliedCommand, Command
 from cable_twin.key_figures import FigureId, KeyFigures, figure_from_values, not_judged, values_of
+from cable_twin.key_figures.figure import Subject
+from cable_twin.key_figures.figure import figure as key_figure
 from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.mechanics.drives.joint_drive import SPEED
 from cable_twin.mechanics.readout.columns import STOPPING
@@ -257,12 +260,11 @@ def test_the_limits_of_a_drive_hold_at_the_drum_of_its_haul_rope():
     assert work.driving == pytest.approx(np.maximum(powers[1:], 0.0).sum() * PERIOD)
 
 
-def test_a_limit_is_kept_to_a_thousandth_of_it():
-    """Tolerance as for drive speeds."""
+def test_a_limit_is_kept_but_for_rounding():
     figures = KeyFigures(scenario())
-    figures.update(snapshot(0.0, speed=10.001))
+    figures.update(snapshot(0.0, speed=10.000001))
     assert gathered(figures)["cabin: speed"].kept is True
-    figures.update(snapshot(1.0, speed=10.02))
+    figures.update(snapshot(1.0, speed=10.001))
     assert gathered(figures)["cabin: speed"].kept is False
 
 
@@ -390,6 +392,25 @@ def test_the_stop_of_a_moving_cable():
     figures.update(chairs(5.0, speed=0.0, force=0.0, swings=(0.0, 0.0, 0.0), gone=15.0))
     found = gathered(figures)
     assert (found["haul_rope: stopping distance"].value, found["haul_rope: stopping time"].value) == (10.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("limit", "uncertainty", "kept"),
+    [
+        (0.243, None, False),
+        (0.2432, 5.1e-5, None),
+        (0.2431913, None, True),
+        (0.2433, 5.1e-5, True),
+        (0.243, 5.1e-5, False),
+    ],
+)
+def test_a_value_above_its_limit_does_not_keep_it_but_for_rounding(limit, uncertainty, kept):
+    found = key_figure("swing", Subject("carriages.cabin", "cabin"), "highest", 0.2431913000001, 70.0).limited(
+        limit, ""
+    )
+    found = replace(found, uncertainty=uncertainty)
+    assert found.kept is kept
+    assert found.verdict == {True: "kept", False: "not kept", None: "not decided"}[kept]
 
 
 @pytest.mark.parametrize(("limit", "kept", "verdict"), [(100.0, None, "not decided"), (20.0, False, "not kept")])

@@ -135,7 +135,8 @@ def test_profiles_that_contradict_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("value", "options", "state", "reason"),
     [
-        (2.001, {}, "kept", ""),
+        (2.000001, {}, "kept", ""),  # rounding
+        (2.001, {}, "not kept", ""),
         (2.1, {}, "not kept", ""),
         (2.1, {"waiver": "if watched"}, "authority may allow", "if watched"),
         (1.9, {"uncertainty": 0.05}, "kept", ""),

@@ -17,6 +17,7 @@ from cable_twin.simulation import Simulation
 COARSE = {"cable.elements": {"target": 20.0, "at_towers": 6.0, "growth": 1.7}}  # for speed
 CLOCK = 5000.0  # s, by which the clock of this machine is ahead of that of the plant
 SPEED = 7.0  # m/s
+STANDS = "waits until cabin of the plant stands still: stop it for some seconds, to have estimates"
 
 
 def one(time, value=1.0, sensor="a"):
@@ -115,7 +116,7 @@ def test_a_twin_that_knows_nothing_waits_until_its_plant_stands(measured):
         if len(lines) == 2:
             break
     (_, waits), (begun, follows) = lines
-    assert waits == "waits until cabin of the plant stands still"
+    assert waits == STANDS
     assert follows.startswith("follows the plant from 1")
     assert begun > 10.0
     assert "with 0.00 m/s" in follows
@@ -130,7 +131,9 @@ def test_a_twin_begins_at_a_constant_speed_alone(measured):
         arrived = [item for item in found if now - 0.05 < item.time <= now and item.time > 7.0]
         tracker.measure(arrived, now)
         lines += [line for news in tracker.advance(now) for line in news.lines]
-    assert lines == ["waits until cabin of the plant moves at a constant speed"]
+    assert lines == [
+        "waits until cabin of the plant moves at a constant speed: keep its speed for some seconds, to have estimates"
+    ]
     assert tracker.state == WAITING
     tracker.follower.close()
 
@@ -146,7 +149,7 @@ def test_a_twin_that_waits_listens_anew_after_a_gap(measured, needs_rest):
         tracker.measure(arrived, now)
         lines += [line for news in tracker.advance(now) for line in news.lines]
     if needs_rest:  # it goes by with 7 m/s
-        assert lines == ["waits until cabin of the plant stands still"]
+        assert lines == [STANDS]
         assert tracker.state == WAITING
     else:
         assert lines[-1].startswith("follows the plant from 5.")
@@ -171,7 +174,7 @@ def test_what_was_learned_at_a_wrong_place_is_forgotten(measured):
     begun, far, waits = (line for line in lines if not line[0].isdigit())
     assert begun.endswith("cabin at 150.00 m with 0.00 m/s")
     assert "which begins anew there; what was learned since 1." in far
-    assert waits == "waits until cabin of the plant stands still"
+    assert waits == STANDS
     assert corrections
     (belief, needs_rest, *_), known = tracker.follower.learned
     assert needs_rest

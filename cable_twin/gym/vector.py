@@ -47,8 +47,14 @@ class RopewayVectorEnv(VectorEnv[FloatArray, FloatArray, FloatArray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[FloatArray, dict[str, Any]]:
-        """Begin an episode in every environment; with a whole number as seed, environment n has seed + n."""
+        """Begin an episode in every environment; with a whole number as seed, environment n has seed + n.
+
+        Raises:
+            ValueError: a list of seeds has not one for each environment.
+        """
         seeds = [seed + row for row in range(self.num_envs)] if isinstance(seed, int) else seed
+        if seeds is not None and len(seeds) != self.num_envs:
+            raise ValueError(f"seed: given {len(seeds)} seeds; allowed: one for each of {self.num_envs} environments")
         for row, own in enumerate(seeds or []):
             if own is not None:
                 self._generators[row], _ = seeding.np_random(own)

@@ -11,7 +11,7 @@ from cable_twin.key_figures.quantities import QUANTITIES, bound_of, limit_of
 from cable_twin.scenario import Scenario
 from cable_twin.scenario.sections.limits import Bound, limit_row
 
-TOLERANCE = 1e-3  # of a limit
+TOLERANCE = 1e-6  # of a limit, for rounding alone
 
 
 class FigureId(NamedTuple):
@@ -89,25 +89,22 @@ class KeyFigure:
 
     @property
     def kept(self) -> bool | None:
-        """Whether the value complies with its limit, to a tolerance of 0.1 % of the limit.
+        """Whether the value complies with its limit, but for rounding.
 
-        None without a limit, and for an unfinished value that has not reached its limit.
+        None without a limit, within the uncertainty, and for an unfinished value that has not reached its limit.
         """
         if self.limit is None or (self.unfinished and self._keeps(self.value)):
             return None
-        return self._keeps(self.value)
+        off = self.uncertainty or 0.0
+        keeps = self._keeps(self.value - off)
+        return keeps if self._keeps(self.value + off) == keeps else None
 
     @property
     def verdict(self) -> str:
         """Compliance with the limit in words, "not decided" within the uncertainty; empty without a limit."""
         if self.limit is None:
             return ""
-        off = self.uncertainty or 0.0
-        if self.kept is None:
-            return "not decided"
-        if self._keeps(self.value - off) != self._keeps(self.value + off):
-            return "not decided"
-        return "kept" if self.kept else "not kept"
+        return {None: "not decided", True: "kept", False: "not kept"}[self.kept]
 
     def __reduce__(self) -> tuple[type[KeyFigure], tuple[Any, ...]]:
         """Class and constructor arguments for pickling; takes half the time of the default for a dataclass."""

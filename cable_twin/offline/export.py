@@ -28,6 +28,7 @@ OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
 VERDICTS = "_rules"  # the same, of verdicts of rule profiles
 FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band", "id")
+CHECKED = ("uncertainty", "verdict")  # beside them
 
 
 def opened(path: str) -> AbstractContextManager[TextIO]:
@@ -141,7 +142,7 @@ class Export:
 
     def _write_figures(self, file: TextIO) -> None:
         rows = ((table, [*figure_columns(figure).values()]) for table in self._tables for figure in table.figures)
-        self._write_rows(file, FIGURE_COLUMNS, rows)
+        self._write_rows(file, (*FIGURE_COLUMNS, *CHECKED), rows)
 
     def _write_verdicts(self, file: TextIO) -> None:
         rows = ((table, row) for table in self._tables for row in verdict_rows(table.verdicts))
@@ -210,15 +211,17 @@ def figure_of_columns(columns: Mapping[str, Any]) -> KeyFigure:
         str(columns["unit"]),
         math.nan if time is None else float(time),
         str(columns["place"]),
+        uncertainty=columns.get("uncertainty"),
         band=str(columns["band"]),
     )
     return figure.limited(None if limit is None else float(limit), str(columns["source"]))
 
 
 def figure_columns(figure: KeyFigure) -> dict[str, Any]:
-    """Key figure as a mapping by column name, of `FIGURE_COLUMNS`."""
+    """Key figure as a mapping by column name, of `FIGURE_COLUMNS` and `CHECKED`."""
     numbers = [value if value is None or math.isfinite(value) else None for value in (figure.value, figure.limit)]
     bound = figure.bound if figure.limit is not None else None
     time = figure.time if math.isfinite(figure.time) else None
     values = (figure.name, numbers[0], figure.unit, time, figure.place, numbers[1], bound, figure.source, figure.kept)
-    return dict(zip(FIGURE_COLUMNS, (*values, figure.band, str(figure.id)), strict=True))
+    whole = (*values, figure.band, str(figure.id), figure.uncertainty, figure.verdict or None)
+    return dict(zip((*FIGURE_COLUMNS, *CHECKED), whole, strict=True))

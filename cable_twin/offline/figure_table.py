@@ -17,7 +17,7 @@ from cable_twin.key_figures import KeyFigure
 
 WIDE = 140  # characters that a table with limits, times and places needs
 LABELS = string.ascii_lowercase  # of runs beside each other
-NEGLIGIBLE = 1e-5  # share of a value: an uncertainty below all of its digits
+DIGITS, MOST_DIGITS = 4, 9  # of values and limits, and where a value that passes its limit would look like it
 NOISE = 1e-6  # in the printed unit: below it, a rounding error
 
 
@@ -52,8 +52,9 @@ def print_figures(
         name = present[0].name
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
-        values = ["" if figure is None else shown(figure.value, scale) for figure in found]
-        limits = dict.fromkeys(_limit(figure, scale, notes) for figure in present)
+        digits = max(digits_of(figure, scale) for figure in present)
+        values = ["" if figure is None else shown(figure.value, scale, digits) for figure in found]
+        limits = dict.fromkeys(_limit(figure, scale, notes, digits) for figure in present)
         if present[0].band in notes:
             unit = f"{unit} ({notes.index(present[0].band) + 1})"
         when = f"{present[0].time:.2f} {unit_at}"
@@ -110,28 +111,37 @@ def _passed(figure: KeyFigure, at: str, unit_at: str, *, brief: bool) -> str:
     assert figure.limit is not None
     unit, scale = shown_unit(figure.unit, max(abs(figure.value), abs(figure.limit)))
     unit = "" if unit == "-" else f" {unit}"
-    text = f"{shown(figure.value, scale)}{unit}, {figure.bound} {rounded(figure.limit * scale)}{unit}"
+    digits = digits_of(figure, scale)
+    text = f"{shown(figure.value, scale, digits)}{unit}, {figure.bound} {rounded(figure.limit * scale, digits)}{unit}"
     return text if brief else ", ".join(filter(None, (text, f"{at} {figure.time:.2f} {unit_at}", figure.place)))
 
 
-def shown(value: float, scale: float, digits: int = 4) -> str:
+def digits_of(figure: KeyFigure, scale: float) -> int:
+    """Significant digits of a key figure and its limit, so many that a value that passes its limit differs from it."""
+    digits = DIGITS
+    if figure.limit is not None and figure.kept is not True:
+        while digits < MOST_DIGITS and shown(figure.value, scale, digits) == rounded(figure.limit * scale, digits):
+            digits += 1
+    return digits
+
+
+def shown(value: float, scale: float, digits: int = DIGITS) -> str:
     """Text of an SI value, scaled to its shown unit; a value within rounding error is shown as 0."""
     return "0" if abs(value * scale) < NOISE else rounded(value * scale, digits)
 
 
 def _uncertainty(figure: KeyFigure, scale: float) -> str:
-    """Text of the uncertainty of a key figure, two digits; 0 where too small to change the shown value."""
+    """Text of the uncertainty of a key figure, two digits; 0 within rounding error."""
     assert figure.uncertainty is not None
-    small = figure.uncertainty < max(NEGLIGIBLE * abs(figure.value), NOISE / scale)
-    return "0" if small else rounded(figure.uncertainty * scale, 2)
+    return shown(figure.uncertainty, scale, 2)
 
 
-def _limit(figure: KeyFigure, scale: float, sources: Sequence[str]) -> str:
+def _limit(figure: KeyFigure, scale: float, sources: Sequence[str], digits: int) -> str:
     """Text of the limit of a key figure, with the number of the note about its source."""
     if figure.limit is None:
         return ""
     note = f" ({sources.index(figure.source) + 1})" if figure.source else ""
-    return f"{figure.bound} {rounded(figure.limit * scale)}{note}"
+    return f"{figure.bound} {rounded(figure.limit * scale, digits)}{note}"
 
 
 def _verdict(figures: Sequence[KeyFigure | None], scale: float) -> str:

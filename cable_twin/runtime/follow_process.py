@@ -7,18 +7,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from queue import Empty
 from typing import IO
 
 from cable_twin.basics.printable import printable
-from cable_twin.ensemble.estimate.tracker import FOLLOWING, WAITING, News, Tracker
+from cable_twin.ensemble.estimate.tracker import FOLLOWING, LISTENING, WAITING, News, Tracker
 from cable_twin.messages import SECOND, nanoseconds
 from cable_twin.messages.command_messages import command_from_message
 from cable_twin.messages.figure_messages import estimate_message
 from cable_twin.messages.sensor_messages import measurements_from_message
 from cable_twin.runtime.companion import inbox, send, serve_twin
-from cable_twin.runtime.following import COMMANDS, Arrival, Estimated
+from cable_twin.runtime.following import COMMANDS, COMPILING, Arrival, Estimated
 from cable_twin.scenario import load_scenario
+from cable_twin.simulation.first_compilation import Moment, watching_compilation
 
 GLANCE = 0.1  # s between two looks at what is due
 PART = 1.0  # s of the plant's messages at a time, so that it is known how far behind this is
@@ -68,6 +70,22 @@ def answers_of(news: News, tracker: Tracker, epoch_ns: int) -> Iterator[Estimate
     yield Estimated(news.time, message, tuple(lines), tracker.state, left_out, counts, tracker.behind)
 
 
+@contextmanager
+def compilation_told(sink: IO[bytes]) -> Iterator[None]:
+    """Context that sends one answer as soon as a kernel has to be compiled, which takes long beside a twin."""
+    told = False
+
+    def tell(_: Moment) -> None:
+        nonlocal told
+        if not told:
+            told = True
+            line = "the estimator compiles its kernels, once on this machine"
+            send(sink, Estimated(0.0, b"", (line,), COMPILING, {}, {}))
+
+    with watching_compilation(tell):
+        yield
+
+
 def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None:
     """Follow a plant by the messages from a pipe, until the pipe is closed.
 
@@ -78,9 +96,11 @@ def serve(source: IO[bytes], sink: IO[bytes], leave: Callable[[], None]) -> None
     """
     waiting = inbox(source, leave)
     options = waiting.get()
-    tracker = Tracker(load_scenario(options["scenario"]), threads=1)
+    with compilation_told(sink):
+        tracker = Tracker(load_scenario(options["scenario"]), threads=1)
     decoder = Decoder(tracker)
-    send(sink, Estimated(0.0, b"", (), tracker.state, {}, {}))  # ready
+    ready = f"the estimator is ready: it begins when the plant {tracker.wanted} for {LISTENING:g} s"
+    send(sink, Estimated(0.0, b"", (ready,), tracker.state, {}, {}))
     taken = now = 0.0  # s of this machine's clock since the first message: up to which all is taken, and the present
     while True:
         try:

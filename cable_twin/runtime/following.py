@@ -21,7 +21,8 @@ from cable_twin.runtime.companion import AGAIN, GLANCE, Companion, receive, send
 from cable_twin.scenario import Scenario
 
 COMMANDS = "joint_commands"  # topic of what a plant is commanded, below its namespace
-STARTING = "starts"
+STARTING, COMPILING = "starts", "compiles its kernels"  # nothing is estimated yet
+SETTLED = 5.0  # s between two answers of a process that follows, at most: more is time by which it is behind
 MOST_LINES = 20  # of alarms in the diagnostics, the newest ones
 MOST_WAITING = 20_000  # messages of a plant that may wait for the process
 
@@ -65,6 +66,7 @@ class LiveFollowing(Companion):
         self._last = Estimated(0.0, b"", (), STARTING, {}, {})
         self._alarms: list[str] = []
         self._arrived = math.inf  # s on the steady clock, of the last message
+        self._answered = math.inf  # s on the steady clock, of the last answer
         self.shut: frozenset[str] = frozenset()
         super().__init__("runtime.follow_process")
 
@@ -84,6 +86,8 @@ class LiveFollowing(Companion):
         last = self._last
         if last.state == FOLLOWING and time.monotonic() - self._arrived > SILENT:
             last = last._replace(state=ALONE)  # the process, which may be behind, will find that as well
+        if last.state == FOLLOWING:
+            last = last._replace(behind=last.behind + max(time.monotonic() - self._answered - SETTLED, 0.0))
         values = {"state": last.state, "time_s": f"{last.time:.3f}", "behind_s": f"{last.behind:.1f}"}
         values |= {f"left_out_{name}": reason for name, reason in last.left_out.items()}
         values |= {f"left_out: {reason}": str(count) for reason, count in last.counts.items()}
@@ -92,7 +96,7 @@ class LiveFollowing(Companion):
         text += f"; left out: {', '.join(last.left_out)}" if last.left_out else ""
         if self.shut:
             text += f"; several plants publish on {', '.join(sorted(self.shut))}, which is left out"
-        well = last.state in (STARTING, FOLLOWING) and last.behind <= BEHIND
+        well = last.state == FOLLOWING and last.behind <= BEHIND
         return well and not last.left_out and not self.shut, text, values
 
     def shut_out(self, topics: Sequence[str]) -> None:
@@ -111,10 +115,14 @@ class LiveFollowing(Companion):
 
     def talk(self, questions: IO[bytes], answers: IO[bytes]) -> None:
         """Send messages of the plant to the process and read its answers, until either side ends."""
+        self._say("the estimator starts: estimates begin with the line `follows the plant from ...`")
         send(questions, self._options)
-        if receive(answers) is None:  # ready
+        while (answer := receive(answers)) is not None and answer.state == COMPILING:
+            self._note(answer)
+        if answer is None:
             return
         self._drop_old()
+        self._note(answer)  # ready
         reader = threading.Thread(target=self._read, args=(answers,), name="estimates", daemon=True)
         reader.start()
         while not self.stopping.is_set() and reader.is_alive():
@@ -130,12 +138,16 @@ class LiveFollowing(Companion):
     def _read(self, answers: IO[bytes]) -> None:
         """Publish the estimates in answers of the process, until the pipe ends."""
         while not self.stopping.is_set() and (answer := receive(answers)) is not None:
-            self._last = answer
-            self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]
-            for line in answer.lines:
-                self._say(line)
-            if answer.message:
-                self._publish(answer.message)
+            self._note(answer)
+
+    def _note(self, answer: Estimated) -> None:
+        """Note an answer of the process, log its lines, and publish its estimates."""
+        self._last, self._answered = answer, time.monotonic()
+        self._alarms = [*self._alarms, *answer.lines][-MOST_LINES:]
+        for line in answer.lines:
+            self._say(line)
+        if answer.message:
+            self._publish(answer.message)
 
 
 __all__ = ["COMMANDS", "Arrival", "Estimated", "LiveFollowing", "Pursuit", "unfollowable"]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import Future
 from io import BytesIO
 from types import SimpleNamespace
 
+import numba
 import pytest
+from twin_process import wait_until
 
+from cable_twin.ensemble.estimate.tracker import WAITING
+from cable_twin.frame.sensors import standard_sensors
 from cable_twin.runtime.companion import receive
-from cable_twin.runtime.following import FOLLOWING, Estimated, LiveFollowing
+from cable_twin.runtime.follow_process import compilation_told
+from cable_twin.runtime.following import COMPILING, FOLLOWING, STARTING, Estimated, LiveFollowing
 from cable_twin.runtime.outlook import LiveOutlook, Question
 from cable_twin.scenario import load_scenario
 from cable_twin.simulation import Simulation
@@ -50,6 +56,53 @@ def test_no_outlook_begins_while_a_speed_will_not_last(passing):
 @pytest.mark.parametrize(("behind", "well", "said"), [(4.0, True, "follows"), (19.0, False, "19 s behind the plant")])
 def test_a_twin_that_is_behind_its_plant_is_not_well(behind, well, said):
     following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail)
-    following._last = Estimated(7.0, b"", (), FOLLOWING, {}, {}, behind)
+    following._note(Estimated(7.0, b"", (), FOLLOWING, {}, {}, behind))
     assert following.status()[0] == well
     assert following.status()[1].endswith(said)
+
+
+def test_an_estimator_that_stands_still_is_behind_its_plant(monkeypatch):
+    following = LiveFollowing(load_scenario("aerial_tramway"), pytest.fail, pytest.fail)
+    following._note(Estimated(7.0, b"", (), FOLLOWING, {}, {}))
+    assert following.status()[:2] == (True, "follows")
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + 65.0)
+    assert following.status()[:2] == (False, "follows; 60 s behind the plant")
+
+
+def test_an_estimator_tells_that_it_starts_and_what_it_waits_for():
+    """In its own process; it is not well meanwhile, as nothing is estimated."""
+    bare, lines = load_scenario("aerial_tramway", COARSE), []
+    sensors = standard_sensors(bare, Simulation(bare).snapshot)
+    following = LiveFollowing(load_scenario(bare.resolved(), {"sensors": sensors}), pytest.fail, lines.append)
+    assert following.status()[:2] == (False, STARTING)
+    following.start()
+    wait_until(lambda: following.status()[1] == WAITING, 600.0)
+    following.stop()
+    assert not following.status()[0]
+    first, *compiles, ready = lines
+    assert first == "the estimator starts: estimates begin with the line `follows the plant from ...`"
+    assert len(compiles) <= 1
+    assert ready == "the estimator is ready: it begins when the plant stands still for 1 s"
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_an_estimator_tells_once_that_it_compiles():
+    """Of kernels that are compiled here, one after the other until it has told."""
+    sink = BytesIO()
+
+    def compile_one():
+        numba.njit(lambda x: x + 1.0)(1.0)
+        return sink.tell()
+
+    with compilation_told(sink):
+        wait_until(compile_one)
+        length = sink.tell()
+        ended = time.monotonic() + 0.6
+        wait_until(lambda: compile_one() and time.monotonic() > ended)
+    assert sink.tell() == length
+    sink.seek(0)
+    told = receive(sink)
+    assert told.state == COMPILING
+    assert told.lines == ("the estimator compiles its kernels, once on this machine",)
+    assert told.message == b""

@@ -66,6 +66,11 @@ class Tracker:
         self.behind, self._told_behind = 0.0, False
         self._taken = 0.0  # s, of the last measurements that the twin took
 
+    @property
+    def wanted(self) -> str:
+        """What a plant has to do, for a twin that waits to begin there."""
+        return "stands still" if self.follower.needs_rest else "moves at a constant speed"
+
     def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:
         """Accept measurements that arrive at a time (s) of this computer's clock."""
         self.arrivals.put(measurements, arrival)
@@ -165,8 +170,9 @@ class Tracker:
         if changing and time - self._first < LONGEST_WAIT:
             if not self._waits:
                 self._waits = True
-                wanted = "stands still" if self.follower.needs_rest else "moves at a constant speed"
-                yield News(time, None, (f"waits until {', '.join(changing)} of the plant {wanted}",))
+                names, then = ", ".join(changing), "stop it" if self.follower.needs_rest else "keep its speed"
+                text = f"waits until {names} of the plant {self.wanted}: {then} for some seconds, to have estimates"
+                yield News(time, None, (text,))
             return
         yield News(time, None, tuple(self._begin_at(time)))
 

@@ -329,7 +329,7 @@ def case_of(limit: Any, facts: Mapping[str, Any]) -> Any:
 
 
 def _keeps(comparison: str, limits: tuple[float, ...], value: float, allowance: float) -> bool:
-    """Whether a value complies with a rule's limits by at least the allowance, to a tolerance of 0.1 % of the limit."""
+    """Whether a value complies with a rule's limits by at least the allowance, but for rounding."""
     low, high = limits[0], limits[-1]
     if comparison == "above":
         return value > low + allowance

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from cable_twin.basics.units import rounded, shown_unit
 from cable_twin.key_figures import FigureId, KeyFigure
-from cable_twin.offline.figure_table import shown
+from cable_twin.offline.figure_table import digits_of, shown
 from cable_twin.offline.reporting.results import Results
 from cable_twin.offline.reporting.texts import Texts
 
@@ -56,7 +56,8 @@ def cell_of(figure: KeyFigure) -> Cell:
     """Table cell with the value of a key figure, in the digits and unit in which `review` prints it."""
     sizes = [abs(number) for number in (figure.value, figure.limit) if number is not None]
     unit, scale = shown_unit(figure.unit, max(sizes))
-    return Cell(shown(figure.value, scale), "" if unit == "-" else unit, figure.value, str(figure.id))
+    digits = digits_of(figure, scale)
+    return Cell(shown(figure.value, scale, digits), "" if unit == "-" else unit, figure.value, str(figure.id))
 
 
 def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
@@ -65,7 +66,8 @@ def row_of(figure: KeyFigure, results: Results, texts: Texts) -> Row:
     unit, scale = shown_unit(figure.unit, max(sizes))
     limit = ""
     if figure.limit is not None:
-        limit = f"{texts(figure.bound)} {rounded(figure.limit * scale)}{'' if unit == '-' else f' {unit}'}"
+        most = rounded(figure.limit * scale, digits_of(figure, scale))
+        limit = f"{texts(figure.bound)} {most}{'' if unit == '-' else f' {unit}'}"
     word, unit_at = results.at
     when = ""
     if not isnan(figure.time):
