@@ -179,6 +179,14 @@ def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
     assert (seat.limit, seat.time) == (None, 4.0)
 
 
+def test_a_service_stop_has_its_own_deceleration():
+    lift = short_lift(limits=SHORT_LIMITS | {"deceleration": 0.25})
+    lift.command("haul_rope", speed=1.0)
+    assert lift.advance_to(3.0).columns.drive_speed[0] == 1.0
+    lift.command("haul_rope", speed=0.0)
+    assert lift.advance_to(5.0).columns.drive_speed[0] == pytest.approx(0.5, abs=1e-9)
+
+
 def test_reset_puts_rope_and_carriers_back():
     simulation = short_lift()
     start = simulation.snapshot

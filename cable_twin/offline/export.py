@@ -27,8 +27,10 @@ STDOUT = "-"
 OTHERS = {".csv", ".json", ".parquet", ".xlsx", ".mcap", ".rrd", ".yaml", ".png"}  # of other files
 FIGURES = "_key_figures"  # behind the name of the CSV file of the signals
 VERDICTS = "_rules"  # the same, of verdicts of rule profiles
-FIGURE_COLUMNS = ("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band", "id")
-CHECKED = ("uncertainty", "verdict")  # beside them
+FIGURE_COLUMNS = (
+    *("key_figure", "value", "unit", "time [s]", "place", "limit", "bound", "source", "kept", "band", "id"),
+    *("uncertainty", "verdict"),
+)
 
 
 def opened(path: str) -> AbstractContextManager[TextIO]:
@@ -142,7 +144,7 @@ class Export:
 
     def _write_figures(self, file: TextIO) -> None:
         rows = ((table, [*figure_columns(figure).values()]) for table in self._tables for figure in table.figures)
-        self._write_rows(file, (*FIGURE_COLUMNS, *CHECKED), rows)
+        self._write_rows(file, FIGURE_COLUMNS, rows)
 
     def _write_verdicts(self, file: TextIO) -> None:
         rows = ((table, row) for table in self._tables for row in verdict_rows(table.verdicts))
@@ -218,10 +220,10 @@ def figure_of_columns(columns: Mapping[str, Any]) -> KeyFigure:
 
 
 def figure_columns(figure: KeyFigure) -> dict[str, Any]:
-    """Key figure as a mapping by column name, of `FIGURE_COLUMNS` and `CHECKED`."""
+    """Key figure as a mapping by column name, of `FIGURE_COLUMNS`."""
     numbers = [value if value is None or math.isfinite(value) else None for value in (figure.value, figure.limit)]
     bound = figure.bound if figure.limit is not None else None
     time = figure.time if math.isfinite(figure.time) else None
     values = (figure.name, numbers[0], figure.unit, time, figure.place, numbers[1], bound, figure.source, figure.kept)
     whole = (*values, figure.band, str(figure.id), figure.uncertainty, figure.verdict or None)
-    return dict(zip((*FIGURE_COLUMNS, *CHECKED), whole, strict=True))
+    return dict(zip(FIGURE_COLUMNS, whole, strict=True))

@@ -166,6 +166,7 @@ def _write_json(file: TextIO, line: Line) -> None:
         if one.uncertainty is not None:
             numbers["uncertainty"] = one.uncertainty
         envelope.append({"name": one.name, **values, **numbers, "vehicle_at_m": one.time, "kept": one.kept})
+        envelope[-1]["verdict"] = one.verdict or None
     content: dict[str, Any] = {"scenario": line.scenario.name, "vehicle": line.moved, "envelope": envelope}
     if verdicts := judge(line.scenario, line.figures, at_rest=True):
         content["rules"] = [verdict_columns(one) for one in verdicts]

@@ -227,6 +227,7 @@ def test_each_extreme_has_the_case_that_governs(calculated):
     alone = {str(one.id): one.value for one in figures.figures()}
     with (directory / "all.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["case"] == "up+cold"]
+    assert not any(None in row or None in row.values() for row in rows)  # each is as wide as the first line
     same = [row for row in rows if row["id"] in alone]
     assert len(same) > 40
     assert all(float(row["value"]) == pytest.approx(alone[row["id"]], rel=1e-6, abs=1e-9) for row in same)

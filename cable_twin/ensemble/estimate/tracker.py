@@ -68,7 +68,7 @@ class Tracker:
 
     @property
     def wanted(self) -> str:
-        """What a plant has to do, for a twin that waits to begin there."""
+        """Motion of a plant at which following it can begin, in words: it stands still, or keeps a constant speed."""
         return "stands still" if self.follower.needs_rest else "moves at a constant speed"
 
     def measure(self, measurements: Sequence[Measurement], arrival: float) -> None:

@@ -8,7 +8,7 @@ from cable_twin.mechanics.drives.moving_rope import move_rope
 from cable_twin.mechanics.drives.speed_reference import advance_reference, follow
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import dot, scale, store
-from cable_twin.mechanics.on_rope.brakes import force_limit
+from cable_twin.mechanics.on_rope.brakes import force_limit, saturation_of
 from cable_twin.mechanics.on_rope.chain import move_chain
 from cable_twin.mechanics.on_rope.presence import belongs, rides
 from cable_twin.mechanics.on_rope.sliding_joint import (
@@ -68,9 +68,8 @@ def find_saturated(system, state, before, work):
             speed = max(abs(before.reference.velocity[carriage]), abs(state.reference.velocity[carriage]))
             speed *= way_per_metre(system, before, carriage)  # so that its power is within the limit all the step
             limit = force_limit(system.carriages, state, carriage, speed)
-            if abs(force) > limit:
-                work.saturation[carriage] = limit if force > 0.0 else -limit
-                saturated = True
+            work.saturation[carriage] = saturation_of(force, limit)
+            saturated |= work.saturation[carriage] != 0.0
     return saturated
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import inf
 
-from cable_twin.mechanics.language.compilation import kernel
+from cable_twin.mechanics.language.compilation import inlined_kernel, kernel
 from cable_twin.mechanics.parameters import EMERGENCY, SERVICE
 
 
@@ -32,5 +32,19 @@ def force_limit(carriages, state, carriage, speed):
         if carriages.drive_stops[carriage]:
             return inf
         return brake_force(carriages, state, carriage, SERVICE) + brake_force(carriages, state, carriage, EMERGENCY)
-    by_power = carriages.limits.power[carriage] / abs(speed) if speed != 0.0 else inf
-    return min(carriages.limits.force[carriage], by_power)
+    return drive_limit(carriages.limits, carriage, speed)
+
+
+@inlined_kernel
+def drive_limit(limits, axis, speed):
+    """Available force (N) of the drive of one axis, vehicle or bullwheel, at a speed (m/s): by force and by power."""
+    by_power = limits.power[axis] / abs(speed) if speed != 0.0 else inf
+    return min(limits.force[axis], by_power)
+
+
+@inlined_kernel
+def saturation_of(force, limit):
+    """Limit (N), in the direction of a drive force (N), at which a drive beyond its limit is held; 0 within it."""
+    if abs(force) > limit:
+        return limit if force > 0.0 else -limit
+    return 0.0

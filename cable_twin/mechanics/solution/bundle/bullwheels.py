@@ -17,6 +17,7 @@ from cable_twin.mechanics.drives.speed_reference import approach_target, follow,
 from cable_twin.mechanics.language.addresses import record_at
 from cable_twin.mechanics.language.compilation import kernel
 from cable_twin.mechanics.language.vectors import add_scaled, dot, load, scale, store
+from cable_twin.mechanics.on_rope.brakes import drive_limit, saturation_of
 from cable_twin.mechanics.on_rope.buffer import buffer_force
 from cable_twin.mechanics.parameters import FORCE, SPEED
 from cable_twin.mechanics.readout.columns import STOPPING
@@ -330,11 +331,9 @@ def find_saturated_wheels(sheaves, motion, moving_before, scratch):
         if motion.drives.mode[sheave] != SPEED or motion.drives.braking[sheave]:
             continue
         speed = max(abs(moving_before.sheaves.rim.velocity[sheave]), abs(motion.rim.velocity[sheave]))
-        by_power = sheaves.limits.power[sheave] / speed if speed > 0.0 else inf
-        force, limit = motion.drives.force[sheave], min(sheaves.limits.force[sheave], by_power)
-        if abs(force) > limit:
-            scratch.saturation[sheave] = limit if force > 0.0 else -limit
-            saturated = True
+        limit = drive_limit(sheaves.limits, sheave, speed)
+        scratch.saturation[sheave] = saturation_of(motion.drives.force[sheave], limit)
+        saturated |= scratch.saturation[sheave] != 0.0
     return saturated
 
 
