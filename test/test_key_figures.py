@@ -429,6 +429,21 @@ def test_a_stop_that_is_not_over_at_the_end_decides_nothing_but_a_limit_that_it_
     assert passenger.unfinished
 
 
+def test_a_passengers_stop_that_counts_is_over_though_a_later_one_is_under_way():
+    """Emergency stop to standstill, then a service stop that is under way at the end and does not count."""
+    figures = KeyFigures(scenario())
+    drive(figures, lambda _: 6.0, 5.0)
+    figures.command(AppliedCommand(5.0, Command("emergency_stop", {}), "test"))
+    drive(figures, lambda moment: max(6.0 - 1.2 * (moment - 5.0), 0.0), 6.0, start=130.0, begin=5.0)
+    figures.command(AppliedCommand(11.5, Command("speed", {"cabin": 6.0}), "test"))
+    drive(figures, lambda _: 6.0, 2.0, start=145.0, begin=11.5)
+    figures.command(AppliedCommand(13.5, Command("speed", {"cabin": 0.0}), "test"))
+    drive(figures, lambda _: 5.0, 4.0, start=157.0, begin=13.5 + PERIOD)
+    passenger = gathered(figures)["cabin: passenger's stopping distance"]
+    assert passenger.place.startswith("emergency stop from 6.00 m/s")
+    assert not passenger.unfinished
+
+
 @pytest.mark.parametrize(("means", "braked"), [("emergency_brake", True), ("drive", False)])
 def test_the_force_of_brakes_is_not_judged_by_the_limits_of_the_drive(means, braked):
     own = scenario(

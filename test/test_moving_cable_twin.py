@@ -9,6 +9,7 @@ from test_scenario_faults import faults_of, keys_of
 from test_simulation import same
 
 from cable_twin.frame.records import Command, CommandError
+from cable_twin.frame.snapshot import Snapshot
 from cable_twin.key_figures import KeyFigures
 from cable_twin.mechanics.drives.stations import RAIL
 from cable_twin.messages import MessageEncoder, decode
@@ -153,13 +154,18 @@ def test_start_emergency_stop_and_release(sign):
 def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
     """Stopping distance of its clamp to the first standstill, and of a passenger with swing."""
     scenario = load_scenario(short_scenario().resolved(), {"space": space})
-    simulation, figures = Simulation(scenario), KeyFigures(scenario)
+    simulation, figures, of_log = Simulation(scenario), KeyFigures(scenario), KeyFigures(scenario)
     simulation.command("haul_rope", speed=speed)
-    figures.update(simulation.advance_to(4.0))
-    figures.command(simulation.emergency_stop())
+    for one in (figures, of_log):
+        one.update(simulation.advance_to(4.0))
+    stop = simulation.emergency_stop()
+    for one in (figures, of_log):
+        one.command(stop)
     places, loads = [simulation.snapshot.columns.joint_position], [simulation.snapshot.columns.body_position]
     for frame in range(1, 201):
         figures.update(simulation.advance_to(4.0 + 0.01 * frame))
+        if frame % 5 == 0:  # a log has vehicles at 20 Hz and ropes at 10 Hz
+            of_log.update(simulation.snapshot if frame % 10 == 0 else without_rope(simulation.snapshot))
         places.append(simulation.snapshot.columns.joint_position)
         loads.append(simulation.snapshot.columns.body_position)
     found = {figure.name: figure for figure in figures.figures()}
@@ -177,6 +183,18 @@ def test_a_chair_stops_where_it_does_and_not_where_the_rim_does(space, speed):
     assert seat.value == pytest.approx((gone @ (way[5] - way[0]) / np.linalg.norm(way[5] - way[0])).max(), rel=0.05)
     assert seat.value > found["chair: stopping distance"].value + 0.05
     assert (seat.limit, seat.time) == (None, 4.0)
+    logged = {figure.name: figure for figure in of_log.figures()}
+    for quantity in ("stopping distance", "stopping time", "passenger's stopping distance"):
+        one, other = logged[f"chair: {quantity}"], found[f"chair: {quantity}"]
+        assert one.value == pytest.approx(other.value, rel=0.03, abs=0.1 if other.unit == "s" else 0.0)
+        assert one.unfinished == other.unfinished
+
+
+def without_rope(snapshot: Snapshot) -> Snapshot:
+    """Frame of a log between two that hold the shape of the rope."""
+    numbers = snapshot.numbers.copy()
+    snapshot.layout.columns(numbers).rope_position[:] = np.nan
+    return Snapshot(snapshot.layout, numbers, snapshot.solver)
 
 
 def test_a_service_stop_has_its_own_deceleration():

@@ -51,11 +51,12 @@ class Dissipation:
         self._judged = False  # whether any block has been
 
     def update(self, time: float, report: SolverReport) -> None:
-        """Add the energy balance of the solver up to `time` (s)."""
-        self._lost += report.energy_lost
-        self._moved += 0.5 * report.energy_moved  # a gain of one part is a loss of another one: half of the changes
+        """Add the energy balance of the solver up to `time` (s); that of a first frame is of the time before it."""
         if isnan(self._start):
             self._start = time
+            return
+        self._lost += report.energy_lost
+        self._moved += 0.5 * report.energy_moved  # a gain of one part is a loss of another one: half of the changes
         if time - self._start >= BLOCK * (1.0 - 1e-9):
             if self._waiting is not None:
                 self._judge(self._waiting, self._moved)

@@ -168,6 +168,8 @@ class DriveStops:
 class Travel:
     """Travel of one point of each vehicle along its rope, between frames that have the positions of the points.
 
+    The direction of the rope is that of the last frame with the shapes of ropes, which logs hold at a lower rate.
+
     Args:
         scenario: scenario of the run.
         rows: rows of the n vehicles among all.
@@ -186,10 +188,14 @@ class Travel:
         self._numbers: list[int] = []  # places in a frame of one coordinate of each point
         self._places = _Places()  # in a frame
         self.last: Snapshot | None = None  # last frame that holds them
+        self._shape: Snapshot | None = None  # last frame that holds the ropes, which logs hold in fewer frames
         self._placed: tuple[Snapshot, FloatArray] | None = None  # its points, if they are known
 
     def shows(self, snapshot: Snapshot) -> bool:
-        """Whether a frame is later than the last one and has the positions of the points; logged frames may not."""
+        """Whether a frame is later than the last one and has the positions of the points; logged frames may not.
+
+        Frames before the first one with the shapes of ropes do not count, as no travel along a rope is known there.
+        """
         if not self.groups:
             return False
         if snapshot.layout is not self._layout:
@@ -197,6 +203,10 @@ class Travel:
             self._places = self._of(snapshot)
             self._numbers = self._places.points[:, 2 if self._bodies is None else 0].tolist()
         numbers, places = snapshot.numbers, self._numbers
+        if not isnan(numbers[self._places.samples[0, 0]]):
+            self._shape = snapshot
+        if self._shape is None:
+            return False
         if isnan(numbers[places[0]]) and all(isnan(numbers[place]) for place in places):
             return False
         return self.last is None or snapshot.time > self.last.time
@@ -236,7 +246,9 @@ class Travel:
 
     def _along_rope(self, snapshot: Snapshot) -> FloatArray:
         """Unit vectors (n, 3) along the rope at the vehicles; NaN for vehicles off the rope."""
-        numbers, places, layout = snapshot.numbers, self._of(snapshot), snapshot.layout
+        assert self._shape is not None
+        numbers, places, layout = snapshot.numbers, self._of(snapshot), self._shape.layout
+        shape, samples = self._shape.numbers, self._of(self._shape).samples
         arc_length, rope = numbers[places.arc_length], numbers[places.rope]
         on = (numbers[places.attached] == 1.0) & ~np.isnan(arc_length)
         found = np.full((on.size, 3), nan)
@@ -245,8 +257,7 @@ class Travel:
             if own.any():
                 arc = layout.arc_lengths[part]
                 after = np.minimum(np.maximum(np.searchsorted(arc, arc_length[own]), 1), arc.size - 1)
-                samples = places.samples[part]
-                found[own] = numbers[samples[after]] - numbers[samples[after - 1]]
+                found[own] = shape[samples[part][after]] - shape[samples[part][after - 1]]
         return found / np.sqrt(np.sum(found * found, axis=1, keepdims=True))
 
     def describe(self, member: int, members: list[int], kind: str, speed: float) -> str:
@@ -417,14 +428,16 @@ class SeatStops:
                 stop = self._travel.describe(one.number, members, one.kind, one.speed)
                 where = f"{stop}, its load along the rope, swing included"
                 found = figure("passenger_stopping_distance", subject, "highest", one.way, one.begun, where)
-                if self._goes_on(one.number):
+                if self._goes_on(one):
                     found = replace(found, place=f"{where}, not over", unfinished=True)
                 yield found
 
-    def _goes_on(self, number: int) -> bool:
-        """Whether a vehicle, by index, still moves in a stop under way, and its load has never been farther."""
-        last = self._travel.last
-        if self._over[number] or last is None or self._farthest_at[number] < last.time:
+    def _goes_on(self, one: Farthest) -> bool:
+        """Whether the stop of a load is under way, with its vehicle still in motion and the load farther than ever."""
+        last, number = self._travel.last, one.number
+        if self._over[number] or self._begun[number] != one.begun:  # another stop of the vehicle may be under way
+            return False
+        if last is None or self._farthest_at[number] < last.time:
             return False
         return abs(float(last.columns.speed[self._travel.vehicles[number]])) > SLOWEST
 

@@ -53,7 +53,7 @@ def print_figures(
         sizes = [abs(number) for figure in present for number in (figure.value, figure.limit) if number is not None]
         unit, scale = shown_unit(present[0].unit, max(sizes))
         digits = max(digits_of(figure, scale) for figure in present)
-        values = ["" if figure is None else shown(figure.value, scale, digits) for figure in found]
+        values = ["" if figure is None else _value(figure, scale, digits, so_far=not lone) for figure in found]
         limits = dict.fromkeys(_limit(figure, scale, notes, digits) for figure in present)
         if present[0].band in notes:
             unit = f"{unit} ({notes.index(present[0].band) + 1})"
@@ -74,6 +74,11 @@ def print_figures(
         style = "bold red" if line.endswith(" not kept:") else None
         wrapped = fill(line, console.width, subsequent_indent="    ")
         console.print(wrapped, markup=False, soft_wrap=True, style=style)
+
+
+def _value(figure: KeyFigure, scale: float, digits: int, *, so_far: bool) -> str:
+    """Printed value of a key figure; `so_far` marks one that still grew, where no column says its place."""
+    return shown(figure.value, scale, digits) + (" so far" if so_far and figure.unfinished else "")
 
 
 def print_notes(console: Console, notes: Sequence[str], last: str = "") -> None:

@@ -38,7 +38,9 @@ class Reading:
         on_position: Called with the bytes read so far.
         profiles: Rule profiles in place of those of the scenario.
         facts: Keys of `limits.installation` in place of those of the scenario.
-        start: Simulated time (s) before which frames are left out, as are key figures recorded by the run itself.
+        part: Simulated times (s), first and last, outside of which frames and commands are left out, as are key figures
+            recorded by the run itself.
+        figures: Key figures in place of those of the log.
 
     Raises:
         LogError: The log holds no frame, or its scenario cannot be understood.
@@ -50,7 +52,8 @@ class Reading:
         on_position: Callable[[int], None] | None = None,
         profiles: Sequence[str] | None = None,
         facts: Mapping[str, Any] | None = None,
-        start: float = -math.inf,
+        part: tuple[float, float] | None = None,
+        figures: Sequence[KeyFigure] | None = None,
     ) -> None:
         self.log = log
         stated = {f"limits.installation.{key}": value for key, value in (facts or {}).items()}
@@ -61,17 +64,18 @@ class Reading:
         except ScenarioError as error:
             raise LogError("\n".join(f"{log.path}: {fault}" for fault in error.faults)) from error
         self._gathered = KeyFigures(self.scenario)
-        self._recorded: list[KeyFigure] | None = None  # the last ones
-        self._figures_time = 0.0  # s, of those
+        self._recorded: list[KeyFigure] | None = None if figures is None else list(figures)  # the last ones
+        self._figures_time = 0.0 if figures is None else math.inf  # s, of those
         self.signals, self.responses = Signals(), Responses()
         self.view: _View | None = None
         self.table: RunTable | None = None
         self.frames, self.commands, self.end = 0, 0, 0.0
         self.refused: RefusedCommand | None = None  # the last one
         self._items = read_snapshots(log, on_position=on_position)
-        if start > -math.inf:  # without recorded key figures, as these are of the whole run
+        if part is not None:  # without recorded key figures, as these are of the whole run
+            first, last = part
             of_part = (item for item in self._items if not isinstance(item, RecordedFigures))
-            self._items = (item for item in of_part if item.time >= start - SAME)
+            self._items = (item for item in of_part if first - SAME <= item.time <= last + SAME)
         self._early: list[AppliedCommand | RefusedCommand | RecordedFigures] = []
         self.first = self._find_first()
 
@@ -102,6 +106,14 @@ class Reading:
     def figures(self) -> list[KeyFigure]:
         """Key figures that the run has recorded over all of its frames; if none, those of the logged frames."""
         return self._gathered.figures() if self._recorded is None else self._recorded
+
+    @property
+    def loops(self) -> dict[str, float]:
+        """Length (m) of the loop by the name of the signal of each carrier's place on it; empty without a loop."""
+        if self.scenario.carriers is None:
+            return {}
+        riding = self.first.layout.carriers
+        return {f"arc_length/{name}": self.scenario.loop_length for name in riding}
 
     def _profiles(self, names: Sequence[str] | None) -> list[Profile]:
         if names is not None:

@@ -187,7 +187,7 @@ def _review(logs: Sequence[Log], options: argparse.Namespace, export: Export, co
                     tell("review", f"no rerun recording: {why_not(error)}; --rerun off makes none")
                     code = NOT_WRITTEN
         try:
-            comparisons = compare(*(reading.values() for reading in readings))
+            comparisons = compare(*(reading.values() for reading in readings), loops=readings[0].loops)
             if made is not None:
                 recordings = [made.finish()]
         except OSError as error:

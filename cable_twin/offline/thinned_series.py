@@ -135,8 +135,9 @@ def _shape(snapshot: Snapshot) -> Shape:
 
 @dataclass(slots=True)
 class Difference:
-    """Difference of one signal between two runs: largest with its time, root mean square."""
+    """Difference of one signal between two runs, round the loop for places on one: largest, root mean square."""
 
+    loop: float = math.inf  # length of the loop in the unit of the signal, for a place on one
     largest: float = 0.0  # in the unit of the signal
     time: float = math.nan  # s, of the largest
     values: tuple[float, float] = (math.nan, math.nan)  # of both runs there
@@ -153,6 +154,8 @@ class Difference:
         difference = first - second
         if math.isnan(difference):
             return
+        if self.loop < math.inf:
+            difference -= self.loop * round(difference / self.loop)
         self.squares += difference * difference
         self.count += 1
         if abs(difference) > self.largest or math.isnan(self.time):
@@ -166,29 +169,33 @@ class Comparison:
     differences: dict[str, Difference] = field(default_factory=dict)
     frames: int = 0
     only_in: tuple[set[str], set[str]] = field(default_factory=lambda: (set(), set()))
+    loops: Mapping[str, float] = field(default_factory=dict)  # length of the loop by signal, of places on one
 
     def take(self, time: float, first: Mapping[str, float], second: Mapping[str, float]) -> None:
         """Add the signals of a frame that both runs have at one time (s)."""
         self.frames += 1
         for name, value in first.items():
             if name in second and not math.isnan(value - second[name]):
-                self.differences.setdefault(name, Difference()).update(time, value, second[name])
+                if name not in self.differences:
+                    self.differences[name] = Difference(loop=self.loops.get(name, math.inf))
+                self.differences[name].update(time, value, second[name])
 
 
 Frames = Iterator[tuple[float, Mapping[str, float]]]
 
 
-def compare(first: Frames, *others: Frames) -> list[Comparison]:
+def compare(first: Frames, *others: Frames, loops: Mapping[str, float] | None = None) -> list[Comparison]:
     """Compare the signals of a run with those of other runs at frames of equal time, within the tolerance `SAME`.
 
     Args:
         first: Time (s) and values by signal of each frame of the run.
         others: Times and values of the other runs; all are read side by side to their ends.
+        loops: Length of the loop by signal, of places on one; other places are on none.
 
     Returns:
         A comparison with the first run for each other run.
     """
-    results = [Comparison() for _ in others]
+    results = [Comparison(loops=loops or {}) for _ in others]
     named: list[set[str]] = [set() for _ in others]
     own: set[str] = set()
     runs = [_noting(run, names) for run, names in zip(others, named, strict=True)]

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from cable_twin import Ensemble
 from cable_twin.frame.records import CommandError
-from cable_twin.key_figures import KeyFigures
+from cable_twin.key_figures import KeyFigure, KeyFigures
 from cable_twin.offline.export import Export, add_export, export_fault
 from cable_twin.offline.reading import Reading
 from cable_twin.offline.replay import first_start, made_by_other
@@ -43,7 +43,9 @@ Up to T the run is repeated from its own log, to the last bit; then commands at 
 place of the recorded ones, and values of --set act on the state of T. Times of the script are those of the run. Values
 that would need another mesh, other parts or another solver are refused.
 
-a is the recorded run from T on, b the branch, which gets a log of its own: `review` shows both again.
+a is the recorded run from T on, b the branch, which gets a log of its own: `review` shows both again. Key figures of
+both are those of all frames from T on, for which the recorded run is repeated too, up to the end of its log or of the
+branch; differences are those of the logged frames.
 
 exit codes: 0 done, 1 the branch failed, refused a command or could not be written, 2 wrong log, script or option, 130
 ended by Ctrl-C
@@ -64,10 +66,12 @@ UNUSABLE_INPUT = (BranchError, LogError, ScriptError, ScenarioError, Equilibrium
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Prepared branch of a recorded run: simulation at the branching time, script, duration."""
+    """Prepared branch of a recorded run: simulation at the branching time, script, duration; and the run from there."""
 
     simulation: Simulation
     script: Sequence[ScriptedCommand]
+    run: Simulation  # in the state of the recorded run at the branching time
+    recorded: Sequence[ScriptedCommand]  # commands of the run from there on
     start: float  # s
     duration: float  # s
     frame_steps: int
@@ -144,7 +148,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"{getattr(error, 'filename', None) or options.output}: {getattr(error, 'strerror', None) or error}",
         )
         return FAILED
-    outcome = _run(branch, run, log.epoch_ns, console)
+    figures = KeyFigures(branch.simulation.scenario)
+    outcome = _run(branch, run, log.epoch_ns, figures, console)
     lines = [f"refused: {line}" for line in outcome.refused] + [
         f"not carried out: {one}" for one in outcome.not_reached
     ]
@@ -155,7 +160,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # the log is closed: `what_if | head` ends without a word
     try:
-        written = _compare(log, read_log(run.directory), branch.start, options, export, console)
+        own = _figures_of_run(branch, log, console), figures.figures()
+        written = _compare((log, read_log(run.directory)), own, branch, options, export, console)
     except LogError as error:
         tell("what_if", error)
         return FAILED
@@ -187,7 +193,8 @@ def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
     if start < simulation.time:
         raise BranchError(f"--at: given {options.at:g} s; allowed: from {simulation.time:g} s, the start of {log.path}")
     recorded = script_of_log(part)
-    later = [item for item in recorded if item.time > start - 0.5 * simulation.step] if script is None else script
+    recorded_later = [item for item in recorded if item.time > start - 0.5 * simulation.step]
+    later = recorded_later if script is None else script
     if early := [one for one in later if one.at is None and one.time < start - 0.5 * simulation.step]:
         lines = [
             f"{one.place}: time: given {one.time:g} s; allowed: from {start:g} s, the time of --at" for one in early
@@ -195,11 +202,13 @@ def _branch(log: Log, options: argparse.Namespace, console: Console) -> Branch:
         raise ScriptError("\n".join(lines))
     duration = _duration(log, start, period, options.duration)
     _repeat(simulation, recorded, start, console)
+    run = Simulation(simulation.scenario, samples=int(log.metadata["sample_count"]), on_demand=True)
+    run.restore(simulation.capture())
     if source:
         simulation = _changed(simulation, scenario, log, source)
     if script and (faults := check_script(simulation.scenario, script, stopped=simulation.emergency_stopped)):
         raise ScriptError("\n".join(faults))
-    return Branch(simulation, later, start, duration, frame_steps)
+    return Branch(simulation, later, run, recorded_later, start, duration, frame_steps)
 
 
 def _duration(log: Log, start: float, period: float, given: float | None) -> float:
@@ -273,8 +282,8 @@ def _start(branch: Branch, options: argparse.Namespace) -> Run:
     )
 
 
-def _run(branch: Branch, run: Run, epoch_ns: int, console: Console) -> Outcome:
-    """Carry out a branch with a progress bar, and close its log."""
+def _run(branch: Branch, run: Run, epoch_ns: int, figures: KeyFigures, console: Console) -> Outcome:
+    """Carry out a branch with a progress bar and a collector of key figures, and close its log."""
     simulation = branch.simulation
     run.begin(epoch_ns)
     try:
@@ -286,20 +295,66 @@ def _run(branch: Branch, run: Run, epoch_ns: int, console: Console) -> Outcome:
                 frame_steps=branch.frame_steps,
                 epoch_ns=epoch_ns,
                 run=run,
-                figures=KeyFigures(simulation.scenario),
+                figures=figures,
                 on_frame=show,
             )
     finally:
         run.close()
 
 
-def _compare(a: Log, b: Log, start: float, options: argparse.Namespace, export: Export, console: Console) -> bool:
-    """Compare run and branch from a time (s) on: print, plots, tables; returns whether all files are written."""
-    readings = [Reading(log, start=start) for log in (a, b)]
+def _figures_of_run(branch: Branch, log: Log, console: Console) -> list[KeyFigure]:
+    """Key figures of the recorded run from the branching time to the end of its log or of the branch.
+
+    The run is repeated, as a log holds fewer frames than the run had.
+
+    Raises:
+        LogError: the run cannot be repeated.
+    """
+    figures, left = KeyFigures(branch.run.scenario), log.end - branch.start
+    period = branch.frame_steps * branch.run.step
+    duration = min(branch.duration, math.floor(left / period + 1e-6) * period)
+    with run_progress(console, branch.start, max(duration, period)) as show:
+        outcome = simulate(
+            branch.run,
+            branch.recorded,
+            duration=duration,
+            frame_steps=branch.frame_steps,
+            epoch_ns=log.epoch_ns,
+            figures=figures,
+            on_frame=show,
+        )
+    if lines := [*outcome.refused, *([outcome.fault] if outcome.fault else [])]:
+        raise LogError(f"the run cannot be repeated: {'; '.join(lines)}")
+    return figures.figures()
+
+
+def _compare(
+    logs: tuple[Log, Log],
+    figures: tuple[Sequence[KeyFigure], Sequence[KeyFigure]],
+    branch: Branch,
+    options: argparse.Namespace,
+    export: Export,
+    console: Console,
+) -> bool:
+    """Compare run and branch from the branching time on: print, plots, tables.
+
+    Args:
+        logs: of run and branch.
+        figures: key figures of both from the branching time on.
+        branch: the branch, at whose end the run is left, too.
+        options: of the command line.
+        export: tables to write.
+        console: for progress.
+
+    Returns:
+        Whether all files are written.
+    """
+    start, end = branch.start, branch.start + branch.duration
+    readings = [Reading(log, part=(start, end), figures=own) for log, own in zip(logs, figures, strict=True)]
     for reading in readings:
         reading.table = export.add(str(reading.log.source), reading.scenario.name)
     with console.status("comparing"):
-        comparisons = compare(*(reading.values() for reading in readings))
+        comparisons = compare(*(reading.values() for reading in readings), loops=readings[0].loops)
     for reading in readings:
         if reading.table is not None:
             reading.table.figures, reading.table.verdicts = reading.figures, reading.verdicts

@@ -282,6 +282,14 @@ def test_frames_of_different_rates_are_compared_where_both_have_one():
     assert found.only_in == ({"swing/cabin/x"}, set())
 
 
+def test_places_on_a_loop_are_compared_round_it():
+    """A chair that has passed the start of the loop in one run only is metres from itself, not the loop's length."""
+    first, second = (iter([(0.0, {"arc_length/chair_1": place})]) for place in (3.0, 1640.0))
+    (found,) = compare(first, second, loops={"arc_length/chair_1": 1650.0})
+    difference = found.differences["arc_length/chair_1"]
+    assert (difference.largest, difference.values) == (pytest.approx(13.0), (3.0, 1640.0))
+
+
 MEASURE = """
 import resource, sys
 from cable_twin.offline.review import main

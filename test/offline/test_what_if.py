@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from recorded_run import record
@@ -41,10 +43,11 @@ def branch(run, tmp_path, *options):
     "at", [0.0, pytest.param(1.25, marks=pytest.mark.long), 2.0, pytest.param(2.5, marks=pytest.mark.long)]
 )
 def test_a_branch_without_changes_has_the_bits_of_the_run(run, tmp_path, capsys, at):
-    code, log = branch(run, tmp_path, "--at", at)
+    code, log = branch(run, tmp_path, "--at", at, "--json", tmp_path / "both.json")
     assert code == 0
     assert "no sample differs: the branch has the bits of the run" in capsys.readouterr().out
-    a, b = ([*Reading(one, start=at).values()] for one in (read_log(run), log))
+    assert_same_figures(tmp_path / "both.json", read_log(run) if at == 0.0 else None)
+    a, b = ([*Reading(one, part=(at, END)).values()] for one in (read_log(run), log))
     assert len(a) == len(b) == round((END - at) / 0.01) + 1
     assert a[0][0] == pytest.approx(at)
     rows = zip((one for _, one in a), (one for _, one in b), strict=True)
@@ -53,6 +56,18 @@ def test_a_branch_without_changes_has_the_bits_of_the_run(run, tmp_path, capsys,
     assert len(exact) > 10 * len(a)
     assert np.array_equal(*exact.T, equal_nan=True)
     assert [one.command for one in log.commands] == [one.command for one in read_log(run).commands if one.time >= at]
+
+
+def assert_same_figures(table, whole):
+    """Key figures of both runs are the same in every digit, as are those that the whole run has recorded, if given."""
+    a, b = (one["key_figures"] for one in json.loads(table.read_text())["runs"])
+    assert a == b
+    if whole is not None:
+        reading = Reading(whole)
+        assert all(reading.values())
+        recorded = {str(one.id): one.value for one in reading.figures}
+        assert {one["id"]: one["value"] for one in a} == pytest.approx(recorded, rel=1e-12)
+        assert {"stopping_distance", "passenger_stopping_distance"} <= {one.id.quantity for one in reading.figures}
 
 
 def test_a_branch_has_the_other_commands_and_values(run, tmp_path, capsys):
@@ -74,7 +89,7 @@ def test_a_branch_has_the_other_commands_and_values(run, tmp_path, capsys):
 def test_a_softer_brake_stops_later(run, tmp_path):
     code, log = branch(run, tmp_path, "--at", 2, "--set", BRAKE)
     assert code == 0
-    ends = [[*Reading(one, start=2.0).values()][-1][1]["arc_length/cabin"] for one in (read_log(run), log)]
+    ends = [[*Reading(one, part=(2.0, END)).values()][-1][1]["arc_length/cabin"] for one in (read_log(run), log)]
     assert ends[1] > ends[0] + 0.1
 
 
