@@ -60,10 +60,12 @@ def counted(name, travel, tension):
         shape[part][:, 1] = scenario.cables[rope].lateral
         loop[part] = layout.arc_lengths[part] + (scenario.strands[rope].offset if rope in scenario.strands else 0.0)
     counter = LifeCounter(scenario, layout)
-    for place in travel:
+    driven = [name in {one.sheave for one in scenario.drives.values()} for name in layout.sheaves]
+    for number, place in enumerate(travel):
+        idle = place + (number % 2)  # swings by a metre, which is no travel of the rope
         columns = SimpleNamespace(
             support_force=np.full((len(layout.supports), 3), 1e3),
-            sheave_position=np.full(len(layout.sheaves), place),
+            sheave_position=np.where(driven, place, idle),
             rope_tension=tension(loop),
             rope_position=shape,
         )

@@ -208,7 +208,7 @@ class _Loop:
         self.names = names
         strands = [scenario.strands[name] for name in names]
         self.length = strands[0].loop_length
-        self.wheel = layout.sheaves.index(strands[0].before)
+        self.wheel = layout.sheaves.index(_counted_wheel(scenario, [one.before for one in strands]))
         self._order = np.concatenate([np.arange(layout.ropes[name].start, layout.ropes[name].stop) for name in names])
         parts = [one.offset + layout.arc_lengths[layout.ropes[name]] for name, one in zip(names, strands, strict=True)]
         self._places = np.concatenate(parts)
@@ -229,6 +229,12 @@ class _Loop:
         """Tension (n,) in N at places (n,) in m along the loop, interpolated from all rope samples."""
         found: FloatArray = np.interp(places, self._places, tension[self._order], period=self.length)
         return found
+
+
+def _counted_wheel(scenario: Scenario, wheels: Sequence[str]) -> str:
+    """Bullwheel of a loop by which its travel is counted: the driven one, as idle ones swing after a stop."""
+    driven = {one.sheave for one in scenario.drives.values()}
+    return next((name for name in wheels if name in driven), wheels[0])
 
 
 def loops_of(scenario: Scenario) -> list[list[str]]:
