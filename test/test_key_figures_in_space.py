@@ -67,6 +67,20 @@ def test_swing_across_with_its_limit_and_the_wind_at_that_time():
     assert (own.limit, own.source, own.kept) == (0.4, "scenario: limits.lateral_swing", True)
 
 
+@pytest.mark.parametrize(
+    ("wind", "text"),
+    [
+        ((0.0, 0.0, 30.15), "wind 30.1 m/s upwards"),
+        ((0.0, 0.0, -2.0), "wind 2.0 m/s downwards"),
+        ((0.0, 20.0, 2.0), "wind 20.1 m/s to 90 deg, 6 deg upwards"),
+        ((0.0, 20.0, 0.1), "wind 20.0 m/s to 90 deg"),
+    ],
+)
+def test_wind_that_rises_or_falls_says_so(wind, text):
+    swing = figures_of(spatial(), {"roll": 0.1}, {"roll": -0.25, "wind": wind})["cabin: swing across the track"]
+    assert swing.place == f"arc length 500.0 m, {text}"
+
+
 def test_lateral_force_of_a_tower_and_how_much_of_its_ratio_is_used():
     frames = (
         {"lateral": 3e4, "ratio": 0.2},

@@ -55,6 +55,7 @@ ASSUMED_RATIO = "assumed: flanks of 45 degrees with a friction of 0.3 hold up to
 IN_PLACE = "assumed: the rope stays on its towers"
 SIDES = ("onto it", "off it")  # of the strands that come to a bullwheel and leave it
 BEYOND = "above 1 the rope slips on the wheel; from 1 mm on, `slip of the rope` gives the distance"
+UPRIGHT = 90  # deg, of a wind straight up or down, which has no heading
 STILL = 1e-3  # m, of slip, below which there was none
 
 
@@ -473,12 +474,16 @@ def extreme(
 
 
 def wind_at(row: FloatArray) -> str:
-    """Wind at the time of an extreme, as text: speed and heading from the track to its left; empty without a value."""
+    """Wind at the time of an extreme, as text: speed, heading from the track to its left, rise; empty without a value."""
     x, y, z = row[WIND:].tolist()
     speed = hypot(x, y, z)
     if isnan(speed) or speed == 0.0:
         return "" if isnan(speed) else "no wind"
-    return f"wind {speed:.1f} m/s to {degrees(atan2(y, x)):.0f} deg"
+    rise = round(degrees(atan2(z, hypot(x, y))))
+    if abs(rise) == UPRIGHT:
+        return f"wind {speed:.1f} m/s {'upwards' if rise > 0 else 'downwards'}"
+    level = f"wind {speed:.1f} m/s to {degrees(atan2(y, x)):.0f} deg"
+    return f"{level}, {abs(rise)} deg {'upwards' if rise > 0 else 'downwards'}" if rise else level
 
 
 def worst_of(extremes: FloatArray, rows: Sequence[int], statistic: str) -> int:
