@@ -100,6 +100,35 @@ def followed(under_way, changed):
     return follower, alarms
 
 
+def test_a_lift_that_is_found_farther_on_has_its_payloads_but_of_chairs_that_passed_a_station(for_a_while):
+    """Twin that lost its plant for 20 s: the rope went on by 50 m; a plant that was put back has other people."""
+    follower, _ = followed(for_a_while, lambda one: one)
+    before, strands = deviations(follower), strands_of(follower)
+    at = GONE + SPEED * WHILE
+    follower.begin_at(WHILE + 20.0, {"haul_rope": (at + 50.0, SPEED)})
+    after, now = deviations(follower), strands_of(follower)
+    seen = {name for name in before if before[name] < 0.5 * max(before.values())}
+    assert len(seen) > 3
+    stayed = {name for name in before if strands[name] == now[name]}
+    assert 0 < len(before) - len(stayed) < 4
+    assert {name: after[name] for name in stayed} == pytest.approx({name: before[name] for name in stayed})
+    doubt = max(before.values())
+    assert all(after[name] > 0.3 * doubt for name in set(before) - stayed)
+    follower.begin_at(WHILE + 21.0, {"haul_rope": (0.0, 0.0)})
+    assert min(deviations(follower).values()) > 0.3 * doubt
+
+
+def deviations(follower):
+    """Standard deviation (kg) of the payload of each carrier."""
+    return {name: one.deviation for name, one in follower._slow(follower._belief).items() if name.endswith("/payload")}
+
+
+def strands_of(follower):
+    """Strand of each carrier, by name of its payload."""
+    columns, layout = follower._twin.snapshot.columns, follower._twin.layout
+    return {f"{name}/payload": columns.vehicle_rope[row] for name, row in layout.vehicle_rows.items()}
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [

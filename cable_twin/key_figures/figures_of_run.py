@@ -474,7 +474,7 @@ def extreme(
 
 
 def wind_at(row: FloatArray) -> str:
-    """Wind at the time of an extreme, as text: speed, heading from the track to its left, rise; empty without a value."""
+    """Wind at the time of an extreme, as text: speed, heading from the track to its left, rise; empty if not known."""
     x, y, z = row[WIND:].tolist()
     speed = hypot(x, y, z)
     if isnan(speed) or speed == 0.0:

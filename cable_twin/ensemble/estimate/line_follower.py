@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy  # loads `special` where it is used
+from numpy.typing import NDArray
 
 from cable_twin.ensemble.estimate.alarms import Departures, Expected
 from cable_twin.ensemble.estimate.beginning import Motion, values_at, with_offsets
@@ -27,7 +28,7 @@ from cable_twin.frame.records import AppliedCommand
 from cable_twin.frame.sensors import Measurement
 from cable_twin.frame.snapshot import Snapshot
 from cable_twin.mechanics.parameters import FloatArray
-from cable_twin.scenario import Scenario, load_scenario
+from cable_twin.scenario import Scenario, command_limits, load_scenario
 from cable_twin.simulation import Simulation
 
 WINDOW, ENDS = 1.0, 2  # s, of which the mean of each sensor is taken
@@ -44,6 +45,7 @@ REMEMBERED, SUDDEN = 15.0, 9.0  # windows over which fast errors are averaged, a
 NEAR = 6.0  # m along the track from a tower, where a carrier is on its sheaves: its load is left out
 STARTING = 0.05  # m/s^2, of the drive, from which on it is left out: what it moves is not known so well
 SURE = 1e-7  # as that of `follower`
+REACH = 2.0  # m, by which the twin may be from its plant while it follows, and still be where it is
 PLAN = 0.05  # of the capacity, by which a payload may differ from the plan without an alarm
 HIDDEN = 0.012  # of the load at rest: error of the model in the force of a tower
 
@@ -67,6 +69,16 @@ class _Common(NamedTuple):
     deviation: float  # standard deviation, at first
     tolerance: float  # without an alarm
     unit: str
+
+
+class _Followed(NamedTuple):
+    """What was known when a twin was last where its plant was, and where its carriers were then."""
+
+    time: float  # s
+    places: FloatArray  # (carriers,) m along the loop
+    strands: FloatArray  # (carriers,) indices, NaN for carriers on none
+    plan: FloatArray  # (carriers,) kg
+    learned: Any
 
 
 class FastErrors:
@@ -150,6 +162,7 @@ class LineFollower:
         self._of_forces = [  # whose values tell payloads, friction and ice
             name for name in self.readings if self._kinds[name] == "drive_force" or self._of[name] in layout.towers
         ]
+        self._encoders = {name for name, kind in self._kinds.items() if kind == "encoder"}
         self._zero = 0.0
         self.doubts = Doubts(self.readings)
         self.carriers = layout.carriers
@@ -185,6 +198,8 @@ class LineFollower:
         self._since, self._speed = 0.0, (0.0, 0.0)
         self._departures = Departures()
         self._alarms: list[Alarm] = []  # of this window
+        self._fastest = max(one.speed for one in command_limits(scenario).values())  # m/s
+        self._followed: _Followed | None = None  # as of the last window in which the twin was where the plant was
 
     @property
     def left_out(self) -> dict[str, Alarm]:
@@ -200,6 +215,7 @@ class LineFollower:
     @learned.setter
     def learned(self, learned: Any) -> None:
         (self._belief, self._biases, self._departures), self.doubts.known = learned
+        self._followed = None
 
     @property
     def time(self) -> float:
@@ -207,7 +223,9 @@ class LineFollower:
         return self._zero + self._twin.time
 
     def begin_at(self, time: float, motion: Motion) -> None:
-        """Restart at a time (s) from rest or steady motion; friction and errors of sensors are kept, payloads are not.
+        """Restart at a time (s) from rest or steady motion; friction, errors of sensors and payloads on board are kept.
+
+        Payloads are kept of carriers that can have passed no station since they were last followed.
 
         Args:
             time: s, from which the twin goes on.
@@ -219,10 +237,45 @@ class LineFollower:
         values, offsets = values_at(self._scenario, motion)
         self._twin = Simulation(load_scenario(self._scenario.resolved(), values), samples=ENDS)
         self.readings |= with_offsets(self.readings, self._scenario, offsets)
-        self._plan = self._twin.snapshot.columns.payload[self._rows].copy()
-        self._forget(range(len(self.carriers)))
+        snapshot = self._twin.snapshot
+        aboard = self._aboard(time, snapshot)
+        if aboard.any() and self._followed is not None:
+            self.learned = self._followed.learned
+        self._plan = snapshot.columns.payload[self._rows].copy()
+        self._forget(np.flatnonzero(~aboard).tolist())
         self._zero, self._since, self._sums, self._speed = time, time, {}, (0.0, 0.0)
         self.doubts.forget()
+
+    def _aboard(self, time: float, snapshot: Snapshot) -> NDArray[np.bool_]:
+        """Mask (carriers,) of those on the strand on which they were last followed, if they can have come from there.
+
+        A plant that is farther away than its drive can have taken the rope since then was started anew.
+        """
+        followed, none = self._followed, np.zeros(len(self.carriers), np.bool_)
+        if followed is None:
+            return none
+        loop, reach = self._scenario.loop_length, self._fastest * (time - followed.time) + REACH
+        moved = self._places(snapshot) - followed.places
+        moved -= loop * np.round(moved / loop)
+        if reach > 0.5 * loop or np.abs(np.nanmedian(moved)) > reach:
+            return none
+        planned = snapshot.columns.payload[self._rows] == followed.plan
+        return np.asarray((self._strands(snapshot) == followed.strands) & planned)
+
+    def _places(self, snapshot: Snapshot) -> FloatArray:
+        """Places (carriers,) in m of carriers along the loop."""
+        return snapshot.layout.on_loop(snapshot.columns)[self._rows]
+
+    def _strands(self, snapshot: Snapshot) -> FloatArray:
+        """Indices (carriers,) of the strands on which carriers are; NaN for carriers on none."""
+        on = snapshot.columns.attached[self._rows] == 1.0
+        return np.where(on, snapshot.columns.vehicle_rope[self._rows], np.nan)
+
+    def _note_followed(self, time: float, snapshot: Snapshot, measurements: Sequence[Measurement]) -> None:
+        """Keep what is known at a time (s), unless an encoder says that the plant is elsewhere."""
+        places = [(one.values[0], self.place_of(one.sensor)) for one in measurements if one.sensor in self._encoders]
+        if places and all(abs(measured - own) < REACH for measured, own in places):
+            self._followed = _Followed(time, self._places(snapshot), self._strands(snapshot), self._plan, self.learned)
 
     def place_of(self, sensor: str) -> float:
         """Present reading (m) of an encoder in the twin."""
@@ -257,7 +310,9 @@ class LineFollower:
             self._alarms += alarms
             return None
         alarms, self._alarms = [*self._alarms, *alarms], []
-        return self._correct(time, snapshot, alarms)
+        correction = self._correct(time, snapshot, alarms)
+        self._note_followed(time, snapshot, measurements)
+        return correction
 
     def _advance(self, time: float) -> Snapshot:
         return self._twin.advance_to(max(time - self._zero, self._twin.time))
