@@ -31,6 +31,21 @@ def test_others_are_not(changes):
         Simulation(load_scenario("single_span", changes))
 
 
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("single_span", {"cable.elements": 100, "carriages.cabin.drive.limits.speed": 450.0}),
+        ("jig_back", {"solver.step": 0.05}),  # several ropes, in space
+        ("chairlift", {"solver.step": 0.25, "space": 2}),
+    ],
+)
+def test_fewer_than_five_steps_in_an_element_of_a_joint_with_a_node_of_its_own_are_warned_of(name, changes):
+    with pytest.warns(
+        UserWarning, match=r"solver\.step of 0\.\d+ s: a vehicle at its highest .* in [1-4]\.\d steps; below 5 "
+    ):
+        Simulation(load_scenario(name, changes))
+
+
 def test_limits():
     shortest, longest = growing_steps(0.7, 1.0, 10.0, 100.0)
     assert shortest == pytest.approx(6.37e-3, rel=1e-3)

@@ -20,6 +20,7 @@ from cable_twin.scenario import Scenario
 ROUNDING = 1e-9  # strain of compression by rounding alone
 SHARE = 0.1  # of the tension, which curved elements may add to it: the shape is off by about a tenth of the sag then
 E_FOLDS = 5.6  # by which the error of a joint has to die out on an element, measured
+STEPS = 5.0  # in an element that a joint with a node of its own passes, below which its force is wrong, measured
 REACH = 0.45  # ln(1/ρ) times the elements that a wave crosses in a step, from which on nothing grows, measured
 
 
@@ -88,11 +89,22 @@ def highest_speed(vehicles: Scenario, drives: Scenario) -> float:
 
 
 def warn_of_crossing(vehicles: Scenario, drives: Scenario, system: System, rope: CableSamples) -> None:
-    """Warn of a step size with which joint forces may grow on the shortest elements, at the least tension of `rope`."""
-    if vehicles.joint == "node":  # whose joint goes along with the vehicle
-        return
+    """Warn of a step size with which joint forces are wrong or may grow on the shortest elements of a rope.
+
+    A joint that is a node of its own needs `STEPS` in each element that it passes; of one within an element the force
+    may grow, at the least tension of `rope`.
+    """
     step, radius = system.solver.step, system.solver.spectral_radius
     speed, length = highest_speed(vehicles, drives), float(system.cable.element_length.min())
+    if vehicles.joint == "node":
+        if speed * step * STEPS > length:
+            warnings.warn(
+                f"solver.step of {step:g} s: a vehicle at its highest speed, {speed:g} m/s, passes elements of "
+                f"{with_unit(length, 'm', 3)} in {length / (speed * step):.1f} steps; below {STEPS:g} its forces are "
+                f"wrong; a step up to {length / (speed * STEPS):.2g} s, or longer elements, prevent that",
+                stacklevel=3,
+            )
+        return
     wave = sqrt(max(float(rope.tensions.min()), 0.0) / system.cable.mass_per_length)
     shortest, longest = growing_steps(radius, length, speed, wave)
     if shortest < step < longest:
