@@ -143,7 +143,7 @@ def test_the_highest_tension_of_a_counterweight_in_the_upper_station():
     model = line_model(before)
     found = design_tension(model, 3.5)
     mass = found.changes["cable.end.mass"].value
-    assert mass * 9.81 == pytest.approx(model.pull_per_tension * 4.95e6 / 3.5, rel=1e-3)
+    assert mass * 9.81 == pytest.approx(model.pull(4.95e6 / 3.5), rel=1e-3)
     after = load_scenario(before.resolved(), {key: one.value for key, one in found.changes.items()})
     assert least_factor(after) == pytest.approx(3.5, rel=5e-3)
 
@@ -171,7 +171,7 @@ def test_a_pinned_rope_gets_the_length_of_its_tension(name, tension):
 def test_a_light_counterweight_is_as_heavy_as_its_tension_asks_for():
     """Formerly in tens of kilograms: 360 kg for 355 kg."""
     model = replace(line_model(load_scenario("aerial_tramway")), weights=(0.1, 0.1, 0.1), cabin=100.0)
-    found = for_tension(model, 355.0 * 9.81 / model.pull_per_tension, "given")
+    found = for_tension(model, model.tension_of(355.0 * 9.81), "given")
     assert found.changes["cable.start.mass"].value == pytest.approx(355.0, rel=5e-4)
 
 

@@ -22,6 +22,7 @@ LARGEST = 3.0  # times the diameter of the rope, up to which a stronger one is l
 SLACKEST, TAUTEST = 0.02, 0.95  # of the breaking force, tension between which that of a sag is looked for
 STRONGEST = 0.01  # of EA, strength of a rope whose breaking force is not known
 SAME = 1e-3  # relative change of a tension that is none
+ALONG = np.radians(5.0)  # from the rope, up to which a counterweight is taken to pull along it
 SURE = 0.02  # m and kN, by which conditions are kept, as heights are rounded to centimetres
 
 
@@ -93,9 +94,9 @@ def for_tension(model: LineModel, tension: float, why: str) -> Designed:
     """Design counterweight and unstrained lengths for a tension (N) at the tensioned end, with its reason `why`."""
     scenario, changes, lines = model.scenario, {}, []
     if model.mass_keys:
-        mass = model.pull_per_tension * tension / scenario.gravity
+        mass = model.pull(tension) / scenario.gravity
         mass = _rounded_within(mass, SAME * mass, -1)
-        tension = mass * scenario.gravity / model.pull_per_tension
+        tension = model.tension_of(mass * scenario.gravity)
         if abs(tension / model.tension() - 1.0) > SAME:
             decided = Change(mass, f"kg, design: {with_unit(tension, 'N')} in the rope: {why}")
             changes.update(dict.fromkeys(model.mass_keys, decided))
@@ -334,5 +335,31 @@ def _heights(
         lines.append(f"towers.{name}.position: z = {height:g} m, {why}")
     if not changes:
         return Designed({}, ["towers: all conditions are kept as they are"])
-    found = for_tension(model.with_heights(before + moved), tension, "as before")
+    after = model.with_heights(before + moved)
+    if moved[0] != 0.0 and model.mass_keys:
+        after, turned = _turned(model, after, tension)
+        changes |= turned.changes
+        lines += turned.lines
+    found = for_tension(after, tension, "as before")
     return Designed(changes | found.changes, lines + found.lines)
+
+
+def _turned(before: LineModel, after: LineModel, tension: float) -> tuple[LineModel, Designed]:
+    """Line with other heights of towers, whose counterweight pulls along the rope if it did before, and the changes.
+
+    A counterweight that did not, as of a wheel on level rails, keeps its direction.
+
+    Args:
+        before: the line as it was.
+        after: with other heights.
+        tension: N, at the tensioned end.
+    """
+    keys = ", ".join(before.directions())
+    if not before.follows(tension, ALONG):
+        return after, Designed({}, [f"{keys}: stays, as it was not along the rope before"])
+    after = after.along_rope(tension)
+    found = after.directions()
+    why = f"along the rope to {after.towers.names[0]}"
+    values = ", ".join(f"{one:g}" for one in next(iter(found.values())))
+    changes = {key: Change(value, f"-, design: {why}") for key, value in found.items()}
+    return after, Designed(changes, [f"{keys}: [{values}], {why}"])

@@ -19,6 +19,7 @@ from cable_twin.scenario import Scenario
 from cable_twin.scenario.spans import SpanError, Spans, spans_under_tension
 
 PER_SPAN = 21  # points of a span at which clearance is taken
+LIKE = 1e-9  # relative change of a tension that ends the search for that of a counterweight
 MIDDLE, ENDS = (0.5,), (0.02, 0.98)  # shares of a span, places of the cabin at which the tension is taken
 STATION = 40.0  # m from both ends, within which vehicles may come down to the ground; assumed
 
@@ -42,7 +43,7 @@ class LineModel:
         terrain: (points, 2) m, in the axes of `corner`; empty without terrain.
         rope_keys: keys of the ropes in the file, such as ropes.up; for a jig-back of all equal track ropes.
         mass_keys: keys of the counterweights, one for each track rope, or one for both strands; empty without any.
-        pull_per_tension: -, force of the counterweight over the tension at its end.
+        outwards: (2,) -, unit vector in the axes of `corner`, in which the counterweight pulls; zeros without any.
         free_stretch: -, length without tension, at the temperature of the scenario, over the unstrained length.
         forward: whether the first rope of the file starts at the tensioned end.
         hauled: whether a haul rope holds the cabin along its track rope, which otherwise does so itself.
@@ -60,7 +61,7 @@ class LineModel:
     terrain: FloatArray
     rope_keys: tuple[str, ...]
     mass_keys: tuple[str, ...]
-    pull_per_tension: float
+    outwards: FloatArray
     free_stretch: float
     forward: bool
     hauled: bool = True
@@ -119,10 +120,29 @@ class LineModel:
             hauled=self.hauled,
         )
 
+    def ways(self, tension: float) -> FloatArray:
+        """Unit vectors (strands, 2) into the line along the rope at its tensioned end, for a tension (N) there.
+
+        Of a lift that of the strand with full vehicles and of that with empty ones, of a track rope that of the bare
+        rope; of a rope that this tension does not carry, that of the chord of the first span.
+        """
+        chord = self.corner[1] - self.corner[0]
+        pulls = []
+        for which in (2,) if self.cabin else (0, 1):
+            try:
+                pulls.append(self.spans(tension, which).pull[0])
+            except SpanError:
+                pulls.append(chord)
+        return np.array([pull / np.hypot(*pull) for pull in pulls])
+
+    def pull(self, tension: float) -> float:
+        """Force (N) of the counterweight, with all its strands, for a tension (N) of the rope at its tensioned end."""
+        return tension * abs(float((self.ways(tension) @ self.outwards).sum()))
+
     def tension(self) -> float:
         """Tension (N) of the rope at the tensioned end, by the counterweight, or by the length between pinned ends."""
         if self.mass_keys:
-            return pull_of(self.scenario, self.mass_keys[0]) / self.pull_per_tension
+            return self.tension_of(pull_of(self.scenario, self.mass_keys[0]))
         length = self.scenario.of_rope(next(iter(self.scenario.cables))).cable.unstrained_length
 
         def miss(tension: float) -> float:
@@ -138,6 +158,15 @@ class LineModel:
                 return float(scipy.optimize.brentq(miss, before, tension, rtol=1e-9))
             before = float(tension)
         raise DesignError(f"unstrained_length: given {length:g} m; allowed: one with which the rope is taut")
+
+    def tension_of(self, force: float) -> float:
+        """Tension (N) of the rope at its tensioned end for a force (N) of the counterweight, the inverse of `pull`."""
+        tension, before = force, 0.0
+        for _ in range(30):  # the direction of the rope hardly depends on its tension
+            if abs(tension - before) <= LIKE * tension:
+                break
+            tension, before = tension * force / self.pull(tension), tension
+        return tension
 
     def highest_tension(self, tension: float) -> float:
         """Highest tension (N) of the rope with full vehicles, for a tension (N) at the tensioned end.
@@ -209,6 +238,35 @@ class LineModel:
         corner[1:-1, 1] = heights
         return replace(self, corner=corner)
 
+    def follows(self, tension: float, within: float) -> bool:
+        """Whether the counterweight pulls along the rope, or the chord of its first span, but for an angle.
+
+        Args:
+            tension: N, at the tensioned end.
+            within: rad.
+        """
+        ways = [self.ways(tension).sum(axis=0), self.corner[1] - self.corner[0]]
+        return any(abs(float(way @ self.outwards)) > np.cos(within) * np.hypot(*way) for way in ways)
+
+    def along_rope(self, tension: float) -> LineModel:
+        """Copy of the line whose counterweight pulls along its rope, in the mean direction of both strands of a lift.
+
+        Args:
+            tension: N, at the tensioned end.
+        """
+        way = self.ways(tension).sum(axis=0)
+        return replace(self, outwards=np.round(-way / np.hypot(*way), 3))
+
+    def directions(self) -> dict[str, list[float]]:
+        """Directions (2 or 3,) of the counterweights by dotted key, in the axes of the scenario."""
+        found = {}
+        for key in self.mass_keys:
+            given = counterweight_of(self.scenario, key).direction
+            x, z = self.outwards.tolist()
+            sense = -1.0 if given[0] * x < 0.0 else 1.0
+            found[f"{key.removesuffix('mass')}direction"] = [sense * x, *given[1:-1], z]
+        return found
+
     def with_rope(self, rope: dict[str, float]) -> LineModel:
         """Copy of the line with another rope, given by its properties by key."""
         gravity = self.scenario.gravity
@@ -219,10 +277,16 @@ class LineModel:
 
 def pull_of(scenario: Scenario, mass_key: str) -> float:
     """Force (N) of a counterweight of a scenario, by the dotted key of its mass."""
+    found = counterweight_of(scenario, mass_key)
+    return float(found.force if found.force is not None else found.mass * scenario.gravity)
+
+
+def counterweight_of(scenario: Scenario, mass_key: str) -> Any:
+    """Section of a scenario with a counterweight, by the dotted key of its mass."""
     found: Any = scenario
     for part in mass_key.split(".")[:-1]:
         found = found[part] if isinstance(found, dict) else getattr(found, part)
-    return float(found.force if found.force is not None else found.mass * scenario.gravity)
+    return found
 
 
 KNOWN = "both strands of a lift in a plane, one track rope with a cabin, or equal track ropes with a cabin each"
@@ -269,9 +333,7 @@ def _lift(scenario: Scenario) -> LineModel:
     rope = figures_of(alone.cable)
     own = rope["mass_per_length"] + alone.cable.ice
     weights = tuple(scenario.gravity * (own + load) for load in (empty + capacity, empty, 0.0))
-    direction = np.array(scenario.sheaves[tensioned[0]].counterweight.direction)  # type: ignore[union-attr]
-    span = corner[1] - corner[0]
-    along = abs(float(direction @ span)) / float(np.hypot(*direction) * np.hypot(*span))
+    outwards = _outwards(scenario.sheaves[tensioned[0]].counterweight.direction, corner)  # type: ignore[union-attr]
     plain = [name.removesuffix(f"_{first}") for name in names]
     corner, terrain = _from_tensioned_end(corner, scenario)
     return LineModel(
@@ -292,7 +354,7 @@ def _lift(scenario: Scenario) -> LineModel:
         terrain,
         tuple(f"ropes.{name}" for name in scenario.ropes),
         (f"sheaves.{tensioned[0]}.counterweight.mass",),
-        2.0 * along,
+        outwards,
         alone.cable.free_stretch(scenario.air.temperature),
         strand.after != tensioned[0],
     )
@@ -318,10 +380,7 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
         sum(body.mass for body in one.bodies.values()) + (one.payload.capacity if one.payload is not None else 0.0)
         for one in scenario.carriages.values()
     ]
-    along = 1.0
-    if weighted:
-        direction, span = np.array(cable.ends[weighted[0]].direction)[[0, -1]], corner[1] - corner[0]
-        along = abs(float(direction @ span)) / float(np.hypot(*direction) * np.hypot(*span))
+    outwards = _outwards(cable.ends[weighted[0]].direction, corner) if weighted else np.zeros(2)
     supports = _supports(scenario, first, names) if len(tracks) > 1 else ()
     plain = [name.removesuffix("_1") for name in names] if supports else names
     depth = max(_depth(list(one.bodies.values())) for one in scenario.carriages.values())
@@ -337,7 +396,7 @@ def _track(scenario: Scenario, tracks: Sequence[str]) -> LineModel:
         terrain,
         keys,
         tuple(f"{key}.{weighted[0]}.mass" for key in keys) if weighted else (),
-        along,
+        outwards,
         cable.free_stretch(scenario.air.temperature),
         weighted != ["end"],
         all(one.drive.haul_rope is not None or one.clamped_to for one in scenario.carriages.values()),
@@ -375,9 +434,20 @@ def _supports(scenario: Scenario, first: Scenario, names: Sequence[str]) -> tupl
     )
 
 
+def _outwards(direction: Sequence[float], corner: FloatArray) -> FloatArray:
+    """Unit vector (2,) of the direction (2 or 3,) of a counterweight, x rising from the tensioned end into the line."""
+    found = np.array([direction[0], direction[-1]]) * [_sense(corner), 1.0]
+    return np.asarray(found / np.hypot(*found))
+
+
+def _sense(corner: FloatArray) -> float:
+    """Sense of a line: 1 where x rises from the first support, else -1."""
+    return 1.0 if corner[-1, 0] > corner[0, 0] else -1.0
+
+
 def _from_tensioned_end(corner: FloatArray, scenario: Scenario) -> tuple[FloatArray, FloatArray]:
     """Convert supports and terrain to distances (m) from the first support, terrain in rising distance."""
-    sense = 1.0 if corner[-1, 0] > corner[0, 0] else -1.0
+    sense = _sense(corner)
     terrain = terrain_along(np.array(scenario.terrain, dtype=np.float64).reshape(-1, 2), corner[0, 0], sense)
     return np.column_stack([sense * (corner[:, 0] - corner[0, 0]), corner[:, 1]]), terrain
 
