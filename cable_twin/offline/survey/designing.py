@@ -53,8 +53,8 @@ def design_tension(model: LineModel, factor: float | None = None) -> Designed:
     factor = factor or model.factor * MARGIN
     strength = model.strength
     if not model.cabin:
-        tension, why = choose_tension(model.corner, model.rope, model.weights, model.towers, factor)
-        return for_tension(model, tension, why)
+        chosen = choose_tension(model.corner, model.rope, model.weights, model.towers, factor)
+        return for_tension(model, chosen.tension, chosen.why)
 
     tension = most = strength / factor
     try:

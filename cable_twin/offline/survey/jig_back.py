@@ -167,7 +167,7 @@ def _choose_tension(
     helps = f", or a haul rope of {ceil(1e3 * thicker)} mm" if thicker <= THICKEST * rope["diameter"] else ""
     return (
         tension,
-        f"given {tension / 1e3:.0f} kN a strand, the most with a safety factor of {HAUL_FACTOR:g}: the haul rope comes "
+        f"{tension / 1e3:.0f} kN a strand, the most with a safety factor of {HAUL_FACTOR:g}: the haul rope comes "
         f"to {height:.2f} m over the ground at x = {x:.0f} m; allowed: at least {ground.clearance:g} m, by a tower "
         f"there{helps}",
         True,

@@ -140,16 +140,8 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
     names = [tower.name for tower in survey.towers][:: 1 if upwards else -1]
     heavy = GRAVITY * (kind.empty + kind.capacity), GRAVITY * kind.empty
     towers = Assemblies(names, holds, sheaves, rough / count, *heavy)
-    mass_key = "sheaves.return.counterweight.mass"
     try:
-        tension, why = choose_tension(corner, rope, weights, towers)
-        mass = derived(round(2.0 * tension / GRAVITY, -2), f"kg, both strands: {why}")
-        if mass_key in changes:
-            mass = derived(given_number(changes, mass_key, 0.0), "given")
-        strands = [
-            spans_under_tension(corner, 0.5 * mass.value * GRAVITY, weight, rope["axial_stiffness"])
-            for weight in weights[:2]
-        ]
+        mass, ways, strands = _tensioned(corner, rope, weights, towers, changes)
     except SpanError as error:
         raise SurveyError(f"{kind.what}: {error}") from None
     length = derived(
@@ -157,7 +149,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
         "closed form: the counterweight is then near the middle of its travel, full up and empty down",
     )
     travel = round(max(4.0, 0.004 * length.value), 1)
-    first = (corner[1] - corner[0]) / np.hypot(*(corner[1] - corner[0])) * [1.0 if upwards else -1.0, 1.0]
+    outwards = -ways / np.hypot(*ways) * [1.0 if upwards else -1.0, 1.0]
     per_hour = round(3600.0 * count * speed / rough * kind.capacity / 75.0, -1)
     tree: dict[str, Any] = {
         "description": f"{kind.what} from a survey: {rough / 2:.0f} m, {len(survey.towers)} towers, {count} "
@@ -167,7 +159,7 @@ def lift_scenario(survey: Survey, ends: Ends, kind: LiftKind, changes: Mapping[s
             name: _rope(kind, rope, length, 1.0 if name == "up" else -1.0, ends, upwards == (name == "up"))
             for name in ("up", "down")
         },
-        "sheaves": _sheaves(kind, speed, mass, [round(float(one), 3) for one in -first], travel),
+        "sheaves": _sheaves(kind, speed, mass, [round(float(one), 3) for one in outwards], travel),
         "towers": _towers(survey, kind, corner, strands, upwards),
         "terrain": survey.terrain.tolist(),
         "air": {"density": assumed(1.1, "kg/m^3, at 1000 m of altitude (standard atmosphere)")},
@@ -242,14 +234,30 @@ class Assemblies(NamedTuple):
         return most, least
 
 
+class Chosen(NamedTuple):
+    """Tension chosen for the rope of a lift.
+
+    Attributes:
+        tension: N, at the lower end.
+        why: deciding condition, or what no tension keeps, and by how much this one misses it.
+        misses: name of the tower that misses most; empty if all conditions are kept.
+    """
+
+    tension: float
+    why: str
+    misses: str
+
+
 def choose_tension(
     corner: FloatArray,
     rope: Mapping[str, float],
     weights: Sequence[float],
     towers: Assemblies,
     factor: float = FACTOR * MARGIN,
-) -> tuple[float, str]:
+) -> Chosen:
     """Choose the highest tension of a lift's rope that keeps its safety factor and the minimum loads on all towers.
+
+    If none keeps all, it is the highest of those that hold the rope on most towers, of them with least loads on most.
 
     Args:
         corner: (spans + 1, 2) m, supports from the lower end on.
@@ -258,34 +266,53 @@ def choose_tension(
         towers: sheave assemblies.
         factor: safety factor of the rope.
 
-    Returns:
-        Tension (N) at the lower end, and the deciding condition; if no tension keeps all, the one that misses least.
-
     Raises:
         SpanError: the rope is too weak.
     """
     most = tension_for(corner, rope, weights[0], factor)
-    best: tuple[float, Margin] | None = None
     by_strength = f"safety factor {factor:.3g} of {rope['breaking_force'] / 1e3:.0f} kN, full up"
+    if not towers.names:
+        return Chosen(most, by_strength, "")
+    tried: list[tuple[float, FloatArray, FloatArray]] = []
     for share in np.linspace(1.0, LEAST_SHARE, TRIED):
         try:
-            margin = tower_margin(corner, share * most, rope["axial_stiffness"], weights, towers)
+            touches, presses = tower_margins(corner, share * most, rope["axial_stiffness"], weights, towers)
         except SpanError:
             break
-        if best is None or margin > best[1]:
-            best = float(share * most), margin
-        if margin.touches >= 0.0 and margin.presses >= 0.0:
+        tried.append((float(share * most), touches, presses))
+        if touches.min() >= 0.0 and presses.min() >= 0.0:
             break
-    if best is None or best[0] == most:
-        return most, by_strength
-    touches, presses, name = best[1]
-    why = "with more it would not be kept"
-    if touches < 0.0:
-        why = f"no tension keeps the rope on it, this misses by {-touches:.0f} N"
-    elif presses < 0.0:
-        least = with_unit(LEAST_LOAD, "N")
-        why = f"no tension keeps {least} on each sheave, this misses by {-presses:.0f} N on the tower"
-    return best[0], f"least load of {name}: {why}"
+    if not tried:
+        return Chosen(most, by_strength, "")
+    best = max(range(len(tried)), key=lambda row: (*_kept(*tried[row][1:]), tried[row][0]))
+    tension, touches, presses = tried[best]
+    if touches.min() >= 0.0 and presses.min() >= 0.0:
+        if tension == most:
+            return Chosen(most, by_strength, "")
+        _, *loads = tried[best - 1]  # with a little more
+        name = towers.names[int((loads[0] if loads[0].min() < 0.0 else loads[1]).argmin())]
+        return Chosen(tension, f"least load of {name}: with more it would not be kept", "")
+    return _least_missed(tried, best, towers.names)
+
+
+def _kept(touches: FloatArray, presses: FloatArray) -> tuple[int, int, int]:
+    """Numbers of towers with the rope on them at all, with its least load, and with the least load of their sheaves."""
+    on = touches >= 0.0
+    return int((touches >= -LEAST_BARE).sum()), int(on.sum()), int((on & (presses >= 0.0)).sum())
+
+
+def _least_missed(tried: Sequence[tuple[float, FloatArray, FloatArray]], best: int, names: Sequence[str]) -> Chosen:
+    """Tension in row `best` of tensions (N) with loads of towers as of `tower_margins`, none of which keeps all."""
+    tension, touches, presses = tried[best]
+    off = touches.min() < 0.0
+    row = 1 if off else 2
+    loads = tried[best][row]
+    worst, kept = int(loads.argmin()), _kept(touches, presses)[row]
+    never = max(one[row][worst] for one in tried) < 0.0
+    what = "the rope on" if off else f"{with_unit(LEAST_LOAD, 'N')} on each sheave of"
+    missed = f"{-loads[worst]:.0f} N" if never else f"{-loads[worst]:.0f} N on {names[worst]}"
+    none = f"no tension keeps {what} {names[worst] if never else 'all towers'}, this misses by {missed}"
+    return Chosen(tension, f"{none} and is the highest that keeps {kept} of {len(names)} towers", names[worst])
 
 
 @lru_cache(maxsize=4096)
@@ -352,6 +379,43 @@ def tower_margins(
     return touches, presses
 
 
+def _tensioned(
+    corner: FloatArray,
+    rope: Mapping[str, float],
+    weights: Sequence[float],
+    towers: Assemblies,
+    changes: Mapping[str, Any],
+) -> tuple[Marked, FloatArray, list[Spans]]:
+    """Counterweight (kg) of a lift, sum (2,) of the unit vectors of both strands from its sheave, and their spans.
+
+    Args: as of `choose_tension`, and given values by dotted key.
+
+    Raises:
+        SurveyError: the given mass is no number above 0; one line.
+        SpanError: the rope is too weak, or does not reach.
+    """
+    key = "sheaves.return.counterweight.mass"
+    chosen = choose_tension(corner, rope, weights, towers)
+    given = given_number(changes, key, 0.0) if key in changes else None
+    tension = chosen.tension if given is None else 0.5 * GRAVITY * given
+
+    def strands() -> tuple[list[Spans], FloatArray]:
+        found = [spans_under_tension(corner, tension, weight, rope["axial_stiffness"]) for weight in weights[:2]]
+        return found, np.sum([one.pull[0] / np.hypot(*one.pull[0]) for one in found], axis=0)
+
+    _, ways = strands()
+    mass = round(float(np.hypot(*ways)) * tension / GRAVITY, -2) if given is None else given
+    tension = mass * GRAVITY / float(np.hypot(*ways))
+    found, ways = strands()
+    if given is not None:
+        return derived(mass, "given"), ways, found
+    if not chosen.misses:
+        return derived(mass, f"kg, both strands: {chosen.why}"), ways, found
+    helps = f"{chosen.misses} at another height (design --for towers), or another tension (--set {key}=KG)"
+    why = f"kg, both strands, {with_unit(tension, 'N')} in the rope: {chosen.why}; allowed: {helps}"
+    return Marked(mass, why, assumed=False, misses=True), ways, found
+
+
 def _rope(
     kind: LiftKind, rope: Mapping[str, float], length: Marked, side: float, ends: Ends, forward: bool
 ) -> dict[str, Any]:
@@ -394,7 +458,7 @@ def _sheaves(kind: LiftKind, speed: float, mass: Marked, direction: list[float],
             "friction": lining,
             "inertia": assumed(kind.inertia[1], "kg m^2"),
             "counterweight": {
-                "direction": derived(direction, "along the first span"),
+                "direction": derived(direction, "along the rope, in the mean of both strands"),
                 "mass": mass,
                 "travel": assumed([-travel, travel], "m"),
             },

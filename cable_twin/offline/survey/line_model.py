@@ -255,14 +255,14 @@ class LineModel:
             tension: N, at the tensioned end.
         """
         way = self.ways(tension).sum(axis=0)
-        return replace(self, outwards=np.round(-way / np.hypot(*way), 3))
+        return replace(self, outwards=-way / np.hypot(*way))
 
     def directions(self) -> dict[str, list[float]]:
         """Directions (2 or 3,) of the counterweights by dotted key, in the axes of the scenario."""
         found = {}
         for key in self.mass_keys:
             given = counterweight_of(self.scenario, key).direction
-            x, z = self.outwards.tolist()
+            x, z = (round(one, 3) for one in self.outwards.tolist())
             sense = -1.0 if given[0] * x < 0.0 else 1.0
             found[f"{key.removesuffix('mass')}direction"] = [sense * x, *given[1:-1], z]
         return found

@@ -81,7 +81,7 @@ def assumptions(tree: Mapping[str, Any]) -> list[str]:
 
 def missed(tree: Mapping[str, Any]) -> list[str]:
     """Lines about the values of a scenario tree that miss what they are chosen for: key, value, reason."""
-    return [f"{'.'.join(path)} {shown(mark.value)} {mark.why}" for path, mark in _marks(tree, ()) if mark.misses]
+    return [f"{'.'.join(path)}: given {shown(mark.value)} {mark.why}" for path, mark in _marks(tree, ()) if mark.misses]
 
 
 def _marks(tree: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Marked]]:
